@@ -1,0 +1,193 @@
+"""User faults as values: spans, rules, diagnostics. Texts are templates with named fields, in one registry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+
+class Severity(Enum):
+    """What a diagnostic means for the exit code: an error fails, a warning fails with --strict, a note never."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """A place in a text: lines and columns from 1, in characters; `end_column` is the first column behind."""
+
+    line: int
+    column: int = 1
+    end_line: int = 0
+    end_column: int = 0
+
+
+NOWHERE = Span(line=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """One thing that can be wrong. `code` is stable; `text` is a template whose fields a diagnostic fills in."""
+
+    code: str
+    severity: Severity
+    title: str
+    text: str
+    section: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnostic:
+    """One fault found: a rule, the fields of its text, and where."""
+
+    rule: Rule
+    span: Span
+    fields: dict[str, Any] = field(default_factory=dict)
+    path: str = ""
+
+    @property
+    def message(self) -> str:
+        """The rule's text with the fields filled in."""
+        return self.rule.text.format_map({k: number(v) if isinstance(v, float) else v for k, v in self.fields.items()})
+
+    @property
+    def severity(self) -> Severity:
+        """The rule's severity."""
+        return self.rule.severity
+
+
+def number(value: float) -> str:
+    """A number as people read it: no trailing .0, at most ten significant digits."""
+    if value != value or value in (float("inf"), float("-inf")):
+        return str(value)
+    return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else f"{value:.10g}"
+
+
+def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Whether any of them is an error."""
+    return any(d.severity is Severity.ERROR for d in diagnostics)
+
+
+RULES: dict[str, Rule] = {}
+"""Every rule by its code."""
+
+
+def _rule(code: str, severity: Severity, title: str, text: str, section: str = "") -> Rule:
+    if code in RULES:
+        raise ValueError(f"rule {code} stands twice")
+    RULES[code] = Rule(code=code, severity=severity, title=title, text=text, section=section)
+    return RULES[code]
+
+
+_E, _W, _N = Severity.ERROR, Severity.WARNING, Severity.NOTE
+
+# GJ0: the file as such.
+UNREADABLE = _rule("GJ001", _E, "file can't be read", "can't read this file: {reason}")
+NOT_TEXT = _rule("GJ002", _E, "file is not text", "this is not UTF-8 text: {reason}")
+TOO_LARGE = _rule("GJ003", _E, "file is too large", "this file has {size} MB; gusjob reads up to {limit} MB")
+EMPTY = _rule("GJ004", _W, "nothing in the file", "this file has no {what}: nothing would happen")
+MORE = _rule("GJ005", _N, "more of the same", "{count} more of {code} are not listed; the first {shown} are")
+NO_END = _rule("GJ006", _E, "line is too long", "this line has {size} characters; a statement has at most {limit}")
+
+# GJ1: words.
+UNEXPECTED = _rule("GJ101", _E, "unexpected word", "{found} does not belong here; {expected}{hint}")
+UNKNOWN_STATEMENT = _rule("GJ102", _E, "unknown statement", "no statement begins with {found}{hint}")
+TWICE = _rule("GJ103", _E, "word given twice", "{word} stands twice in this statement")
+MISSING = _rule("GJ104", _E, "word missing", "{statement} needs {word}{hint}")
+FOREIGN = _rule("GJ105", _E, "word of another form", "{word} does not belong to {statement}: {hint}")
+TOO_BIG = _rule("GJ106", _E, "number can't be held", "{value} is too large to be held as a number")
+LATER = _rule(
+    "GJ107", _E, "statement of a later version", "{word} is a word of the job language that this version can't run yet"
+)
+CALL_SYNTAX = _rule("GJ111", _E, "call can't be read", "this is no GT_ call, array or comment that gusjob reads: {found}")
+CALL_UNKNOWN = _rule("GJ112", _E, "unknown call", "{call} is not a call that gusjob knows{hint}")
+CALL_ARGUMENTS = _rule("GJ113", _E, "wrong number of arguments", "{call} takes {wanted} arguments ({names}), not {found}")
+CALL_VALUE = _rule("GJ114", _E, "argument can't be read", "{argument} of {call} must be {wanted}, not {found}")
+CALL_OCTAL = _rule("GJ115", _E, "octal number", "{found} is an octal number in C, worth {value}: write it without the zero")
+CALL_IGNORED = _rule("GJ116", _N, "line passed over", "{call} says nothing to the laser or the path; it is passed over")
+
+# GJ2: values.
+OUT_OF_RANGE = _rule("GJ201", _E, "value out of range", "{what} {value} {unit} is outside {range}{hint}")
+ON_OPEN_END = _rule(
+    "GJ202", _W, "value on an excluded end",
+    "{what} {value} {unit} is on an end of {range}, which the manual excludes (though its own example uses one)",
+    "四.2",
+)  # fmt: skip
+WRONG_UNIT = _rule("GJ203", _E, "unit of the wrong kind", "{what} is {wanted}, but {unit} is {kind}{hint}")
+NOT_WHOLE = _rule("GJ204", _E, "not a whole number", "{what} {value} {unit} must be whole: the call's C type carries no fraction{hint}")
+MIN_ABOVE_MAX = _rule("GJ205", _E, "MIN not below MAX", "{what}: MIN {low} must be below MAX {high}")
+POWER_CLAMPED = _rule(
+    "GJ206", _W, "power outside the mode's limits",
+    "{what} {value} {unit} is outside the mode's {low}..{high} {unit} (LASER MODE in line {mode_line}): the controller clamps it",
+    "二.2",
+)  # fmt: skip
+PULSE_TOO_WIDE = _rule(
+    "GJ207", _E, "laser pulse against its period",
+    "at {value} kHz a laser pulse of {width} us stands at {duty} % of the period, outside {range}", "二.2",
+)  # fmt: skip
+CARRIER_TOO_FAST = _rule(
+    "GJ208", _E, "faster than the laser",
+    "{what} {value} kHz is above this laser's highest response frequency, {limit} kHz (machine profile)", "二.2",
+)  # fmt: skip
+SATURATES = _rule(
+    "GJ209", _W, "following saturates",
+    "at the programmed velocity following asks for {value} {unit} (velocity {velocity} pulse/ms), above its MAX {high} {unit}",
+    "四.2",
+)  # fmt: skip
+
+# GJ3: modes and order.
+NO_MODE = _rule("GJ301", _E, "power before a mode", "{word} stands before any LASER MODE for channel {channel}: its unit is unknown")
+WRONG_MODE = _rule("GJ302", _E, "not in this mode", "{word} is for {wanted}; channel {channel} is in {mode} mode (line {mode_line})", "二.2")
+DISTANCE_NEEDS_MODE = _rule("GJ303", _E, "distance follow before its mode", "LASER DISTANCE stands before any LASER MODE for channel {channel}: its unit is unknown", "五.2")
+NEW_STAGE = _rule(
+    "GJ304", _N, "a new stage begins",
+    "{word} is set at rest: motion stops here and a new stage begins",
+    "二.2",
+)  # fmt: skip
+MODE_MOVING = _rule("GJ305", _W, "mode change between marks of one job", "{word} changes the mode of channel {channel} after motion: the beam is off until power is set again", "二.2")
+OFF_BELOW_ON = _rule("GJ306", _W, "off delay below on delay", "off delay {off} us is shorter than on delay {on} us; it should usually be the longer one", "三.2")
+CRD_LATE = _rule("GJ307", _E, "coordinate system after motion", "CRD stands after the first motion or laser statement of the path: put it before")
+FPK_WITHOUT_PWM = _rule("GJ308", _E, "FPK without Q pulses", "LASER FPK needs a PWM mode; channel {channel} is in {mode} mode (line {mode_line})", "三.1")
+LASER_UNKNOWN = _rule("GJ309", _E, "channel used without a mode", "channel {channel} is switched on here, but no LASER MODE was given for it")
+
+# GJ4: light.
+LEFT_ON = _rule("GJ401", _E, "light left on", "the job ends with the laser of channel {channel} on: add LASER OFF{hint}")
+JUMP_LIT = _rule("GJ402", _E, "jump with light", "JUMP with the laser of channel {channel} on (since line {on_line}): put LASER OFF before it")
+NO_POWER = _rule("GJ403", _E, "light without a power", "the laser of channel {channel} is on here, but no power was set since its LASER MODE (line {mode_line})")
+
+# GJ5: motion.
+NO_VELOCITY = _rule("GJ501", _E, "no velocity", "{word} needs a velocity: write VEL before it")
+NO_ACCELERATION = _rule("GJ502", _E, "no acceleration", "{word} needs an acceleration: write ACC before it")
+OUTSIDE_FIELD = _rule("GJ503", _E, "outside the field", "{axis} {value} mm is outside the machine's field {low}..{high} mm{hint}")
+TOO_FAST = _rule("GJ504", _E, "too fast", "{what} {value} {unit} is above the machine's {limit} {unit}")
+BAD_ARC = _rule("GJ505", _E, "arc that does not close", "{reason}")
+END_UNREACHABLE = _rule("GJ506", _E, "END can't be reached", "END {value} pulse/ms can't be reached: length and acceleration allow {low}..{high} pulse/ms")
+END_ABOVE_VEL = _rule("GJ507", _E, "END above VEL", "END {value} pulse/ms is above this segment's VEL {velocity} pulse/ms")
+ARC_TOO_FAST = _rule("GJ508", _W, "arc too fast", "VEL {velocity} pulse/ms on a radius of {radius} pulse needs {value} pulse/ms2, above the machine's {limit}: the planner slows it down")
+FOLLOW_SCALES = _rule("GJ509", _E, "following in mm with unequal axes", "velocity follow in mm needs the same pulses per mm on X and Y; write it under UNITS PULSE")
+NO_MOVE = _rule("GJ510", _N, "statement moves nothing", "this {word} ends where it starts: it takes no time")
+TOO_MANY = _rule("GJ511", _E, "too many path statements", "this job has more than {limit} path statements")
+
+# GJ6: the machine profile.
+PROFILE_SYNTAX = _rule("GJ601", _E, "machine profile is not TOML", "this machine profile is not valid TOML: {reason}")
+PROFILE_UNKNOWN = _rule("GJ602", _E, "unknown entry in the machine profile", "{key} is not an entry of a machine profile{hint}")
+PROFILE_TYPE = _rule("GJ603", _E, "wrong kind of value in the machine profile", "{key} must be {wanted}, not {found}")
+PROFILE_RANGE = _rule("GJ604", _E, "value out of range in the machine profile", "{key} is {value}; it must be {range}")
+
+# GJ7: what the controller would say to a call (interpreter).
+REFUSED = _rule("GJ701", _E, "call refused", "{call} returns {code}: {reason}")
+ACCEPTED_ODD = _rule("GJ702", _W, "accepted, but", "{call}: {reason}")
+NEVER_STARTED = _rule("GJ703", _E, "stage never started", "{count} buffered calls in coordinate system {crd}, FIFO {fifo} are never started: GT_CrdStart is missing")
+END_NOT_MET = _rule("GJ704", _W, "end velocity not met", "this segment ends at {value} pulse/ms, not at its {wanted}: length and acceleration allow no more")
+START_TOO_FAST = _rule("GJ705", _W, "start faster than the segment", "this segment starts at {value} pulse/ms, above its velocity {velocity}: it slows down first")
+STOPS_HARD = _rule("GJ706", _W, "motion stops at once", "{what} at {value} pulse/ms: the axes stop at once")
+SHARP_CORNER = _rule("GJ707", _W, "corner at speed", "the corner after this segment is taken at {value} pulse/ms: the velocity vector changes by {jump} pulse/ms, more than {limit} (look-ahead TIME x ACC)")
+LISTING_LEFT_ON = _rule("GJ708", _W, "light left on", "these calls end with the laser of channel {channel} on; nothing switches it off")
+LISTING_FIELD = _rule("GJ709", _W, "outside the field", "{axis} {value} mm is outside the machine's field {low}..{high} mm")
+ASSUMED_CRD = _rule("GJ710", _N, "coordinate system assumed", "no GT_SetCrdPrm: the coordinate system is taken as built elsewhere, at the origin")
+CRDS_AT_ONCE = _rule("GJ711", _E, "two coordinate systems at once", "coordinate systems 1 and 2 would move at the same time: gusjob can't interpret that")
+LIT_UNPOWERED = _rule("GJ712", _W, "light without a power", "the laser of channel {channel} is on, but no power was set: it is taken as the lowest that the mode allows")

@@ -1,0 +1,222 @@
+"""The IR of a job: setup statements as frozen dataclasses, the path as columns. Positions in pulse, not yet rounded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.diagnostics import Span
+from gusjob.limits import PowerMode
+from gusjob.units import PowerUnit
+
+Floats = npt.NDArray[np.float64]
+
+
+class Op(IntEnum):
+    """What a row of the path is. All rows up to DWELL take time; the others act in between."""
+
+    LINE = 0
+    JUMP = 1
+    ARC_CENTRE = 2
+    ARC_RADIUS = 3
+    DWELL = 4
+    POWER = 5
+    FOLLOW = 6
+    ON = 7
+    OFF = 8
+
+    @property
+    def word(self) -> str:
+        """As a user writes it."""
+        return ("LINE", "JUMP", "ARC", "ARC", "DWELL", "LASER POWER", "LASER FOLLOW", "LASER ON", "LASER OFF")[self]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path:
+    """The path, one row a statement; all columns (n,). A column that a row does not use is NaN there (0 for whole numbers).
+
+    x, y: end point, absolute, pulse; cx, cy: an arc's centre, absolute, pulse; radius: pulse, signed; ccw: arc's direction.
+    vel, acc: pulse/ms, pulse/ms2 along an axis with X's pulses per mm; vel_in_mm, acc_in_mm, end_in_mm: to be scaled by the
+    segment's own direction where the axes differ. end: forced end velocity, NaN if none. dwell_ms: whole. power: direct
+    power; low, high, ratio: follow limits and ratio per pulse/ms; at: velocity of FOLLOW ... AT, pulse/ms;
+    power_unit, low_unit, high_unit: as written.
+    """
+
+    op: npt.NDArray[np.uint8]
+    line: npt.NDArray[np.int32]
+    channel: npt.NDArray[np.int8]
+    ccw: npt.NDArray[np.bool_]
+    x: Floats
+    y: Floats
+    cx: Floats
+    cy: Floats
+    radius: Floats
+    vel: Floats
+    acc: Floats
+    end: Floats
+    vel_in_mm: npt.NDArray[np.bool_]
+    acc_in_mm: npt.NDArray[np.bool_]
+    end_in_mm: npt.NDArray[np.bool_]
+    dwell_ms: Floats
+    power: Floats
+    low: Floats
+    high: Floats
+    ratio: Floats
+    follow_in_mm: npt.NDArray[np.bool_]
+    power_unit: npt.NDArray[np.int8]
+    low_unit: npt.NDArray[np.int8]
+    high_unit: npt.NDArray[np.int8]
+
+    def __len__(self) -> int:
+        return len(self.op)
+
+    @property
+    def takes_time(self) -> npt.NDArray[np.bool_]:
+        """Rows that become motion or a dwell."""
+        return self.op <= Op.DWELL
+
+    @property
+    def moves(self) -> npt.NDArray[np.bool_]:
+        """Rows that become motion."""
+        return self.op < Op.DWELL
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserMode:
+    """LASER MODE: power limits in the mode's unit; carrier in duty modes, pulse width in frequency mode."""
+
+    mode: PowerMode
+    low: float
+    high: float
+    carrier_khz: float | None = None
+    pulse_width_us: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserDelay:
+    """LASER DELAY, by effect."""
+
+    on_delay_us: float
+    off_delay_us: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserStandby:
+    """LASER STANDBY: output while off, PWM modes; None: OFF."""
+
+    pulse: tuple[float, float] | None
+    """(kHz, %)"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserPrevolt:
+    """LASER PREVOLT: output while off, analog mode; None: OFF."""
+
+    prevoltage_v: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserFpk:
+    """LASER FPK: (width, gap, off delay) in us; None: OFF."""
+
+    times_us: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distance:
+    """Settings of LASER DISTANCE: reference in pulse, ratio in power units per mm, axes X Y Z A."""
+
+    reference_pulse: tuple[float, float, float, float]
+    ratio_per_mm: tuple[float, float, float, float]
+    low: float
+    high: float
+    low_unit: PowerUnit
+    high_unit: PowerUnit
+    actual: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserDistance:
+    """LASER DISTANCE; None: OFF."""
+
+    settings: Distance | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchNow:
+    """LASER ON NOW, LASER OFF NOW."""
+
+    on: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerNow:
+    """LASER POWER p NOW."""
+
+    power: float
+    unit: PowerUnit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wait:
+    """WAIT: motion ends before what follows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookAhead:
+    """LOOKAHEAD: None is OFF; else (ms, pulse/ms2), NaN where the machine profile's value holds."""
+
+    corner: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crd:
+    """CRD: coordinate system and FIFO."""
+
+    crd: float
+    fifo: float
+
+
+SetupStatement = (
+    LaserMode
+    | LaserDelay
+    | LaserStandby
+    | LaserPrevolt
+    | LaserFpk
+    | LaserDistance
+    | SwitchNow
+    | PowerNow
+    | Wait
+    | LookAhead
+    | Crd
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """A setup statement: it stands before row `at` of the path; `word` is how a user calls it."""
+
+    what: SetupStatement
+    at: int
+    line: int
+    channel: int
+    word: str
+
+
+Locate = Callable[[int, str], Span]
+"""Line and a word in it ('VEL', or '' for the whole statement) to its span."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A whole job. `setups` in job order. `locate` finds the columns of a fault in the source, when one is reported."""
+
+    name: str
+    path: Path
+    setups: tuple[Setup, ...]
+    locate: Locate
+    last_line: int

@@ -1,0 +1,258 @@
+"""The machine profile: TOML to a frozen dataclass, with diagnostics instead of exceptions for what is wrong in it."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from gusjob import diagnostics as d
+from gusjob.diagnostics import Diagnostic, Span
+from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, VELOCITY, PowerMode, Range
+from gusjob.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
+
+PROFILE_NAME = "gusjob.toml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Laser:
+    """One laser source. `rated_w`: watts at full power, None if unknown; `max_frequency_khz`: its highest response."""
+
+    channel: int
+    name: str = ""
+    rated_w: float | None = None
+    max_frequency_khz: float | None = None
+
+    def watts_per_unit(self, mode: PowerMode, pulse_width_us: float) -> float | None:
+        """Average watts for one unit of power (1 %, 1 kHz, 1 V), or None if the rated power is unknown.
+
+        Duty: rated * duty. Analog: rated * V / 10 (the full scale of M 二.2). Frequency: rated * f * width, that
+        is the share of time in which the PWM line is active.
+        """
+        if self.rated_w is None:
+            return None
+        match mode:
+            case PowerMode.DUTY | PowerMode.DUTY2:
+                return self.rated_w / 100
+            case PowerMode.ANALOG:
+                return self.rated_w / 10
+            case PowerMode.FREQUENCY:
+                return self.rated_w * pulse_width_us / 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """What a job runs on. The defaults are the documented ones of the job language."""
+
+    name: str = "default"
+    pulses_per_mm: tuple[float, float] = (1000.0, 1000.0)
+    field_x_mm: tuple[float, float] = (-150.0, 150.0)
+    field_y_mm: tuple[float, float] = (-150.0, 150.0)
+    max_velocity_mm_s: float = 10_000.0
+    max_acceleration_mm_s2: float = 1e6
+    period_us: float = 250.0
+    lookahead_time_ms: float = 5.0
+    lookahead_acc_pulse_per_ms2: float = 1.0
+    chord_tolerance_um: float = 1.0
+    lasers: tuple[Laser, ...] = field(default=())
+
+    @property
+    def equal_axes(self) -> bool:
+        """Whether X and Y have the same pulses per mm."""
+        return self.pulses_per_mm[0] == self.pulses_per_mm[1]
+
+    @property
+    def max_velocity_pulse_per_ms(self) -> float:
+        """The velocity limit for the coordinate system, on the finer axis."""
+        return velocity_pulse_per_ms(self.max_velocity_mm_s, max(self.pulses_per_mm))
+
+    @property
+    def max_acceleration_pulse_per_ms2(self) -> float:
+        """The acceleration limit for the coordinate system, on the finer axis."""
+        return acceleration_pulse_per_ms2(self.max_acceleration_mm_s2, max(self.pulses_per_mm))
+
+    def laser(self, channel: int) -> Laser:
+        """The laser of a channel; one of unknown power if the profile names none."""
+        return next((x for x in self.lasers if x.channel == channel), Laser(channel=channel))
+
+
+def _positive(name: str, unit: str, high: float = math.inf) -> Range:
+    return Range(name=name, unit=unit, low=0, high=high, low_open=True, high_open=True, section="profile")
+
+
+_COORDINATE_MM = Range(name="field", unit="mm", low=-1e6, high=1e6, section="profile")
+_PAIR = {"pulses_per_mm", "field_x_mm", "field_y_mm"}
+_MACHINE_KEYS: dict[str, Range] = {
+    "pulses_per_mm": _positive("pulses per mm", "pulse/mm", 1e7),
+    "field_x_mm": _COORDINATE_MM,
+    "field_y_mm": _COORDINATE_MM,
+    "max_velocity_mm_s": _positive("velocity", "mm/s", 1e9),
+    "max_acceleration_mm_s2": _positive("acceleration", "mm/s2", 1e12),
+    "period_us": Range(name="period", unit="us", low=1, high=1e6, section="profile"),
+    "chord_tolerance_um": Range(name="chord tolerance", unit="um", low=0.01, high=1000, section="profile"),
+}
+_LOOKAHEAD_KEYS: dict[str, Range] = {
+    "time_ms": Range(name="cornering time", unit="ms", low=0, high=100, section="sister"),
+    "acc_pulse_per_ms2": ACCELERATION,
+}
+_LASER_KEYS: dict[str, Range] = {
+    "channel": CHANNEL,
+    "rated_w": _positive("rated power", "W", 1e6),
+    "max_frequency_khz": CARRIER_KHZ,
+}
+_TEXTS = {"name"}
+_NUMBER = "a number"
+
+
+def find_profile(job: Path) -> Path | None:
+    """The nearest gusjob.toml in the job's folder or above it."""
+    folder = job.resolve().parent
+    return next((p for f in (folder, *folder.parents) if (p := f / PROFILE_NAME).is_file()), None)
+
+
+def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
+    """The profile at `path`; the defaults stand in for what is wrong or missing."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        fault = Diagnostic(
+            rule=d.UNREADABLE, span=d.NOWHERE, fields={"reason": error.strerror or "unreadable"}, path=str(path)
+        )
+        return Machine(), [fault]
+    except UnicodeDecodeError as error:
+        return Machine(), [
+            Diagnostic(rule=d.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
+        ]
+    return parse_machine(text, str(path))
+
+
+def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]:
+    """A profile from TOML text, with a diagnostic for every entry that is wrong."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        span = Span(line=getattr(error, "lineno", None) or _line_of(str(error)))
+        return Machine(), [Diagnostic(rule=d.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
+    reader = _Reader(text=text, path=path)
+    machine = Machine()
+    top = {k: v for k, v in data.items() if k not in ("lookahead", "laser")}
+    values = reader.table(top, _MACHINE_KEYS, "", extra=("lookahead", "laser"))
+    ahead = reader.table(reader.as_table(data.get("lookahead", {}), "lookahead"), _LOOKAHEAD_KEYS, "lookahead")
+    values.update({f"lookahead_{k}": v for k, v in ahead.items()})
+    lasers = data.get("laser", [])
+    if not isinstance(lasers, list):
+        reader.fault(d.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
+        lasers = []
+    sources = []
+    for entry in lasers:
+        row = reader.table(reader.as_table(entry, "laser"), _LASER_KEYS, "laser")
+        if "channel" not in row:
+            reader.fault(d.PROFILE_TYPE, "channel", "laser", wanted="0 or 1", found="missing")
+            continue
+        sources.append(Laser(**{**row, "channel": int(row["channel"])}))
+    for axis in ("field_x_mm", "field_y_mm"):
+        if axis in values and values[axis][0] >= values[axis][1]:
+            reader.fault(d.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range="[low, high] with low < high")
+            del values[axis]
+    machine = replace(machine, **values, lasers=tuple(sources))
+    reader.check_speeds(machine)
+    return (machine, reader.faults) if not reader.faults else (Machine(), reader.faults)
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Collects the faults of one profile; TOML bears no positions, so an entry's line is looked up in the text."""
+
+    text: str
+    path: str
+    faults: list[Diagnostic] = field(default_factory=list)
+
+    def fault(self, rule: d.Rule, key: str, table: str, **fields: Any) -> None:
+        name = f"{table}.{key}" if table else key
+        self.faults.append(
+            Diagnostic(rule=rule, span=self._find(key, table), fields={"key": name, **fields}, path=self.path)
+        )
+
+    def as_table(self, value: Any, key: str) -> Mapping[str, Any]:
+        if isinstance(value, dict):
+            return value
+        self.fault(d.PROFILE_TYPE, key, "", wanted="a table", found=_kind(value))
+        return {}
+
+    def table(
+        self, data: Mapping[str, Any], keys: Mapping[str, Range], table: str, extra: tuple[str, ...] = ()
+    ) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        known = [*keys, *_TEXTS, *extra]
+        for key, value in data.items():
+            if key in _TEXTS and table != "lookahead":
+                if isinstance(value, str):
+                    values[key] = value
+                else:
+                    self.fault(d.PROFILE_TYPE, key, table, wanted="a text", found=_kind(value))
+            elif key not in keys:
+                near = get_close_matches(key, known, 1)
+                self.fault(d.PROFILE_UNKNOWN, key, table, hint=f"; did you mean {near[0]}?" if near else "")
+            elif key in _PAIR:
+                pair = self._pair(key, value, keys[key], table)
+                values.update({key: pair} if pair else {})
+            elif (checked := self._number(key, value, keys[key], table)) is not None:
+                values[key] = checked
+        return values
+
+    def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
+        items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value
+        if not isinstance(items, list) or len(items) != 2:
+            self.fault(d.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=_kind(value))
+            return None
+        pair = [self._number(key, item, limits, table) for item in items]
+        return None if pair[0] is None or pair[1] is None else (pair[0], pair[1])
+
+    def _number(self, key: str, value: Any, limits: Range, table: str) -> float | None:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.fault(d.PROFILE_TYPE, key, table, wanted=_NUMBER, found=_kind(value))
+            return None
+        try:
+            real = float(value)
+        except OverflowError:
+            real = math.inf
+        if limits.verdict(real) or not limits.carries(real):
+            self.fault(d.PROFILE_RANGE, key, table, value=d.number(real), range=f"in {limits}")
+            return None
+        return real
+
+    def check_speeds(self, machine: Machine) -> None:
+        """The controller's own limits hold for the machine's speeds in pulses."""
+        for key, value, limits in (
+            ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),
+            ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
+        ):
+            if limits.verdict(value):
+                shown = f"{d.number(getattr(machine, key))}, that is {d.number(value)} {limits.unit}"
+                self.fault(d.PROFILE_RANGE, key, "", value=shown, range=f"in {limits}")
+
+    def _find(self, key: str, table: str) -> Span:
+        inside = ""
+        for index, line in enumerate(self.text.splitlines(), 1):
+            bare = line.strip()
+            if bare.startswith("["):
+                inside = bare.strip("[] ").split("]")[0].strip()
+            named = bare.split("=")[0].strip().strip("\"'")
+            if (inside == table and named == key) or (bare.startswith("[") and inside == key):
+                column = line.find(key) + 1
+                return Span(line=index, column=column, end_line=index, end_column=column + len(key))
+        return d.NOWHERE
+
+
+def _kind(value: Any) -> str:
+    names = {bool: "true or false", int: _NUMBER, float: _NUMBER, str: "a text", list: "a list", dict: "a table"}
+    return names.get(type(value), type(value).__name__)
+
+
+def _line_of(message: str) -> int:
+    digits = "".join(c if c.isdigit() else " " for c in message.partition("line")[2]).split()
+    return int(digits[0]) if digits else 1

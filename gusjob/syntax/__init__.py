@@ -1,0 +1,1 @@
+"""Text to Job or Stream, with diagnostics. The only importer of lark."""

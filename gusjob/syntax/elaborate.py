@@ -1,0 +1,373 @@
+"""Rows to Job: modal words become columns, every position absolute, every number in pulse, ms, us, kHz, % or V."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import diagnostics as d
+from gusjob.diagnostics import Diagnostic
+from gusjob.job import (
+    Crd,
+    Distance,
+    Job,
+    LaserDelay,
+    LaserDistance,
+    LaserFpk,
+    LaserMode,
+    LaserPrevolt,
+    LaserStandby,
+    LookAhead,
+    Op,
+    Path,
+    PowerNow,
+    Setup,
+    SetupStatement,
+    SwitchNow,
+    Wait,
+)
+from gusjob.limits import CHANNEL, MODE_LIMIT, PowerMode
+from gusjob.machine import Machine
+from gusjob.motion import running_sum
+from gusjob.syntax.job_reader import JobText, RowOp
+from gusjob.syntax.statements import Field, Quantity, Statement, unit_of
+from gusjob.units import System, acceleration_pulse_per_ms2, velocity_pulse_per_ms
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+_OPS = {
+    RowOp.LINE: Op.LINE,
+    RowOp.JUMP: Op.JUMP,
+    RowOp.ARC_CENTRE_CW: Op.ARC_CENTRE,
+    RowOp.ARC_CENTRE_CCW: Op.ARC_CENTRE,
+    RowOp.ARC_RADIUS_CW: Op.ARC_RADIUS,
+    RowOp.ARC_RADIUS_CCW: Op.ARC_RADIUS,
+    RowOp.DWELL: Op.DWELL,
+    RowOp.POWER: Op.POWER,
+    RowOp.FOLLOW: Op.FOLLOW,
+    RowOp.ON: Op.ON,
+    RowOp.OFF: Op.OFF,
+}
+_NONE = 255
+_OP_TABLE = np.array([_OPS.get(op, _NONE) for op in RowOp], dtype=np.uint8)
+
+
+def elaborate(text: JobText, machine: Machine) -> tuple[Job, list[Diagnostic]]:
+    """The job that a text says on a machine."""
+    reader = _Elaboration(text=text, machine=machine)
+    path = reader.path()
+    job = Job(
+        name=text.source.name,
+        path=path,
+        setups=reader.setups(),
+        locate=text.locate,
+        last_line=int(text.rows.line[-1]) if len(text.rows.line) else 1,
+    )
+    return job, reader.channel_faults()
+
+
+def last_set(is_set: Bools) -> npt.NDArray[np.int64]:
+    """For each row the last row up to it at which `is_set`; -1 where there is none."""
+    at = np.where(is_set, np.arange(len(is_set)), -1)
+    return np.maximum.accumulate(at) if len(at) else at
+
+
+def filled(values: Floats, start: float) -> Floats:
+    """Values carried forward over NaN; `start` before the first."""
+    at = last_set(~np.isnan(values))
+    return np.where(at >= 0, values[at], start) if len(values) else values
+
+
+@dataclass(slots=True)
+class _Elaboration:
+    text: JobText
+    machine: Machine
+
+    @property
+    def rows(self) -> Any:
+        return self.text.rows
+
+    def col(self, column: Field) -> Floats:
+        found: Floats = self.rows.column(column)
+        return found
+
+    def units_pulse(self) -> Bools | None:
+        """Whether UNITS PULSE is in force, per row; None if never."""
+        op = self.rows.op
+        if not (op == RowOp.UNITS_PULSE).any():
+            return None
+        at = last_set((op == RowOp.UNITS_PULSE) | (op == RowOp.UNITS_MM))
+        return (at >= 0) & (op[at] == RowOp.UNITS_PULSE)
+
+    def in_pulse(self, column: Field) -> Bools | None:
+        """Whether a column's number is in the controller's units, per row; None if nowhere."""
+        written = (self.rows.system >> (2 * column)) & 3 if self.rows.system.any() else None
+        by_units = self.units_pulse()
+        if written is None:
+            return by_units
+        explicit = written == System.PULSE
+        return explicit if by_units is None else explicit | (by_units & (written == System.DEFAULT))
+
+    def length(self, column: Field, axis: int) -> Floats:
+        """A length column in pulse, NaN where absent."""
+        values, pulses = self.col(column), self.in_pulse(column)
+        scaled = values * self.machine.pulses_per_mm[axis]
+        return scaled if pulses is None else np.where(pulses, values, scaled)
+
+    def rate(self, column: Field, *, acceleration: bool) -> tuple[Floats, Bools]:
+        """A velocity or acceleration column in pulse/ms (2), and whether it was written in mm."""
+        values, pulses = self.col(column), self.in_pulse(column)
+        convert = acceleration_pulse_per_ms2 if acceleration else velocity_pulse_per_ms
+        factor = self.machine.pulses_per_mm[0]
+        scaled = values * factor / (1e6 if acceleration else 1e3) if convert else values
+        if pulses is None:
+            return scaled, np.broadcast_to(np.True_, len(values))
+        return np.where(pulses, values, scaled), ~pulses
+
+    def modal(self, statement: RowOp, word: Field | None, *, acceleration: bool) -> tuple[Floats, Bools]:
+        """A modal velocity or acceleration in force per row, set by its statement or by a word of LINE and ARC."""
+        op = self.rows.op
+        value, in_mm = self.rate(Field.VALUE, acceleration=acceleration)
+        is_set = op == statement
+        if word is not None and word in self.rows.columns:
+            own, own_mm = self.rate(word, acceleration=acceleration)
+            by_word = ~np.isnan(own) & (op <= RowOp.ARC_RADIUS_CCW)
+            value, in_mm = np.where(by_word, own, value), np.where(by_word, own_mm, in_mm)
+            is_set = is_set | by_word
+        if not is_set.any():
+            return np.broadcast_to(np.nan, len(op)), np.broadcast_to(np.False_, len(op))
+        at = last_set(is_set)
+        return np.where(at >= 0, value[at], np.nan), in_mm[at]
+
+    def position(self, column: Field, axis: int) -> Floats:
+        """Absolute position on an axis behind each row, pulse."""
+        op = self.rows.op
+        moves = op <= RowOp.ARC_RADIUS_CCW
+        if column not in self.rows.columns:
+            return np.zeros(len(op))
+        words = np.where(moves, self.length(column, axis), np.nan)
+        if not (op == RowOp.COORDS_REL).any():
+            return filled(words, 0.0)
+        switch = last_set((op == RowOp.COORDS_REL) | (op == RowOp.COORDS_ABS))
+        relative = (switch >= 0) & (op[switch] == RowOp.COORDS_REL)
+        given = ~np.isnan(words)
+        sums = running_sum(np.where(relative & given, words, 0.0))[1:]
+        base = last_set(given & ~relative)
+        return np.where(base >= 0, words[base] - sums[base], 0.0) + sums
+
+    def channel(self) -> Floats:
+        """Channel of each row as written (checked later)."""
+        op = self.rows.op
+        modal = np.where(op == RowOp.CHANNEL, self.col(Field.VALUE), np.nan)
+        tail = self.col(Field.CHANNEL)
+        carried = filled(modal, 0.0) if (op == RowOp.CHANNEL).any() else np.zeros(len(op))
+        return np.where(np.isnan(tail), carried, tail) if Field.CHANNEL in self.rows.columns else carried
+
+    def channel_faults(self) -> list[Diagnostic]:
+        """Channels that are none."""
+        op, value = self.rows.op, self.channel()
+        written = op == RowOp.CHANNEL
+        if Field.CHANNEL in self.rows.columns:
+            written = written | ~np.isnan(self.col(Field.CHANNEL))
+        bad = np.flatnonzero(written & ((CHANNEL.judge(value) > 0) | ~CHANNEL.carries(value)))
+        return [
+            Diagnostic(
+                rule=d.OUT_OF_RANGE,
+                span=self.text.locate(line, "CHANNEL" if op[i] != RowOp.CHANNEL else "value"),
+                fields={"what": "CHANNEL", "value": float(value[i]), "unit": "", "range": str(CHANNEL), "hint": ""},
+            )
+            for i, line in zip(bad.tolist(), self.rows.line[bad].tolist(), strict=True)
+        ]
+
+    def path(self) -> Path:
+        """All path statements as columns."""
+        rows, op = self.rows, self.rows.op
+        path_op = _OP_TABLE[op]
+        keep = path_op != _NONE
+        x, y = self.position(Field.X, 0), self.position(Field.Y, 1)
+        vel, vel_mm = self.modal(RowOp.VEL, Field.VEL, acceleration=False)
+        acc, acc_mm = self.modal(RowOp.ACC, Field.ACC, acceleration=True)
+        jump = op == RowOp.JUMP
+        if jump.any():
+            jump_vel, jump_vel_mm = self.modal(RowOp.JUMPVEL, None, acceleration=False)
+            jump_acc, jump_acc_mm = self.modal(RowOp.JUMPACC, None, acceleration=True)
+            vel, vel_mm = _over(jump & ~np.isnan(jump_vel), jump_vel, jump_vel_mm, vel, vel_mm)
+            acc, acc_mm = _over(jump & ~np.isnan(jump_acc), jump_acc, jump_acc_mm, acc, acc_mm)
+        end, end_mm = self.rate(Field.END, acceleration=False)
+        arcs = (op >= RowOp.ARC_CENTRE_CW) & (op <= RowOp.ARC_RADIUS_CCW)
+        nothing = np.broadcast_to(np.nan, len(op))
+        cx, cy, radius = nothing, nothing, nothing
+        if arcs.any():
+            i, j = self.length(Field.I, 0), self.length(Field.J, 1)
+            cx = np.concatenate([[0.0], x[:-1]]) + np.where(np.isnan(i), 0.0, i)
+            cy = np.concatenate([[0.0], y[:-1]]) + np.where(np.isnan(j), 0.0, j)
+            radius = self.length(Field.R, 0)
+        ratio, follow_mm = self._ratio()
+        value = self.col(Field.VALUE)
+
+        def cut(column: npt.NDArray[Any]) -> npt.NDArray[Any]:
+            # A column that is one value for all rows has stride 0 and takes no memory; it stays so.
+            if len(column) and column.strides == (0,):
+                return np.broadcast_to(column[0], count)
+            return column if count == len(keep) else column[keep]
+
+        count = int(np.count_nonzero(keep))
+        false = np.broadcast_to(np.False_, len(op))
+        unequal = not self.machine.equal_axes
+        return Path(
+            op=cut(path_op),
+            line=cut(rows.line),
+            channel=cut(np.clip(np.nan_to_num(self.channel()), 0, 1).astype(np.int8)),
+            ccw=cut((op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if arcs.any() else false),
+            x=cut(x),
+            y=cut(y),
+            cx=cut(cx),
+            cy=cut(cy),
+            radius=cut(radius),
+            vel=cut(vel),
+            acc=cut(acc),
+            end=cut(end),
+            vel_in_mm=cut(vel_mm if unequal else false),
+            acc_in_mm=cut(acc_mm if unequal else false),
+            end_in_mm=cut(end_mm if unequal else false),
+            dwell_ms=cut(np.where(op == RowOp.DWELL, value, np.nan) if (op == RowOp.DWELL).any() else nothing),
+            power=cut(np.where(op == RowOp.POWER, value, np.nan) if (op == RowOp.POWER).any() else nothing),
+            low=cut(self.col(Field.LOW)),
+            high=cut(self.col(Field.HIGH)),
+            ratio=cut(ratio),
+            follow_in_mm=cut(follow_mm if unequal else false),
+            power_unit=cut(self._written(Field.VALUE)),
+            low_unit=cut(self._written(Field.LOW)),
+            high_unit=cut(self._written(Field.HIGH)),
+        )
+
+    def _written(self, column: Field) -> npt.NDArray[np.int8]:
+        if not self.rows.system.any():
+            return np.broadcast_to(np.int8(0), len(self.rows.op))
+        return ((self.rows.system >> (2 * column)) & 3).astype(np.int8)
+
+    def _ratio(self) -> tuple[Floats, Bools]:
+        """Follow ratio per pulse/ms (RATIO as written, or the one that reaches MAX at AT), and whether it hangs on mm."""
+        given, pulses = self.col(Field.RATIO), self.units_pulse()
+        in_mm = np.broadcast_to(np.True_, len(given)) if pulses is None else ~pulses
+        ratio = np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given)
+        if Field.AT not in self.rows.columns:
+            return ratio, in_mm
+        at, at_mm = self.rate(Field.AT, acceleration=False)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            wanted = (self.col(Field.HIGH) - self.col(Field.LOW)) / at
+        by_velocity = ~np.isnan(at)
+        return np.where(by_velocity, wanted, ratio), np.where(by_velocity, at_mm, in_mm)
+
+    def setups(self) -> tuple[Setup, ...]:
+        """The setup statements, each with its place in the path."""
+        op = self.rows.op
+        at = np.flatnonzero(op == RowOp.SETUP)
+        before = np.cumsum(_OP_TABLE[op] != _NONE)
+        channel, pulses = self.channel(), self.units_pulse()
+        index = self.col(Field.VALUE)
+        found = []
+        for i in at.tolist():
+            statement = self.text.setups[int(index[i])]
+            in_pulse = pulses is not None and bool(pulses[i])
+            found.append(
+                Setup(
+                    what=self.setup(statement, in_pulse),
+                    at=int(before[i]),
+                    line=int(self.rows.line[i]),
+                    channel=int(min(max(np.nan_to_num(channel[i]), 0), 1)),
+                    word=_called(statement),
+                )
+            )
+        return tuple(found)
+
+    def setup(self, statement: Statement, in_pulse: bool) -> SetupStatement:
+        """One setup statement in canonical units."""
+        words = {k: q.value for k, q in statement.words.items()}
+        off = "OFF" in statement.options
+        match statement.form:
+            case "DUTY" | "DUTY2" | "FREQUENCY" | "ANALOG":
+                return _mode(PowerMode[statement.form], words)
+            case "laser_delay":
+                return LaserDelay(on_delay_us=words["ON"], off_delay_us=words["OFF"])
+            case "laser_standby":
+                return LaserStandby(pulse=None if off else (words["FREQ"], words["DUTY"]))
+            case "laser_prevolt":
+                return LaserPrevolt(prevoltage_v=None if off else words[""])
+            case "laser_fpk":
+                return LaserFpk(times_us=None if off else (words["WIDTH"], words["GAP"], words["OFFDELAY"]))
+            case "laser_distance":
+                return LaserDistance(settings=None if off else self.distance(statement, in_pulse))
+            case "laser_power":
+                return PowerNow(power=words[""], unit=unit_of(statement.words[""]))
+            case "laser_switch":
+                return SwitchNow(on="ON" in statement.options)
+            case "crd":
+                return Crd(crd=words[""], fifo=words.get("FIFO", 0.0))
+            case "lookahead":
+                return LookAhead(corner=None if off else self.corner(statement, in_pulse))
+            case _:
+                return Wait()
+
+    def corner(self, statement: Statement, in_pulse: bool) -> tuple[float, float]:
+        """TIME (ms) and ACC (pulse/ms2) of LOOKAHEAD."""
+        time, acc = statement.words.get("TIME"), statement.words.get("ACC")
+        value = math.nan
+        if acc is not None:
+            pulses = acc.system == System.PULSE or (acc.system == System.DEFAULT and in_pulse)
+            value = acc.value if pulses else acceleration_pulse_per_ms2(acc.value, self.machine.pulses_per_mm[0])
+        return (time.value if time else math.nan, value)
+
+    def distance(self, statement: Statement, in_pulse: bool) -> Distance:
+        """LASER DISTANCE with its reference in pulse."""
+
+        def reference(quantity: Quantity | None, axis: int) -> float:
+            if quantity is None:
+                return 0.0
+            pulses = quantity.system == System.PULSE or (quantity.system == System.DEFAULT and in_pulse)
+            return quantity.value if pulses else float(np.rint(quantity.value * self.scale(axis)))
+
+        places, ratios = statement.axes["REF"], statement.axes["RATIO"]
+        refs = [reference(places.get(axis), i) for i, axis in enumerate("XYZA")]
+        rates = [ratios[axis].value if axis in ratios else 0.0 for axis in "XYZA"]
+        return Distance(
+            reference_pulse=(refs[0], refs[1], refs[2], refs[3]),
+            ratio_per_mm=(rates[0], rates[1], rates[2], rates[3]),
+            low=statement.words["MIN"].value,
+            high=statement.words["MAX"].value,
+            low_unit=unit_of(statement.words["MIN"]),
+            high_unit=unit_of(statement.words["MAX"]),
+            actual="ACTUAL" in statement.options,
+        )
+
+    def scale(self, axis: int) -> float:
+        """Pulses per mm of X, Y; of Z and A, which the profile does not know, as X."""
+        return self.machine.pulses_per_mm[axis if axis < 2 else 0]
+
+
+def _mode(mode: PowerMode, words: dict[str, float]) -> LaserMode:
+    limits = MODE_LIMIT[mode]
+    return LaserMode(
+        mode=mode,
+        low=words.get("MIN", limits.low),
+        high=words.get("MAX", limits.high),
+        carrier_khz=words.get("CARRIER"),
+        pulse_width_us=words.get("WIDTH"),
+    )
+
+
+def _called(statement: Statement) -> str:
+    if statement.form == "laser_switch":
+        return f"LASER {' '.join(statement.options)}"
+    return f"{statement.name} NOW" if "NOW" in statement.options else statement.name
+
+
+def _over(
+    where: Bools, value: Floats, value_mm: Bools, other: Floats, other_mm: Bools
+) -> tuple[Floats, Bools]:
+    return np.where(where, value, other), np.where(where, value_mm, other_mm)

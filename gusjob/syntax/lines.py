@@ -1,0 +1,102 @@
+"""One line through lark: grammar files, tokens, and what to say when a line can't be read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+
+from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+
+_WORD = re.compile(r"[A-Za-z_]\w*|\S")
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def grammar_path(name: str) -> Path:
+    """A grammar file: inside the installed package, or at the top of a checkout."""
+    inside = _PACKAGE / "grammar" / name
+    return inside if inside.is_file() else _PACKAGE.parent / "grammar" / name
+
+
+@cache
+def parser(name: str) -> Lark:
+    """The line parser of a grammar (LALR, one scanner)."""
+    text = grammar_path(name).read_text(encoding="utf-8")
+    return Lark(text, parser="lalr", lexer="basic", maybe_placeholders=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Misread:
+    """Why a line can't be read: what was found where (columns from 1), and what would have fitted."""
+
+    found: str
+    column: int
+    end_column: int
+    expected: tuple[str, ...]
+    near: str
+
+    @property
+    def expectation(self) -> str:
+        """'expected X, Y or the end of the line'."""
+        if not self.expected:
+            return "nothing can stand here"
+        *most, last = self.expected
+        shown = f"{', '.join(most)} or {last}" if most else last
+        return f"expected {shown}"
+
+    @property
+    def hint(self) -> str:
+        """'; did you mean LINE?' where a word is close to one that fits."""
+        return f"; did you mean {self.near}?" if self.near else ""
+
+
+def misread(error: UnexpectedInput, grammar: str, text: str, names: dict[str, str]) -> Misread:
+    """A lark error in terms of the user's text. `names`: readable names of terminals that are no keywords."""
+    accepted: Sequence[str] = ()
+    if isinstance(error, UnexpectedToken):
+        accepted = sorted(error.accepts or error.expected)
+        if error.token.type == "$END":
+            column = len(text.rstrip()) + 1
+            return _misread("the end of the line", column, column + 1, accepted, names)
+        start = error.token.column or 1
+        return _misread(str(error.token), start, start + len(error.token), accepted, names)
+    column = error.column if isinstance(error, UnexpectedCharacters) else 1
+    if isinstance(error, UnexpectedCharacters):
+        accepted = _accepted_after(parser(grammar), text[: column - 1])
+    match = _WORD.match(text, column - 1)
+    word = match[0] if match else text[column - 1 : column]
+    return _misread(word, column, column + max(len(word), 1), accepted, names)
+
+
+def _accepted_after(lark: Lark, text: str) -> Sequence[str]:
+    """What the parser would take behind `text`, where the scanner stopped."""
+    try:
+        interactive = lark.parse_interactive(text)
+        for _ in interactive.iter_parse():
+            pass
+        return sorted(interactive.accepts())
+    except UnexpectedInput:
+        return ()
+
+
+def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: dict[str, str]) -> Misread:
+    keywords = [a for a in accepted if a not in names and not a.startswith("_") and a != "$END"]
+    readable = [*keywords, *dict.fromkeys(names[a] for a in accepted if a in names)]
+    if "$END" in accepted:
+        readable.append("the end of the line")
+    near = get_close_matches(found.upper(), keywords, 1, cutoff=0.6) if len(found) < 40 else []
+    shown = f"'{found[:40]}'" if found != "the end of the line" else found
+    return Misread(found=shown, column=start, end_column=end, expected=tuple(readable), near=near[0] if near else "")
+
+
+def tokens(tree: Tree[Token]) -> list[Token]:
+    """The direct tokens of a tree."""
+    return [child for child in tree.children if isinstance(child, Token)]
+
+
+def subtrees(tree: Tree[Token]) -> list[Tree[Token]]:
+    """The direct subtrees of a tree."""
+    return [child for child in tree.children if isinstance(child, Tree)]

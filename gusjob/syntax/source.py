@@ -1,0 +1,69 @@
+"""Files to checked text bytes, and line numbers back to text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import diagnostics as d
+from gusjob.diagnostics import Diagnostic, Span
+
+MAX_FILE_MB = 1000
+
+
+@dataclass(slots=True)
+class Source:
+    """A text: UTF-8 bytes without BOM, lines ended by LF. `line(n)` gives one line; the index is made when first asked for."""
+
+    name: str
+    data: bytes
+    _ends: npt.NDArray[np.intp] | None = field(default=None, repr=False)
+
+    def line(self, number: int) -> str:
+        """Line `number` (from 1), without its end; '' outside the text."""
+        if self._ends is None:
+            self._ends = np.flatnonzero(np.frombuffer(self.data, dtype=np.uint8) == 10)
+        ends = self._ends
+        if number < 1 or number > len(ends) + 1:
+            return ""
+        start = int(ends[number - 2]) + 1 if number > 1 else 0
+        end = int(ends[number - 1]) if number <= len(ends) else len(self.data)
+        return self.data[start:end].decode("utf-8", "replace").rstrip("\r")
+
+
+def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnostic]]:
+    """The text of a file, or why it is none."""
+    name = name or str(path)
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_MB * 1_000_000:
+            return None, [_fault(d.TOO_LARGE, name, size=str(size // 1_000_000), limit=str(MAX_FILE_MB))]
+        data = path.read_bytes()
+    except OSError as error:
+        return None, [_fault(d.UNREADABLE, name, reason=(error.strerror or type(error).__name__).lower())]
+    except ValueError:  # A NUL in the name.
+        return None, [_fault(d.UNREADABLE, name, reason="no such name")]
+    return check_text(data, name)
+
+
+def check_text(data: bytes, name: str) -> tuple[Source | None, list[Diagnostic]]:
+    """Bytes as text: UTF-8 with or without BOM, no NUL."""
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return None, [_fault(d.NOT_TEXT, name, reason="it looks like UTF-16; save it as UTF-8")]
+    nul = data.find(b"\0")
+    if nul >= 0:
+        return None, [_fault(d.NOT_TEXT, name, data.count(b"\n", 0, nul) + 1, reason="it holds NUL bytes (a binary file?)")]
+    try:
+        data.decode("utf-8") if not data.isascii() else None
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        return None, [_fault(d.NOT_TEXT, name, line, reason=f"byte 0x{data[error.start]:02x} in line {line}")]
+    return Source(name=name, data=data), []
+
+
+def _fault(rule: d.Rule, name: str, line: int = 1, **fields: object) -> Diagnostic:
+    return Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=name)
