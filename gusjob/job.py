@@ -39,7 +39,8 @@ class Op(IntEnum):
 class Path:
     """The path, one row a statement; all columns (n,). A column that a row does not use is NaN there (0 for whole numbers).
 
-    x, y: end point, absolute, pulse; cx, cy: an arc's centre, absolute, pulse; radius: pulse, signed; ccw: arc's direction.
+    x, y: end point, absolute, pulse; cx, cy: an arc's centre, absolute, pulse; radius: pulse of X, signed;
+    ccw: arc's direction; arc_in_mm: a circle in mm, not in pulses (told apart where the axes differ).
     vel, acc: pulse/ms, pulse/ms2 along an axis with X's pulses per mm; vel_in_mm, acc_in_mm, end_in_mm: to be scaled by the
     segment's own direction where the axes differ. end: forced end velocity, NaN if none. dwell_ms: whole. power: direct
     power; low, high, ratio: follow limits and ratio per pulse/ms; at: velocity of FOLLOW ... AT, pulse/ms;
@@ -50,6 +51,7 @@ class Path:
     line: npt.NDArray[np.int32]
     channel: npt.NDArray[np.int8]
     ccw: npt.NDArray[np.bool_]
+    arc_in_mm: npt.NDArray[np.bool_]
     x: Floats
     y: Floats
     cx: Floats

@@ -131,20 +131,21 @@ def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, ju
         return np.where(change > 1e-12, jump / np.maximum(change, 1e-300), np.inf)
 
 
-def look_ahead(length: Floats, acc: Floats, limit: Floats) -> Floats:
-    """End velocities for segments in a row that starts and ends at rest, (n,).
+def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: npt.NDArray[np.bool_]) -> Floats:
+    """End velocities of segments in a row, (n,): the highest that limits, lengths and accelerations allow from both sides.
 
-    `limit` (n,): highest end velocity of each segment (corner, both neighbours' velocity); the last one is its own
-    end. Each end is the highest that limits, lengths and accelerations allow from both sides.
+    `limit` (n,): highest end velocity of each segment (corner, both neighbours' velocity). `breaks` (n,): the segment
+    starts at rest whatever the one before it ended at. The first one starts at rest; the last one's limit is its own.
     """
     ends2 = limit * limit
     gain = 2 * acc * length
+    ends2[breaks] = np.minimum(ends2[breaks], gain[breaks])
     ends2 = _ramp(ends2, gain)
-    # Backwards: what segment i+1 can get rid of bounds the end of segment i.
     if len(ends2) > 1:
+        # Backwards: what segment i+1 can get rid of bounds the end of segment i.
+        lost = np.where(breaks, np.inf, gain)
         tail = ends2[-1:]
-        back = _ramp(np.concatenate([tail, ends2[-2::-1]]), np.concatenate([tail, gain[:0:-1]]))
-        ends2 = back[::-1]
+        ends2 = _ramp(np.concatenate([tail, ends2[-2::-1]]), np.concatenate([tail, lost[:0:-1]]))[::-1]
     return np.sqrt(ends2)
 
 

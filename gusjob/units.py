@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
 
 
 class Kind(IntEnum):
@@ -101,11 +105,14 @@ def spelling(unit: str) -> str:
     return {"khz": "kHz", "hz": "Hz", "mhz": "MHz", "v": "V", "mv": "mV"}.get(unit.lower(), unit.lower())
 
 
-def velocity_pulse_per_ms(mm_s: float, pulses_per_mm: float) -> float:
+_N = TypeVar("_N", float, npt.NDArray[np.float64])
+
+
+def velocity_pulse_per_ms(mm_s: _N, pulses_per_mm: float) -> _N:
     """mm/s to the controller's pulse/ms."""
     return mm_s * pulses_per_mm / 1e3
 
 
-def acceleration_pulse_per_ms2(mm_s2: float, pulses_per_mm: float) -> float:
+def acceleration_pulse_per_ms2(mm_s2: _N, pulses_per_mm: float) -> _N:
     """mm/s2 to the controller's pulse/ms2."""
     return mm_s2 * pulses_per_mm / 1e6

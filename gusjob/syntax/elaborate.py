@@ -123,8 +123,7 @@ class _Elaboration:
         """A velocity or acceleration column in pulse/ms (2), and whether it was written in mm."""
         values, pulses = self.col(column), self.in_pulse(column)
         convert = acceleration_pulse_per_ms2 if acceleration else velocity_pulse_per_ms
-        factor = self.machine.pulses_per_mm[0]
-        scaled = values * factor / (1e6 if acceleration else 1e3) if convert else values
+        scaled = convert(values, self.machine.pulses_per_mm[0])
         if pulses is None:
             return scaled, np.broadcast_to(np.True_, len(values))
         return np.where(pulses, values, scaled), ~pulses
@@ -224,6 +223,7 @@ class _Elaboration:
             line=cut(rows.line),
             channel=cut(np.clip(np.nan_to_num(self.channel()), 0, 1).astype(np.int8)),
             ccw=cut((op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if arcs.any() else false),
+            arc_in_mm=cut(self._arc_in_mm() if unequal else false),
             x=cut(x),
             y=cut(y),
             cx=cut(cx),
@@ -245,6 +245,14 @@ class _Elaboration:
             low_unit=cut(self._written(Field.LOW)),
             high_unit=cut(self._written(Field.HIGH)),
         )
+
+    def _arc_in_mm(self) -> Bools:
+        """Whether an arc's centre or radius was given in mm."""
+        found = np.zeros(len(self.rows.op), dtype=np.bool_)
+        for column in (Field.I, Field.J, Field.R):
+            given, pulses = ~np.isnan(self.col(column)), self.in_pulse(column)
+            found |= given if pulses is None else given & ~pulses
+        return found
 
     def _written(self, column: Field) -> npt.NDArray[np.int8]:
         if not self.rows.system.any():

@@ -92,7 +92,7 @@ class _JobReader:
         fixed = tuple((i, float(line[start : runs[i][1]])) for start, i in run_at.items())
         return Template(op=op, system=system, slots=tuple(slots), fixed=fixed)
 
-    def read_line(self, number: int, text: str, after_comment: bool) -> Sequence[Row]:
+    def read_line(self, number: int, text: str) -> Sequence[Row]:
         """One line through the grammar."""
         if len(self.diagnostics) >= MAX_FAULTS:
             self.not_listed += 1

@@ -76,8 +76,8 @@ class Rows:
 
 Learn = Callable[[str], Template | None]
 """A line (comment stripped) to its template; None if it is to be read alone."""
-ReadLine = Callable[[int, str, bool], Sequence[Row]]
-"""Line number from 1, the whole line, whether the line before bore a comment -> its rows. Notes its own faults."""
+ReadLine = Callable[[int, str], Sequence[Row]]
+"""Line number from 1 and the whole line -> its rows. Notes its own faults."""
 
 
 def number_runs(line: bytes) -> list[tuple[int, int]] | None:
@@ -118,7 +118,6 @@ class _Scanner:
     templates: list[Template | None] = field(default_factory=lambda: [Template(op=_BLANK_OP), None])
     parts: list[Rows] = field(default_factory=list)
     alone: list[tuple[int, Row]] = field(default_factory=list)
-    comment_before: bool = False
 
     def chunk(self, text: bytes, first_line: int) -> int:
         """Read one chunk of whole lines; returns how many lines it has."""
@@ -141,9 +140,8 @@ class _Scanner:
         self._collect(ids, numbers, offsets, first_line)
         for i in np.flatnonzero(ids == _ALONE).tolist():
             line = text[starts[i] : ends[i]].decode("utf-8", "replace")
-            for row in self.read_line(first_line + i, line, self._commented(i, starts, ends, raw, comment_at)):
+            for row in self.read_line(first_line + i, line):
                 self.alone.append((first_line + i, row))
-        self.comment_before = self._commented(len(ends), starts, ends, raw, comment_at)
         return len(ends)
 
     def _comments(
@@ -277,22 +275,6 @@ class _Scanner:
                 columns=columns if whole else {k: v[filled] for k, v in columns.items()},
             )
         )
-
-    def _commented(
-        self,
-        index: int,
-        starts: npt.NDArray[np.intp],
-        ends: npt.NDArray[np.intp],
-        raw: npt.NDArray[np.uint8],
-        comment_at: npt.NDArray[np.intp] | None,
-    ) -> bool:
-        """Whether the nearest line above `index` that is not blank bears a comment."""
-        for i in range(index - 1, -1, -1):
-            if comment_at is not None and comment_at[i] < ends[i]:
-                return True
-            if raw[starts[i] : ends[i]].tobytes().strip():
-                return False
-        return self.comment_before
 
     def rows(self) -> Rows:
         """Everything read, in file order."""

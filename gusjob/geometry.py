@@ -1,0 +1,132 @@
+"""Lines and arcs as columns: lengths, directions, extents. Pure functions on arrays; any length unit, angles in radians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+TURN = 2 * np.pi
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arcs:
+    """Circle arcs, (n,) each: centre, radius, angle at the start, signed sweep (> 0 counter-clockwise)."""
+
+    cx: Floats
+    cy: Floats
+    radius: Floats
+    angle: Floats
+    sweep: Floats
+
+    @property
+    def length(self) -> Floats:
+        """Along the arc."""
+        return np.asarray(self.radius * np.abs(self.sweep))
+
+    def at(self, share: Floats) -> tuple[Floats, Floats]:
+        """The points at a share 0..1 of each arc."""
+        angle = self.angle + self.sweep * share
+        return self.cx + self.radius * np.cos(angle), self.cy + self.radius * np.sin(angle)
+
+    def direction(self, share: float) -> tuple[Floats, Floats]:
+        """Unit direction of travel at a share 0..1."""
+        angle = self.angle + self.sweep * share
+        turn = np.sign(self.sweep)
+        return -np.sin(angle) * turn, np.cos(angle) * turn
+
+    def extent(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """True (x low, x high, y low, y high) of each arc."""
+        (x0, y0), (x1, y1) = self.at(np.zeros_like(self.angle)), self.at(np.ones_like(self.angle))
+        low_angle = np.where(self.sweep >= 0, self.angle, self.angle + self.sweep)
+        span = np.abs(self.sweep)
+
+        def reaches(quarter: int) -> Bools:
+            # The first angle = quarter * 90 degrees at or after the arc's lower end.
+            return (quarter * np.pi / 2 - low_angle) % TURN <= span
+
+        x_high = np.where(reaches(0), self.cx + self.radius, np.maximum(x0, x1))
+        y_high = np.where(reaches(1), self.cy + self.radius, np.maximum(y0, y1))
+        x_low = np.where(reaches(2), self.cx - self.radius, np.minimum(x0, x1))
+        y_low = np.where(reaches(3), self.cy - self.radius, np.minimum(y0, y1))
+        return x_low, x_high, y_low, y_high
+
+
+def arcs_by_centre(x0: Floats, y0: Floats, x1: Floats, y1: Floats, cx: Floats, cy: Floats, ccw: Bools) -> Arcs:
+    """Arcs from start to end about an absolute centre; end = start is a full circle."""
+    angle = np.arctan2(y0 - cy, x0 - cx)
+    to = np.arctan2(y1 - cy, x1 - cx)
+    sweep = np.where(ccw, (to - angle) % TURN, -((angle - to) % TURN))
+    full = (x0 == x1) & (y0 == y1)
+    sweep = np.where(full, np.where(ccw, TURN, -TURN), sweep)
+    return Arcs(cx=cx, cy=cy, radius=np.hypot(x0 - cx, y0 - cy), angle=angle, sweep=sweep)
+
+
+def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Floats, ccw: Bools) -> Arcs:
+    """Arcs of a radius: > 0 up to 180 degrees, < 0 more. A radius below half the chord is taken as half the chord."""
+    dx, dy = x1 - x0, y1 - y0
+    half = np.hypot(dx, dy) / 2
+    size = np.maximum(np.abs(radius), half)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        height = np.where(half > 0, np.sqrt(size * size - half * half) / (2 * half), 0.0)
+    # The centre lies left of the chord for a short counter-clockwise or a long clockwise arc.
+    side = np.where(ccw == (radius > 0), 1.0, -1.0)
+    cx = (x0 + x1) / 2 - side * height * dy
+    cy = (y0 + y1) / 2 + side * height * dx
+    arcs = arcs_by_centre(x0, y0, x1, y1, cx, cy, ccw)
+    return Arcs(cx=cx, cy=cy, radius=size, angle=arcs.angle, sweep=arcs.sweep)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segments:
+    """Straight and round segments in a row, (n,) each: ends, length, unit direction at start and end, arcs by index.
+
+    A segment of no length bears the direction of the one before it, so that a corner is seen across it.
+    """
+
+    x0: Floats
+    y0: Floats
+    x1: Floats
+    y1: Floats
+    length: Floats
+    start_x: Floats
+    start_y: Floats
+    end_x: Floats
+    end_y: Floats
+    arc_at: npt.NDArray[np.intp]
+    arcs: Arcs
+
+
+def segments(
+    x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: npt.NDArray[np.intp], arcs: Arcs
+) -> Segments:
+    """Segments from their end points; those at `arc_at` are `arcs`, the others straight."""
+    dx, dy = x1 - x0, y1 - y0
+    length = np.hypot(dx, dy)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        start_x, start_y = dx / length, dy / length
+    if len(arc_at):
+        length[arc_at] = arcs.length
+    end_x, end_y = start_x, start_y
+    if len(arc_at):
+        end_x, end_y = start_x.copy(), start_y.copy()
+        start_x[arc_at], start_y[arc_at] = arcs.direction(0.0)
+        end_x[arc_at], end_y[arc_at] = arcs.direction(1.0)
+    still = length == 0
+    if still.any():
+        at = np.maximum.accumulate(np.where(still, -1, np.arange(len(length))))
+        carry_x, carry_y = np.where(at >= 0, end_x[at], 1.0), np.where(at >= 0, end_y[at], 0.0)
+        start_x, end_x = np.where(still, carry_x, start_x), np.where(still, carry_x, end_x)
+        start_y, end_y = np.where(still, carry_y, start_y), np.where(still, carry_y, end_y)
+    return Segments(
+        x0=x0, y0=y0, x1=x1, y1=y1, length=length,
+        start_x=start_x, start_y=start_y, end_x=end_x, end_y=end_y,
+        arc_at=arc_at, arcs=arcs,
+    )  # fmt: skip
+
+
+NO_ARCS = Arcs(cx=np.empty(0), cy=np.empty(0), radius=np.empty(0), angle=np.empty(0), sweep=np.empty(0))

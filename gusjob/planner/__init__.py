@@ -1,0 +1,44 @@
+"""Job to Stream: stages, arcs the machine can't do, whole pulses, velocities, calls. One pass a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gusjob.diagnostics import Diagnostic
+from gusjob.job import Job
+from gusjob.machine import Machine
+from gusjob.planner.flatten import flatten
+from gusjob.planner.layout import layout
+from gusjob.planner.lower import lower
+from gusjob.planner.plan import Plan
+from gusjob.planner.stages import split
+from gusjob.planner.velocity import velocities
+from gusjob.stream import Stream
+
+PASSES: tuple[Callable[[Plan], Plan], ...] = (flatten, split, layout, velocities)
+"""In this order; each takes a plan and gives a fuller one."""
+
+
+def plan(job: Job, machine: Machine) -> Plan:
+    """A checked job's plan: stages, segments in pulses, end velocities; diagnostics for ENDs that can't be met."""
+    nothing = np.empty(0)
+    state = Plan(
+        job=job,
+        machine=machine,
+        path=job.path,
+        timed=np.flatnonzero(job.path.takes_time),
+        vel=nothing,
+        acc=nothing,
+        vel_end=nothing,
+    )
+    for step in PASSES:
+        state = step(state)
+    return state
+
+
+def compile_job(job: Job, machine: Machine) -> tuple[Stream, list[Diagnostic]]:
+    """The calls of a checked job."""
+    done = plan(job, machine)
+    return lower(done), list(done.diagnostics)

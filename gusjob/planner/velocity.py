@@ -1,0 +1,99 @@
+"""Pass: end velocities. Where LOOKAHEAD is on, a corner is taken as fast as the velocity vector may change there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import diagnostics as d
+from gusjob.diagnostics import Diagnostic
+from gusjob.job import LookAhead, Op
+from gusjob.motion import corner_velocity, look_ahead
+from gusjob.planner.plan import Plan
+
+Floats = npt.NDArray[np.float64]
+
+
+def velocities(state: Plan) -> Plan:
+    """vel_end of every segment; a forced END that can't be met is a diagnostic."""
+    laid, timed = state.segments, state.timed
+    assert laid is not None
+    n = len(timed)
+    if not n:
+        return state
+    dwell = state.path.op[timed] == Op.DWELL
+    jump = corner_jump(state)
+    ahead = np.isfinite(jump)
+    vel = np.where(dwell, 0.0, state.vel)
+    acc = np.where(dwell, 1.0, state.acc)
+    vel = np.where(ahead, _slowed_on_arcs(state, vel), vel)
+
+    starts = np.searchsorted(timed, [stage.first for stage in state.stages])
+    breaks = np.zeros(n, dtype=np.bool_)
+    breaks[starts[starts < n]] = True
+    breaks[1:] |= dwell[:-1]
+    limit = np.zeros(n)
+    corner = corner_velocity(
+        laid.end_x[:-1], laid.end_y[:-1], laid.start_x[1:], laid.start_y[1:], np.where(ahead, jump, 0.0)[:-1]
+    )
+    limit[:-1] = np.where(ahead[:-1], np.minimum(np.minimum(vel[:-1], vel[1:]), corner), 0.0)
+    limit[:-1][breaks[1:] | dwell[:-1] | dwell[1:]] = 0.0
+    forced = np.isfinite(state.vel_end)
+    limit = np.where(forced, np.minimum(state.vel_end, vel), limit)
+    if not ahead.any() and not forced.any():
+        vel_end = limit
+    else:
+        vel_end = np.minimum(look_ahead(laid.length, acc, limit, breaks), limit)
+    missed = forced & (vel_end < state.vel_end * (1 - 1e-9))
+    return replace(
+        state,
+        vel=vel,
+        vel_end=np.where(forced, state.vel_end, vel_end),
+        diagnostics=tuple(_unreachable(state, int(i), float(vel_end[i])) for i in np.flatnonzero(missed)[:1000]),
+    )
+
+
+def corner_jump(state: Plan) -> Floats:
+    """By how much the velocity vector may change behind each segment, pulse/ms, (m,); NaN where LOOKAHEAD is OFF."""
+    machine = state.machine
+    default = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
+    jump = np.full(len(state.timed), default)
+    for setup in state.job.setups:
+        if isinstance(setup.what, LookAhead):
+            rows = state.origin[state.timed] if state.origin is not None else state.timed
+            jump[rows >= setup.at] = _jump(setup.what, state)
+    return jump
+
+
+def _jump(what: LookAhead, state: Plan) -> float:
+    if what.corner is None:
+        return math.nan
+    time, acc = what.corner
+    time = state.machine.lookahead_time_ms if math.isnan(time) else time
+    acc = state.machine.lookahead_acc_pulse_per_ms2 if math.isnan(acc) else acc
+    return time * acc
+
+
+def _slowed_on_arcs(state: Plan, vel: Floats) -> Floats:
+    """On an arc v^2/r stays within the machine's acceleration."""
+    laid = state.segments
+    assert laid is not None
+    if not len(laid.arc_at):
+        return vel
+    slowed = vel.copy()
+    fastest = np.sqrt(state.machine.max_acceleration_pulse_per_ms2 * laid.arcs.radius)
+    slowed[laid.arc_at] = np.minimum(vel[laid.arc_at], fastest)
+    return slowed
+
+
+def _unreachable(state: Plan, i: int, reached: float) -> Diagnostic:
+    line = int(state.path.line[state.timed[i]])
+    return Diagnostic(
+        rule=d.END_UNREACHABLE,
+        span=state.job.locate(line, "END"),
+        fields={"value": float(state.vel_end[i]), "high": reached},
+        path=state.job.name,
+    )

@@ -1,0 +1,276 @@
+"""GT_ calls as data. Buffered calls stand as columns, all others as objects; one table of signatures for every reader.
+
+What a call does is not known here: see interpreter/.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import limits
+from gusjob.limits import Range
+
+Floats = npt.NDArray[np.float64]
+
+
+class Buffered(IntEnum):
+    """The buffered calls. All up to DELAY take time."""
+
+    LINE = 0
+    ARC_CENTRE = 1
+    ARC_RADIUS = 2
+    DELAY = 3
+    ON = 4
+    OFF = 5
+    POWER = 6
+    FOLLOW = 7
+
+
+class Kind(IntEnum):
+    """What an argument is in C."""
+
+    WHOLE = 0
+    REAL = 1
+    ARRAY = 2
+    POINTER = 3
+    STRUCT = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arg:
+    """An argument: its C kind, its range (or None where the range hangs on the power mode), its column if buffered."""
+
+    name: str
+    kind: Kind
+    range: Range | None = None
+    column: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """A GT_ call. `buffered` is its number among the buffered calls, None for the others. `section` is M's, or 'sister'."""
+
+    name: str
+    args: tuple[Arg, ...]
+    buffered: Buffered | None = None
+    section: str = "sister"
+
+
+def _whole(name: str, allowed: Range | None = None, column: str = "") -> Arg:
+    return Arg(name=name, kind=Kind.WHOLE, range=allowed, column=column)
+
+
+def _real(name: str, allowed: Range | None = None, column: str = "") -> Arg:
+    return Arg(name=name, kind=Kind.REAL, range=allowed, column=column)
+
+
+_CRD = _whole("crd", limits.CRD, "crd")
+_FIFO = _whole("fifo", limits.FIFO, "fifo")
+_CH = _whole("channel", limits.CHANNEL, "channel")
+_TO = (
+    _CRD,
+    _whole("x", limits.COORDINATE_PULSE, "x"),
+    _whole("y", limits.COORDINATE_PULSE, "y"),
+)
+_SPEED = (
+    _real("vel", limits.VELOCITY, "vel"),
+    _real("acc", limits.ACCELERATION, "acc"),
+    _real("vel_end", limits.END_VELOCITY, "vel_end"),
+    _FIFO,
+)
+_DIR = _whole("dir", limits.ARC_DIRECTION, "r")
+
+_SIGNATURES = (
+    Signature(name="GT_LnXY", args=(*_TO, *_SPEED), buffered=Buffered.LINE, section="四.3"),
+    Signature(
+        name="GT_ArcXYC",
+        args=(*_TO, _real("xc", limits.COORDINATE_PULSE, "p"), _real("yc", limits.COORDINATE_PULSE, "q"), _DIR, *_SPEED),
+        buffered=Buffered.ARC_CENTRE,
+    ),
+    Signature(
+        name="GT_ArcXYR",
+        args=(*_TO, _real("r", limits.RADIUS_PULSE, "p"), _DIR, *_SPEED),
+        buffered=Buffered.ARC_RADIUS,
+    ),
+    Signature(
+        name="GT_BufDelay", args=(_CRD, _whole("ms", limits.DWELL_MS, "p"), _FIFO), buffered=Buffered.DELAY
+    ),
+    Signature(name="GT_BufLaserOn", args=(_CRD, _FIFO, _CH), buffered=Buffered.ON, section="四.2"),
+    Signature(name="GT_BufLaserOff", args=(_CRD, _FIFO, _CH), buffered=Buffered.OFF, section="四.2"),
+    Signature(
+        name="GT_BufLaserPrfCmd",
+        args=(_CRD, _real("laserPower", None, "p"), _FIFO, _CH),
+        buffered=Buffered.POWER,
+        section="四.2",
+    ),
+    Signature(
+        name="GT_BufLaserPrfFollow",
+        args=(
+            _CRD,
+            _real("ratio", limits.FOLLOW_RATIO, "p"),
+            _whole("minPower", None, "q"),
+            _whole("maxPower", None, "r"),
+            _FIFO,
+            _CH,
+        ),
+        buffered=Buffered.FOLLOW,
+        section="四.2",
+    ),
+    Signature(
+        name="GT_SetAxisMode",
+        args=(_whole("axis", limits.AXIS_MODE_AXIS), _whole("mode", limits.AXIS_MODE)),
+        section="二.2",
+    ),
+    Signature(name="GT_SetHSIOOpt", args=(_whole("value", limits.SWITCH_VALUE), _CH), section="二.2"),
+    Signature(name="GT_GetHSIOOpt", args=(Arg(name="pValue", kind=Kind.POINTER), _CH), section="二.2"),
+    Signature(
+        name="GT_LaserPowerMode",
+        args=(_whole("laserPowerMode", limits.POWER_MODE), _real("maxValue"), _real("minValue"), _CH),
+        section="二.2",
+    ),
+    Signature(name="GT_LaserPrfCmd", args=(_real("outputCmd"), _CH), section="二.2"),
+    Signature(name="GT_LaserOutFrq", args=(_real("outFrq", limits.CARRIER_KHZ), _CH), section="二.2"),
+    Signature(name="GT_SetPulseWidth", args=(_whole("width", limits.PULSE_WIDTH_US), _CH), section="二.2"),
+    Signature(
+        name="GT_SetWaitPulse",
+        args=(
+            _whole("mode", limits.SWITCH_VALUE),
+            _real("waitPulseFrq", limits.STANDBY_KHZ),
+            _real("waitPulseDuty", limits.STANDBY_PCT),
+            _CH,
+        ),
+        section="二.2",
+    ),
+    Signature(
+        name="GT_SetPreVltg",
+        args=(_whole("mode", limits.SWITCH_VALUE), _real("voltageValue", limits.PREVOLTAGE_V), _CH),
+        section="二.2",
+    ),
+    Signature(
+        name="GT_SetLevelDelay",
+        args=(
+            _whole("highLevelDelay", limits.SWITCH_DELAY_US),
+            _whole("lowLevelDelay", limits.SWITCH_DELAY_US),
+            _CH,
+        ),
+        section="二.2",
+    ),
+    Signature(
+        name="GT_EnaFPK",
+        args=(
+            _whole("time1", limits.FPK_WIDTH_US),
+            _whole("time2", limits.FPK_GAP_US),
+            _whole("laserOffDelay", limits.FPK_OFF_DELAY_US),
+            _CH,
+        ),
+        section="二.2",
+    ),
+    Signature(name="GT_DisFPK", args=(_CH,), section="二.2"),
+    Signature(
+        name="GT_SetLaserDisMode",
+        args=(
+            _whole("mode", limits.DISTANCE_ENABLE),
+            _whole("source", limits.DISTANCE_SOURCE),
+            Arg(name="pPos", kind=Kind.ARRAY, range=limits.COORDINATE_PULSE),
+            Arg(name="pScale", kind=Kind.ARRAY, range=limits.DISTANCE_SCALE),
+            _CH,
+        ),
+        section="五.2",
+    ),
+    Signature(
+        name="GT_SetLaserDisRatio",
+        args=(
+            Arg(name="pRatio", kind=Kind.ARRAY, range=limits.DISTANCE_RATIO),
+            _real("minPower"),
+            _real("maxPower"),
+            _CH,
+        ),
+        section="五.2",
+    ),
+    Signature(name="GT_SetCrdPrm", args=(_CRD, Arg(name="pCrdPrm", kind=Kind.STRUCT))),
+    Signature(name="GT_CrdClear", args=(_CRD, _FIFO), section="四.3"),
+    Signature(name="GT_CrdStart", args=(_whole("mask"), _whole("option")), section="四.3"),
+    Signature(
+        name="GT_CrdStatus",
+        args=(_CRD, Arg(name="pRun", kind=Kind.POINTER), Arg(name="pSegment", kind=Kind.POINTER), _FIFO),
+    ),
+)
+
+SIGNATURES: dict[str, Signature] = {s.name: s for s in _SIGNATURES}
+"""Every call that means something to the laser or the path."""
+
+BUFFERED: dict[Buffered, Signature] = {s.buffered: s for s in _SIGNATURES if s.buffered is not None}
+
+PASSED_OVER = frozenset(
+    "GT_Open GT_Close GT_Reset GT_LoadConfig GT_ClrSts GT_AxisOn GT_AxisOff GT_GetVersion GT_CrdSpace GT_CrdData "
+    "GT_GetCrdPos GT_GetCrdVel GT_GetSts GT_ZeroPos".split()
+)
+"""Calls of the basic manual that a listing may hold and that change neither light nor path here."""
+
+Value = float | str | tuple["Value", ...]
+"""An argument of a call that is not buffered: a number, a pointer's name, an array or a struct."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """One call that is not buffered. `at`: how many buffered calls stand before it; `line`: source line."""
+
+    name: str
+    args: tuple[Value, ...]
+    at: int
+    line: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BufferedCalls:
+    """Buffered calls, (n,) each. p, q, r by call: arc centre offset x, y (or radius) and direction; delay ms; power;
+    follow ratio, min, max. x, y in pulse, vel in pulse/ms, acc in pulse/ms2. Unused places hold 0."""
+
+    kind: npt.NDArray[np.uint8]
+    line: npt.NDArray[np.int32]
+    crd: npt.NDArray[np.int8]
+    fifo: npt.NDArray[np.int8]
+    channel: npt.NDArray[np.int8]
+    x: Floats
+    y: Floats
+    p: Floats
+    q: Floats
+    r: Floats
+    vel: Floats
+    acc: Floats
+    vel_end: Floats
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def column(self, name: str) -> npt.NDArray[Any]:
+        """A column by its name in a signature."""
+        found: npt.NDArray[Any] = getattr(self, name)
+        return found
+
+    def pick(self, where: npt.NDArray[Any]) -> BufferedCalls:
+        """The calls at a mask or at indices."""
+        return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stream:
+    """A program of GT_ calls in order."""
+
+    name: str
+    buffered: BufferedCalls
+    calls: tuple[Call, ...] = field(default=())
+
+    def parts(self) -> Iterator[tuple[int, int, Call | None]]:
+        """(first, last, call): buffered calls first..last-1, then the call behind them (None at the end)."""
+        done = 0
+        for call in self.calls:
+            yield done, call.at, call
+            done = call.at
+        yield done, len(self.buffered), None
