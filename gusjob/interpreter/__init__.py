@@ -1,0 +1,91 @@
+"""Stream to Trace: what the controller does with the calls, whoever wrote them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import diagnostics as d
+from gusjob.diagnostics import Diagnostic, Span
+from gusjob.interpreter.clock import Clock, corner_faults, run_clock
+from gusjob.interpreter.path import Motion
+from gusjob.interpreter.power import emitted, power_calls
+from gusjob.interpreter.program import Program, run_program
+from gusjob.interpreter.switch import emission
+from gusjob.interpreter.trace import ChannelTrace, Trace
+from gusjob.limits import PowerMode
+from gusjob.stream import Stream
+from gusjob.units import US_PER_MS
+
+__all__ = ["ChannelTrace", "Trace", "interpret"]
+
+
+def interpret(stream: Stream, *, period_us: float, corner_limit: float | None = None) -> tuple[Trace, list[Diagnostic]]:
+    """Run a stream. `corner_limit` (pulse/ms): report corners at which the velocity vector changes by more."""
+    program = run_program(stream)
+    calls = stream.buffered
+    clock, faults = run_clock(calls, program, stream.name)
+    faults = [*program.diagnostics, *faults]
+    if corner_limit is not None:
+        faults += corner_faults(calls, clock, corner_limit, stream.name)
+    motion = Motion(clock=clock, program=program)
+    channels = []
+    for channel in program.channels:
+        lasers = [stage.lasers[channel] for stage in program.stages]
+        shine = emission(calls, clock, program, channel)
+        done, lost = emitted(motion, shine, power_calls(calls, clock, program, channel), lasers, period_us / US_PER_MS)
+        trace = ChannelTrace(
+            channel=channel,
+            lasers=tuple(lasers),
+            at_end=program.lasers[channel],
+            emission=shine,
+            emitted=done,
+            lost_power_ms=lost,
+            lit_at_end=shine.lit_at_end,
+        )
+        channels.append(trace)
+        faults += _light_faults(trace, clock, calls.line, program, stream.name)
+    trace_all = Trace(
+        name=stream.name,
+        period_us=period_us,
+        line=calls.line[clock.row],
+        clock=clock,
+        motion=motion,
+        channels=tuple(channels),
+        readings=program.readings,
+    )
+    return trace_all, faults
+
+
+def _light_faults(
+    trace: ChannelTrace, clock: Clock, lines: npt.NDArray[np.int32], program: Program, path: str
+) -> list[Diagnostic]:
+    faults: list[Diagnostic] = []
+    row = clock.row
+
+    def add(rule: d.Rule, line: int, **fields: object) -> None:
+        faults.append(
+            Diagnostic(rule=rule, span=Span(line=line), fields={"channel": trace.channel, **fields}, path=path)
+        )
+
+    dark = np.flatnonzero(trace.emitted.unpowered)
+    if len(dark):
+        add(d.LIT_UNPOWERED, int(lines[row[dark[0]]]))
+    lit = np.flatnonzero(trace.emitted.emission_ms > 0)
+    if len(lit):
+        laser = trace.lasers[int(clock.stage[lit[0]])]
+        if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
+            reason = "light in a duty mode without a carrier; GT_LaserOutFrq must be called (M 二.2)"
+            faults.append(
+                Diagnostic(
+                    rule=d.ACCEPTED_ODD,
+                    span=Span(line=int(lines[row[lit[0]]])),
+                    fields={"call": "GT_LaserOutFrq", "reason": reason},
+                    path=path,
+                )
+            )
+    if trace.lit_at_end:
+        last = max([int(lines[row[-1]])] if len(row) else [1], default=1)
+        last = max([last, *(a.line for a in program.at_end if a.channel == trace.channel and a.on)])
+        add(d.LISTING_LEFT_ON, last)
+    return faults

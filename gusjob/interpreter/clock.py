@@ -1,0 +1,188 @@
+"""When each segment runs, and how fast: trapezoids in order, and where the calls ask for what can't be.
+
+What cannot be is modelled so: an end velocity that length and acceleration do not give is replaced by the nearest that they
+give, and the next segment starts with that; a start above the segment's velocity slows down to it first; a corner is taken
+at the velocity asked for; where motion stops without having been slowed down (dwell, end of a stage), it stops at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import diagnostics as d
+from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.geometry import Arcs, Segments, arcs_by_centre, arcs_by_radius, segments
+from gusjob.interpreter.program import MAX_PER_RULE, Program
+from gusjob.motion import Trapezoids, reached_ends, running_sum, trapezoids
+from gusjob.stream import Buffered, BufferedCalls
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """All timed calls of all stages, (m,) in order; stages back to back on one time axis, ms.
+
+    `rows` (r,): every buffered row that ran, as index into the stream; `boundary` (r,): how many timed calls ran before it;
+    `stage_of_row` (r,). `row` (m,): the timed ones' indices; `stage` (m,). `times` (m+1,): start of each and the end.
+    `stage_first` (s+1,): number of each stage's first timed call.
+    """
+
+    rows: Indices
+    boundary: Indices
+    stage_of_row: Indices
+    row: Indices
+    stage: Indices
+    stage_first: Indices
+    dwell: npt.NDArray[np.bool_]
+    laid: Segments
+    vel: Floats
+    profile: Trapezoids
+    duration_ms: Floats
+    times: Floats
+
+    def stage_start(self) -> Floats:
+        """Start of each stage, (s,) ms."""
+        return self.times[self.stage_first[:-1]]
+
+    def stage_end(self) -> Floats:
+        """End of each stage, (s,) ms."""
+        return self.times[self.stage_first[1:]]
+
+
+def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock, list[Diagnostic]]:
+    """Times and velocities of everything that ran."""
+    stages = program.stages
+    per_stage = [stage.rows for stage in stages]
+    rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
+    stage_of_row = np.repeat(np.arange(len(stages)), [len(r) for r in per_stage])
+    kind = calls.kind[rows]
+    is_timed = kind <= Buffered.DELAY
+    timed = np.flatnonzero(is_timed)
+    boundary = np.cumsum(is_timed) - is_timed
+    row, stage = rows[timed], stage_of_row[timed]
+    dwell = kind[timed] == Buffered.DELAY
+    stage_first = np.searchsorted(stage, np.arange(len(stages) + 1))
+    laid = _lay(calls, row, dwell)
+
+    vel = np.where(dwell, 1.0, calls.vel[row])
+    acc = np.where(dwell, 1.0, calls.acc[row])
+    vel_max = np.array([s.vel_max for s in stages] or [np.inf])
+    too_fast = vel > vel_max[stage] * (1 + 1e-9) if len(row) else np.zeros(0, dtype=np.bool_)
+    vel = np.minimum(vel, vel_max[stage]) if len(row) else vel
+    breaks = np.zeros(len(row), dtype=np.bool_)
+    breaks[stage_first[:-1][stage_first[:-1] < len(row)]] = True
+    breaks[1:] |= dwell[:-1]
+    wanted = np.where(dwell, 0.0, calls.vel_end[row])
+    end = reached_ends(laid.length, vel, wanted, acc, breaks)
+    end[dwell] = 0.0
+    start = np.zeros_like(end)
+    start[1:] = end[:-1]
+    start[breaks] = 0.0
+    profile = trapezoids(laid.length, start, vel, end, acc)
+    duration = np.where(dwell, calls.p[row], profile.duration_ms)
+    clock = Clock(
+        rows=rows,
+        boundary=boundary,
+        stage_of_row=stage_of_row,
+        row=row,
+        stage=stage,
+        stage_first=stage_first,
+        dwell=dwell,
+        laid=laid,
+        vel=vel,
+        profile=profile,
+        duration_ms=duration,
+        times=running_sum(duration),
+    )
+    reporter = _Reporter(calls=calls, clock=clock, path=path, faults=[])
+    reporter.report(wanted, too_fast, breaks)
+    return clock, reporter.faults
+
+
+def _lay(calls: BufferedCalls, row: Indices, dwell: npt.NDArray[np.bool_]) -> Segments:
+    """Segments from the calls' own coordinates; a dwell stays where it is."""
+    x1, y1 = calls.x[row], calls.y[row]
+    if dwell.any():
+        at = np.maximum.accumulate(np.where(dwell, -1, np.arange(len(row))))
+        x1, y1 = np.where(at >= 0, x1[at], 0.0), np.where(at >= 0, y1[at], 0.0)
+    x0, y0 = np.concatenate([[0.0], x1[:-1]]), np.concatenate([[0.0], y1[:-1]])
+    kind = calls.kind[row]
+    at = np.flatnonzero((kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS))
+    ends = (x0[at], y0[at], x1[at], y1[at])
+    p, q, ccw = calls.p[row[at]], calls.q[row[at]], calls.r[row[at]] == 1
+    centre = arcs_by_centre(*ends, x0[at] + p, y0[at] + q, ccw)
+    radius = arcs_by_radius(*ends, p, ccw)
+    by_radius = kind[at] == Buffered.ARC_RADIUS
+    picked = {
+        name: np.where(by_radius, getattr(radius, name), getattr(centre, name))
+        for name in ("cx", "cy", "radius", "angle", "sweep")
+    }
+    return segments(x0, y0, x1, y1, at, Arcs(**picked))
+
+
+@dataclass(slots=True, kw_only=True)
+class _Reporter:
+    calls: BufferedCalls
+    clock: Clock
+    path: str
+    faults: list[Diagnostic]
+
+    def add(self, rule: Rule, where: npt.NDArray[np.bool_], **columns: Floats | str) -> None:
+        """One diagnostic for each segment in `where`, its fields from columns (m,)."""
+        at = np.flatnonzero(where)
+        for i in at[:MAX_PER_RULE].tolist():
+            fields: dict[str, object] = {
+                k: v if isinstance(v, str) else float(v[i]) for k, v in columns.items()
+            }
+            line = int(self.calls.line[self.clock.row[i]])
+            self.faults.append(Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=self.path))
+        if len(at) > MAX_PER_RULE:
+            fields = {"count": len(at) - MAX_PER_RULE, "code": rule.code, "shown": MAX_PER_RULE}
+            self.faults.append(Diagnostic(rule=d.MORE, span=Span(line=1), fields=fields, path=self.path))
+
+    def report(
+        self, wanted: Floats, too_fast: npt.NDArray[np.bool_], breaks: npt.NDArray[np.bool_]
+    ) -> None:
+        """Everything that the calls asked for and the path can't give."""
+        clock, profile = self.clock, self.clock.profile
+        if not len(clock.row):
+            return
+        end, start = profile.end, profile.start
+        moved = ~clock.dwell
+        aim = np.minimum(wanted, clock.vel)
+        off = np.abs(end - wanted) > 1e-6 * (aim + end) + 1e-12
+        self.add(d.END_NOT_MET, moved & off, value=end, wanted=wanted)
+        self.add(d.START_TOO_FAST, moved & (start > clock.vel * (1 + 1e-9)), value=start, velocity=clock.vel)
+        last = np.append(breaks[1:], True)
+        before_dwell = np.append(clock.dwell[1:], False)
+        stops = (last | before_dwell) & moved & (end > 1e-9)
+        self.add(d.STOPS_HARD, stops, what="the segment before a stop ends", value=end)
+        self.add(
+            d.ACCEPTED_ODD,
+            too_fast & moved,
+            call="the segment's velocity",
+            reason="it is above synVelMax of GT_SetCrdPrm, and is held to that",
+        )
+
+
+def corner_faults(calls: BufferedCalls, clock: Clock, limit: float, path: str) -> list[Diagnostic]:
+    """Corners at which the velocity vector changes by more than `limit` (pulse/ms)."""
+    laid, end = clock.laid, clock.profile.end
+    if len(end) < 2:
+        return []
+    jump = end[:-1] * np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
+    jump = np.append(np.where(np.diff(clock.stage) == 0, jump, 0.0), 0.0)
+    reporter = _Reporter(calls=calls, clock=clock, path=path, faults=[])
+    reporter.add(
+        d.SHARP_CORNER,
+        jump > limit * (1 + 1e-6),
+        value=end,
+        jump=jump,
+        limit=np.full(len(jump), limit),
+    )
+    return reporter.faults

@@ -1,0 +1,43 @@
+"""What came out of a run: every segment's times, velocities and light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.interpreter.clock import Clock
+from gusjob.interpreter.path import Motion
+from gusjob.interpreter.power import Emitted
+from gusjob.interpreter.program import LaserState
+from gusjob.interpreter.switch import Emission
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelTrace:
+    """One laser: its state in each stage and behind the last, when it shone, and what each timed call emitted.
+
+    `lost_power_ms`: light of stages without any motion, which belongs to no segment.
+    """
+
+    channel: int
+    lasers: tuple[LaserState, ...]
+    at_end: LaserState
+    emission: Emission
+    emitted: Emitted
+    lost_power_ms: float
+    lit_at_end: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """A run. Times in ms, positions in pulse; one entry a timed call (motion or dwell), (m,). `line`: source line of each."""
+
+    name: str
+    period_us: float
+    line: npt.NDArray[np.int32]
+    clock: Clock
+    motion: Motion
+    channels: tuple[ChannelTrace, ...]
+    readings: tuple[tuple[int, int, int], ...]
