@@ -103,11 +103,17 @@ TOO_BIG = _rule("GJ106", _E, "number can't be held", "{value} is too large to be
 LATER = _rule(
     "GJ107", _E, "statement of a later version", "{word} is a word of the job language that this version can't run yet"
 )
-CALL_SYNTAX = _rule("GJ111", _E, "call can't be read", "this is no GT_ call, array or comment that gusjob reads: {found}")
+CALL_SYNTAX = _rule(
+    "GJ111", _E, "call can't be read", "this is no GT_ call, array or comment that gusjob reads: {found}"
+)
 CALL_UNKNOWN = _rule("GJ112", _E, "unknown call", "{call} is not a call that gusjob knows{hint}")
-CALL_ARGUMENTS = _rule("GJ113", _E, "wrong number of arguments", "{call} takes {wanted} arguments ({names}), not {found}")
+CALL_ARGUMENTS = _rule(
+    "GJ113", _E, "wrong number of arguments", "{call} takes {wanted} arguments ({names}), not {found}"
+)
 CALL_VALUE = _rule("GJ114", _E, "argument can't be read", "{argument} of {call} must be {wanted}, not {found}")
-CALL_OCTAL = _rule("GJ115", _E, "octal number", "{found} is an octal number in C, worth {value}: write it without the zero")
+CALL_OCTAL = _rule(
+    "GJ115", _E, "octal number", "{found} is an octal number in C, worth {value}: write it without the zero"
+)
 CALL_IGNORED = _rule("GJ116", _N, "line passed over", "{call} says nothing to the laser or the path; it is passed over")
 
 # GJ2: values.
@@ -118,7 +124,12 @@ ON_OPEN_END = _rule(
     "四.2",
 )  # fmt: skip
 WRONG_UNIT = _rule("GJ203", _E, "unit of the wrong kind", "{what} is {wanted}, but {unit} is {kind}{hint}")
-NOT_WHOLE = _rule("GJ204", _E, "not a whole number", "{what} {value} {unit} must be whole: the call's C type carries no fraction{hint}")
+NOT_WHOLE = _rule(
+    "GJ204",
+    _E,
+    "not a whole number",
+    "{what} {value} {unit} must be whole: the call's C type carries no fraction{hint}",
+)
 MIN_ABOVE_MAX = _rule("GJ205", _E, "MIN not below MAX", "{what}: MIN {low} must be below MAX {high}")
 POWER_CLAMPED = _rule(
     "GJ206", _W, "power outside the mode's limits",
@@ -140,54 +151,152 @@ SATURATES = _rule(
 )  # fmt: skip
 
 # GJ3: modes and order.
-NO_MODE = _rule("GJ301", _E, "power before a mode", "{word} stands before any LASER MODE for channel {channel}: its unit is unknown")
-WRONG_MODE = _rule("GJ302", _E, "not in this mode", "{word} is for {wanted}; channel {channel} is in {mode} mode (line {mode_line})", "二.2")
-DISTANCE_NEEDS_MODE = _rule("GJ303", _E, "distance follow before its mode", "LASER DISTANCE stands before any LASER MODE for channel {channel}: its unit is unknown", "五.2")
+NO_MODE = _rule(
+    "GJ301", _E, "power before a mode", "{word} stands before any LASER MODE for channel {channel}: its unit is unknown"
+)
+WRONG_MODE = _rule(
+    "GJ302",
+    _E,
+    "not in this mode",
+    "{word} is for {wanted}; channel {channel} is in {mode} mode (line {mode_line})",
+    "二.2",
+)
+DISTANCE_NEEDS_MODE = _rule(
+    "GJ303",
+    _E,
+    "distance follow before its mode",
+    "LASER DISTANCE stands before any LASER MODE for channel {channel}: its unit is unknown",
+    "五.2",
+)
 NEW_STAGE = _rule(
     "GJ304", _N, "a new stage begins",
     "{word} is set at rest: motion stops here and a new stage begins",
     "二.2",
 )  # fmt: skip
-MODE_MOVING = _rule("GJ305", _W, "mode change between marks of one job", "{word} changes the mode of channel {channel} after motion: the beam is off until power is set again", "二.2")
-OFF_BELOW_ON = _rule("GJ306", _W, "off delay below on delay", "off delay {off} us is shorter than on delay {on} us; it should usually be the longer one", "三.2")
-CRD_LATE = _rule("GJ307", _E, "coordinate system after motion", "CRD stands after the first motion or laser statement of the path: put it before")
-FPK_WITHOUT_PWM = _rule("GJ308", _E, "FPK without Q pulses", "LASER FPK needs a PWM mode; channel {channel} is in {mode} mode (line {mode_line})", "三.1")
-LASER_UNKNOWN = _rule("GJ309", _E, "channel used without a mode", "channel {channel} is switched on here, but no LASER MODE was given for it")
+OFF_BELOW_ON = _rule(
+    "GJ306",
+    _W,
+    "off delay below on delay",
+    "off delay {off} us is shorter than on delay {on} us; it should usually be the longer one",
+    "三.2",
+)
+CRD_LATE = _rule(
+    "GJ307",
+    _E,
+    "coordinate system after motion",
+    "CRD stands after the first motion or laser statement of the path: put it before",
+)
+LASER_UNKNOWN = _rule(
+    "GJ309",
+    _E,
+    "channel used without a mode",
+    "channel {channel} is switched on here, but no LASER MODE was given for it",
+)
 
 # GJ4: light.
-LEFT_ON = _rule("GJ401", _E, "light left on", "the job ends with the laser of channel {channel} on: add LASER OFF{hint}")
-JUMP_LIT = _rule("GJ402", _E, "jump with light", "JUMP with the laser of channel {channel} on (since line {on_line}): put LASER OFF before it")
-NO_POWER = _rule("GJ403", _E, "light without a power", "the laser of channel {channel} is on here, but no power was set since its LASER MODE (line {mode_line})")
+LEFT_ON = _rule(
+    "GJ401", _E, "light left on", "the job ends with the laser of channel {channel} on: add LASER OFF{hint}"
+)
+JUMP_LIT = _rule(
+    "GJ402",
+    _E,
+    "jump with light",
+    "JUMP with the laser of channel {channel} on (since line {on_line}): put LASER OFF before it",
+)
+NO_POWER = _rule(
+    "GJ403",
+    _E,
+    "light without a power",
+    "the laser of channel {channel} is on here, but no power was set since its LASER MODE (line {mode_line})",
+)
 
 # GJ5: motion.
 NO_VELOCITY = _rule("GJ501", _E, "no velocity", "{word} needs a velocity: write VEL before it")
 NO_ACCELERATION = _rule("GJ502", _E, "no acceleration", "{word} needs an acceleration: write ACC before it")
-OUTSIDE_FIELD = _rule("GJ503", _E, "outside the field", "{axis} {value} mm is outside the machine's field {low}..{high} mm{hint}")
+OUTSIDE_FIELD = _rule(
+    "GJ503", _E, "outside the field", "{axis} {value} mm is outside the machine's field {low}..{high} mm{hint}"
+)
 TOO_FAST = _rule("GJ504", _E, "too fast", "{what} {value} {unit} is above the machine's {limit} {unit}")
 BAD_ARC = _rule("GJ505", _E, "arc that does not close", "{reason}")
-END_UNREACHABLE = _rule("GJ506", _E, "END can't be reached", "END {value} pulse/ms can't be reached: length and acceleration here and behind allow {high} pulse/ms")
-END_ABOVE_VEL = _rule("GJ507", _E, "END above VEL", "END {value} pulse/ms is above this segment's VEL {velocity} pulse/ms")
-ARC_TOO_FAST = _rule("GJ508", _W, "arc too fast", "VEL {velocity} pulse/ms on a radius of {radius} pulse needs {value} pulse/ms2, above the machine's {limit}: the planner slows it down")
-FOLLOW_SCALES = _rule("GJ509", _E, "following in mm with unequal axes", "velocity follow in mm needs the same pulses per mm on X and Y; write it under UNITS PULSE")
-NO_MOVE = _rule("GJ510", _N, "statement moves nothing", "this {word} ends where it starts: it takes no time")
-TOO_MANY = _rule("GJ511", _E, "too many path statements", "this job has more than {limit} path statements")
+END_UNREACHABLE = _rule(
+    "GJ506",
+    _E,
+    "END can't be reached",
+    "END {value} pulse/ms can't be reached: length and acceleration here and behind allow {high} pulse/ms",
+)
+END_ABOVE_VEL = _rule(
+    "GJ507", _E, "END above VEL", "END {value} pulse/ms is above this segment's VEL {velocity} pulse/ms"
+)
+ARC_TOO_FAST = _rule(
+    "GJ508",
+    _W,
+    "arc too fast",
+    "VEL {velocity} pulse/ms on a radius of {radius} pulse needs {value} pulse/ms2, above the machine's {limit}: the planner slows it down",
+)
+FOLLOW_SCALES = _rule(
+    "GJ509",
+    _E,
+    "following in mm with unequal axes",
+    "velocity follow in mm needs the same pulses per mm on X and Y; write it under UNITS PULSE",
+)
 
 # GJ6: the machine profile.
 PROFILE_SYNTAX = _rule("GJ601", _E, "machine profile is not TOML", "this machine profile is not valid TOML: {reason}")
-PROFILE_UNKNOWN = _rule("GJ602", _E, "unknown entry in the machine profile", "{key} is not an entry of a machine profile{hint}")
+PROFILE_UNKNOWN = _rule(
+    "GJ602", _E, "unknown entry in the machine profile", "{key} is not an entry of a machine profile{hint}"
+)
 PROFILE_TYPE = _rule("GJ603", _E, "wrong kind of value in the machine profile", "{key} must be {wanted}, not {found}")
 PROFILE_RANGE = _rule("GJ604", _E, "value out of range in the machine profile", "{key} is {value}; it must be {range}")
 
 # GJ7: what the controller would say to a call (interpreter).
 REFUSED = _rule("GJ701", _E, "call refused", "{call} returns {code}: {reason}")
 ACCEPTED_ODD = _rule("GJ702", _W, "accepted, but", "{call}: {reason}")
-NEVER_STARTED = _rule("GJ703", _E, "stage never started", "{count} buffered calls in coordinate system {crd}, FIFO {fifo} are never started: GT_CrdStart is missing")
-END_NOT_MET = _rule("GJ704", _W, "end velocity not met", "this segment ends at {value} pulse/ms, not at its {wanted}: length and acceleration allow no more")
-START_TOO_FAST = _rule("GJ705", _W, "start faster than the segment", "this segment starts at {value} pulse/ms, above its velocity {velocity}: it slows down first")
+NEVER_STARTED = _rule(
+    "GJ703",
+    _E,
+    "stage never started",
+    "{count} buffered calls in coordinate system {crd}, FIFO {fifo} are never started: GT_CrdStart is missing",
+)
+END_NOT_MET = _rule(
+    "GJ704",
+    _W,
+    "end velocity not met",
+    "this segment ends at {value} pulse/ms, not at its {wanted}: length and acceleration allow no more",
+)
+START_TOO_FAST = _rule(
+    "GJ705",
+    _W,
+    "start faster than the segment",
+    "this segment starts at {value} pulse/ms, above its velocity {velocity}: it slows down first",
+)
 STOPS_HARD = _rule("GJ706", _W, "motion stops at once", "{what} at {value} pulse/ms: the axes stop at once")
-SHARP_CORNER = _rule("GJ707", _W, "corner at speed", "the corner after this segment is taken at {value} pulse/ms: the velocity vector changes by {jump} pulse/ms, more than {limit} (look-ahead TIME x ACC)")
-LISTING_LEFT_ON = _rule("GJ708", _W, "light left on", "these calls end with the laser of channel {channel} on; nothing switches it off")
-LISTING_FIELD = _rule("GJ709", _W, "outside the field", "{axis} {value} mm is outside the machine's field {low}..{high} mm")
-ASSUMED_CRD = _rule("GJ710", _N, "coordinate system assumed", "no GT_SetCrdPrm: the coordinate system is taken as built elsewhere, at the origin")
-CRDS_AT_ONCE = _rule("GJ711", _E, "two coordinate systems at once", "coordinate systems 1 and 2 would move at the same time: gusjob can't interpret that")
-LIT_UNPOWERED = _rule("GJ712", _W, "light without a power", "the laser of channel {channel} is on, but no power was set: it is taken as the lowest that the mode allows")
+SHARP_CORNER = _rule(
+    "GJ707",
+    _W,
+    "corner at speed",
+    "the corner after this segment is taken at {value} pulse/ms: the velocity vector changes by {jump} pulse/ms, more than {limit} (look-ahead TIME x ACC)",
+)
+LISTING_LEFT_ON = _rule(
+    "GJ708", _W, "light left on", "these calls end with the laser of channel {channel} on; nothing switches it off"
+)
+LISTING_FIELD = _rule(
+    "GJ709", _W, "outside the field", "{axis} {value} mm is outside the machine's field {low}..{high} mm"
+)
+ASSUMED_CRD = _rule(
+    "GJ710",
+    _N,
+    "coordinate system assumed",
+    "no GT_SetCrdPrm: the coordinate system is taken as built elsewhere, at the origin",
+)
+CRDS_AT_ONCE = _rule(
+    "GJ711",
+    _E,
+    "two coordinate systems at once",
+    "coordinate systems 1 and 2 would move at the same time: gusjob can't interpret that",
+)
+LIT_UNPOWERED = _rule(
+    "GJ712",
+    _W,
+    "light without a power",
+    "the laser of channel {channel} is on, but no power was set: it is taken as the lowest that the mode allows",
+)

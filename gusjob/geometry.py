@@ -101,9 +101,7 @@ class Segments:
     arcs: Arcs
 
 
-def segments(
-    x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: npt.NDArray[np.intp], arcs: Arcs
-) -> Segments:
+def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: npt.NDArray[np.intp], arcs: Arcs) -> Segments:
     """Segments from their end points; those at `arc_at` are `arcs`, the others straight."""
     dx, dy = x1 - x0, y1 - y0
     length = np.hypot(dx, dy)

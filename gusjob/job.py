@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.diagnostics import Span
+from gusjob.geometry import Arcs, arcs_by_centre, arcs_by_radius
 from gusjob.limits import PowerMode
+from gusjob.machine import Machine
 from gusjob.units import PowerUnit
 
 Floats = npt.NDArray[np.float64]
@@ -42,7 +44,7 @@ class Path:
     x, y: end point, absolute, pulse; cx, cy: an arc's centre, absolute, pulse; radius: pulse of X, signed;
     ccw: arc's direction; arc_in_mm: a circle in mm, not in pulses (told apart where the axes differ).
     vel, acc: pulse/ms, pulse/ms2 along an axis with X's pulses per mm; vel_in_mm, acc_in_mm, end_in_mm: to be scaled by the
-    segment's own direction where the axes differ. end: forced end velocity, NaN if none. dwell_ms: whole. power: direct
+    segment's own direction where the axes differ; vel_line, acc_line: where they were set. end: forced end velocity, NaN if none. dwell_ms: whole. power: direct
     power; low, high, ratio: follow limits and ratio per pulse/ms; at: velocity of FOLLOW ... AT, pulse/ms;
     power_unit, low_unit, high_unit: as written.
     """
@@ -60,6 +62,8 @@ class Path:
     vel: Floats
     acc: Floats
     end: Floats
+    vel_line: npt.NDArray[np.int32]
+    acc_line: npt.NDArray[np.int32]
     vel_in_mm: npt.NDArray[np.bool_]
     acc_in_mm: npt.NDArray[np.bool_]
     end_in_mm: npt.NDArray[np.bool_]
@@ -222,3 +226,30 @@ class Job:
     setups: tuple[Setup, ...]
     locate: Locate
     last_line: int
+
+    @property
+    def has_forced_ends(self) -> bool:
+        """Whether an END is written somewhere: only the planner can say whether it can be met."""
+        return not bool(np.isnan(self.path.end).all())
+
+
+def opens_stage(job: Job) -> list[bool]:
+    """For each setup statement whether it ends the motion before it and begins a new stage."""
+    before = np.concatenate([[0], np.cumsum(job.path.takes_time)])
+    first, opens = 0, []
+    for setup in job.setups:
+        opens.append(not isinstance(setup.what, LookAhead | Crd) and bool(before[setup.at] > before[first]))
+        first = setup.at if opens[-1] else first
+    return opens
+
+
+def arcs_mm(path: Path, at: npt.NDArray[np.intp], machine: Machine) -> Arcs:
+    """The arcs at rows `at` as circles in mm, from their unrounded ends."""
+    px, py = machine.pulses_per_mm
+    before_x = np.concatenate([[0.0], path.x])[at] / px
+    before_y = np.concatenate([[0.0], path.y])[at] / py
+    x, y, ccw = path.x[at] / px, path.y[at] / py, path.ccw[at]
+    centre = arcs_by_centre(before_x, before_y, x, y, path.cx[at] / px, path.cy[at] / py, ccw)
+    radius = arcs_by_radius(before_x, before_y, x, y, path.radius[at] / px, ccw)
+    by_radius = path.op[at] == Op.ARC_RADIUS
+    return Arcs(**{f.name: np.where(by_radius, getattr(radius, f.name), getattr(centre, f.name)) for f in fields(Arcs)})

@@ -106,21 +106,43 @@ POWER_NOW_PCT = Range(name="immediate power, duty", unit="%", low=0, high=100, s
 POWER_NOW_KHZ = Range(name="immediate power, frequency", unit="kHz", low=0, high=2000, section="二.2")
 POWER_NOW_V = Range(name="immediate power, analog", unit="V", low=0, high=10, section="二.2")
 CARRIER_KHZ = Range(
-    name="carrier", unit="kHz", low=0, high=2000, low_open=True, section="二.2",
+    name="carrier",
+    unit="kHz",
+    low=0,
+    high=2000,
+    low_open=True,
+    section="二.2",
     note="M prints (0~2000KHz]; must be set in the duty modes, and not above the laser's highest response frequency",
 )
 PULSE_WIDTH_US = Range(
-    name="laser pulse width", unit="us", low=0, high=65535, low_open=True, whole=True, section="二.2",
+    name="laser pulse width",
+    unit="us",
+    low=0,
+    high=65535,
+    low_open=True,
+    whole=True,
+    section="二.2",
     note="sister headers take an unsigned long; M's unsigned short is the law here",
 )
 PULSE_DUTY_PCT = Range(
-    name="laser pulse width times frequency", unit="%", low=0.1, high=100, low_open=True, high_open=True, section="二.2",
+    name="laser pulse width times frequency",
+    unit="%",
+    low=0.1,
+    high=100,
+    low_open=True,
+    high_open=True,
+    section="二.2",
     note="M's own routine 三.1 (2) has a mode MAX that would stand at 1000 %, so it binds powers, not the mode's MAX",
 )
 
 # Laser: switch, standby, first pulse (M 二.2).
 SWITCH_DELAY_US = Range(
-    name="switch delay", unit="us", low=0, high=65535, whole=True, section="二.2",
+    name="switch delay",
+    unit="us",
+    low=0,
+    high=65535,
+    whole=True,
+    section="二.2",
     note="M words the delays by level (high to low = off, low to high = on) while 一.2 has the switch line high when "
     "off; the names off/on in M are followed, off first",
 )
@@ -132,11 +154,21 @@ FPK_GAP_US = Range(name="FPK gap", unit="us", low=0, high=65535, whole=True, sec
 FPK_OFF_DELAY_US = Range(name="FPK off delay", unit="us", low=0, high=65535, whole=True, section="二.2")
 SWITCH_VALUE = Range(name="switch value", unit="", low=0, high=1, whole=True, section="二.2")
 CHANNEL = Range(
-    name="laser channel", unit="", low=0, high=1, whole=True, section="二.2",
+    name="laser channel",
+    unit="",
+    low=0,
+    high=1,
+    whole=True,
+    section="二.2",
     note="M's examples say 'channel 1' for number 0",
 )
 AXIS_MODE_AXIS = Range(
-    name="axis of GT_SetAxisMode", unit="", low=7, high=8, whole=True, section="二.2",
+    name="axis of GT_SetAxisMode",
+    unit="",
+    low=7,
+    high=8,
+    whole=True,
+    section="二.2",
     note="not to be called in analog mode: M's analog routine calls it and says in its comment not to; the comment wins",
 )
 AXIS_MODE = Range(
@@ -146,31 +178,82 @@ POWER_MODE = Range(name="power mode", unit="", low=0, high=3, whole=True, sectio
 
 # Laser: buffered power (M 四.2).
 POWER_PCT = Range(
-    name="buffered power, duty", unit="%", low=0, high=100, low_open=True, high_open=True, ends_tolerated=True,
-    section="四.2", note=_OPEN,
+    name="buffered power, duty",
+    unit="%",
+    low=0,
+    high=100,
+    low_open=True,
+    high_open=True,
+    ends_tolerated=True,
+    section="四.2",
+    note=_OPEN,
 )
 POWER_KHZ = Range(
-    name="buffered power, frequency", unit="kHz", low=0, high=2000, low_open=True, high_open=True,
-    ends_tolerated=True, section="四.2", note=_OPEN,
+    name="buffered power, frequency",
+    unit="kHz",
+    low=0,
+    high=2000,
+    low_open=True,
+    high_open=True,
+    ends_tolerated=True,
+    section="四.2",
+    note=_OPEN,
 )
 POWER_V = Range(
-    name="buffered power, analog", unit="V", low=0, high=10, low_open=True, high_open=True, ends_tolerated=True,
-    section="四.2", note=_OPEN,
+    name="buffered power, analog",
+    unit="V",
+    low=0,
+    high=10,
+    low_open=True,
+    high_open=True,
+    ends_tolerated=True,
+    section="四.2",
+    note=_OPEN,
 )
 FOLLOW_PCT = Range(
-    name="follow limits, duty", unit="%", low=0, high=100, low_open=True, high_open=True, ends_tolerated=True,
-    whole=True, section="四.2", note=_FOLLOW,
+    name="follow limits, duty",
+    unit="%",
+    low=0,
+    high=100,
+    low_open=True,
+    high_open=True,
+    ends_tolerated=True,
+    whole=True,
+    section="四.2",
+    note=_FOLLOW,
 )
 FOLLOW_KHZ = Range(
-    name="follow limits, frequency", unit="kHz", low=0, high=2000, low_open=True, high_open=True,
-    ends_tolerated=True, whole=True, section="四.2", note=_FOLLOW,
+    name="follow limits, frequency",
+    unit="kHz",
+    low=0,
+    high=2000,
+    low_open=True,
+    high_open=True,
+    ends_tolerated=True,
+    whole=True,
+    section="四.2",
+    note=_FOLLOW,
 )
 FOLLOW_V = Range(
-    name="follow limits, analog", unit="V", low=0, high=10, low_open=True, high_open=True, ends_tolerated=True,
-    whole=True, section="四.2", note=_FOLLOW,
+    name="follow limits, analog",
+    unit="V",
+    low=0,
+    high=10,
+    low_open=True,
+    high_open=True,
+    ends_tolerated=True,
+    whole=True,
+    section="四.2",
+    note=_FOLLOW,
 )
 FOLLOW_RATIO = Range(
-    name="follow ratio", unit="", low=0, high=math.inf, low_open=True, high_open=True, section="四.2",
+    name="follow ratio",
+    unit="",
+    low=0,
+    high=math.inf,
+    low_open=True,
+    high_open=True,
+    section="四.2",
     note="M: must be positive; power units per pulse/ms",
 )
 
@@ -179,11 +262,23 @@ DISTANCE_LIMIT_PCT = Range(name="distance follow limits, duty", unit="%", low=0,
 DISTANCE_LIMIT_KHZ = Range(name="distance follow limits, frequency", unit="kHz", low=0, high=2000, section="五.2")
 DISTANCE_LIMIT_V = Range(name="distance follow limits, analog", unit="V", low=0, high=10, section="五.2")
 DISTANCE_SCALE = Range(
-    name="distance follow scale", unit="pulse/mm", low=0, high=math.inf, low_open=True, high_open=True, section="五.2",
+    name="distance follow scale",
+    unit="pulse/mm",
+    low=0,
+    high=math.inf,
+    low_open=True,
+    high_open=True,
+    section="五.2",
     note="M prints no range; a scale of 0 has no meaning",
 )
 DISTANCE_RATIO = Range(
-    name="distance follow ratio", unit="", low=-math.inf, high=math.inf, low_open=True, high_open=True, section="五.2",
+    name="distance follow ratio",
+    unit="",
+    low=-math.inf,
+    high=math.inf,
+    low_open=True,
+    high_open=True,
+    section="五.2",
     note="M: 0, positive or negative; power units per mm",
 )
 DISTANCE_ENABLE = Range(name="distance follow enable", unit="", low=0, high=1, whole=True, section="五.2")
@@ -191,17 +286,36 @@ DISTANCE_SOURCE = Range(name="distance follow source", unit="", low=0, high=1, w
 
 # Motion (M 四.2 for crd and fifo; the rest sister, since M refers to the basic manual).
 CRD = Range(name="coordinate system", unit="", low=1, high=2, whole=True, section="四.2")
-FIFO = Range(name="FIFO", unit="", low=0, high=1, whole=True, section="四.2", note="M's default before an argument without one is illegal C: always written out")
-COORDINATE_PULSE = Range(name="coordinate", unit="pulse", low=-1073741823, high=1073741823, whole=True, section="sister")
+FIFO = Range(
+    name="FIFO",
+    unit="",
+    low=0,
+    high=1,
+    whole=True,
+    section="四.2",
+    note="M's default before an argument without one is illegal C: always written out",
+)
+COORDINATE_PULSE = Range(
+    name="coordinate", unit="pulse", low=-1073741823, high=1073741823, whole=True, section="sister"
+)
 VELOCITY = Range(name="velocity", unit="pulse/ms", low=0, high=32767, low_open=True, high_open=True, section="sister")
-ACCELERATION = Range(name="acceleration", unit="pulse/ms2", low=0, high=32767, low_open=True, high_open=True, section="sister")
+ACCELERATION = Range(
+    name="acceleration", unit="pulse/ms2", low=0, high=32767, low_open=True, high_open=True, section="sister"
+)
 END_VELOCITY = Range(name="end velocity", unit="pulse/ms", low=0, high=32767, high_open=True, section="sister")
 RADIUS_PULSE = Range(
-    name="arc radius", unit="pulse", low=-1073741823, high=1073741823, section="sister",
+    name="arc radius",
+    unit="pulse",
+    low=-1073741823,
+    high=1073741823,
+    section="sister",
     note="r > 0 up to 180 degrees, r < 0 more; no full circle",
 )
-ARC_DIRECTION = Range(name="arc direction", unit="", low=0, high=1, whole=True, section="sister", note="0 clockwise, 1 counter-clockwise")
+ARC_DIRECTION = Range(
+    name="arc direction", unit="", low=0, high=1, whole=True, section="sister", note="0 clockwise, 1 counter-clockwise"
+)
 DWELL_MS = Range(name="dwell", unit="ms", low=0, high=16383, whole=True, section="sister")
+LOOKAHEAD_TIME_MS = Range(name="look-ahead cornering time", unit="ms", low=0, high=100, section="sister")
 DIMENSION = Range(name="dimension", unit="", low=1, high=4, whole=True, section="sister")
 EVEN_TIME_MS = Range(name="even time", unit="ms", low=0, high=32767, high_open=True, whole=True, section="sister")
 

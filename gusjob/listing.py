@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from gusjob.stream import BUFFERED, BufferedCalls, Stream, Value
+from gusjob.stream import BUFFERED, Buffered, BufferedCalls, Stream, Value
 
 _CHUNK = 1 << 16
 
@@ -51,3 +51,16 @@ def value_text(value: Value) -> str:
     if isinstance(value, tuple):
         return f"{{{','.join(map(value_text, value))}}}"
     return number_texts(np.array([value], dtype=np.float64))[0]
+
+
+def listing_json(stream: Stream) -> Iterator[bytes]:
+    """gusjob-calls/1: the other calls as objects, each with `at`, the number of buffered calls before it; those as columns."""
+    calls = [{"call": c.name, "args": c.args, "at": c.at, "line": c.line} for c in stream.calls]
+    yield b'{"schema": "gusjob-calls/1", "job": ' + orjson.dumps(stream.name) + b', "calls": ' + orjson.dumps(calls)
+    names = [BUFFERED[Buffered(kind)].name.encode() for kind in Buffered]
+    yield b', "buffered": {"call": ['
+    yield b",".join([b'"' + names[kind] + b'"' for kind in stream.buffered.kind.tolist()]) + b"]"
+    for name in stream.buffered.__slots__[1:]:
+        column = np.ascontiguousarray(stream.buffered.column(name))
+        yield b", " + orjson.dumps(name) + b": " + orjson.dumps(column, option=orjson.OPT_SERIALIZE_NUMPY)
+    yield b"}}\n"

@@ -12,7 +12,7 @@ from typing import Any
 
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Span
-from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, VELOCITY, PowerMode, Range
+from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, VELOCITY, PowerMode, Range
 from gusjob.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 PROFILE_NAME = "gusjob.toml"
@@ -96,7 +96,7 @@ _MACHINE_KEYS: dict[str, Range] = {
     "chord_tolerance_um": Range(name="chord tolerance", unit="um", low=0.01, high=1000, section="profile"),
 }
 _LOOKAHEAD_KEYS: dict[str, Range] = {
-    "time_ms": Range(name="cornering time", unit="ms", low=0, high=100, section="sister"),
+    "time_ms": LOOKAHEAD_TIME_MS,
     "acc_pulse_per_ms2": ACCELERATION,
 }
 _LASER_KEYS: dict[str, Range] = {
@@ -124,9 +124,7 @@ def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
         )
         return Machine(), [fault]
     except UnicodeDecodeError as error:
-        return Machine(), [
-            Diagnostic(rule=d.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
-        ]
+        return Machine(), [Diagnostic(rule=d.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))]
     return parse_machine(text, str(path))
 
 

@@ -90,7 +90,13 @@ _SIGNATURES = (
     Signature(name="GT_LnXY", args=(*_TO, *_SPEED), buffered=Buffered.LINE, section="四.3"),
     Signature(
         name="GT_ArcXYC",
-        args=(*_TO, _real("xc", limits.COORDINATE_PULSE, "p"), _real("yc", limits.COORDINATE_PULSE, "q"), _DIR, *_SPEED),
+        args=(
+            *_TO,
+            _real("xc", limits.COORDINATE_PULSE, "p"),
+            _real("yc", limits.COORDINATE_PULSE, "q"),
+            _DIR,
+            *_SPEED,
+        ),
         buffered=Buffered.ARC_CENTRE,
     ),
     Signature(
@@ -98,9 +104,7 @@ _SIGNATURES = (
         args=(*_TO, _real("r", limits.RADIUS_PULSE, "p"), _DIR, *_SPEED),
         buffered=Buffered.ARC_RADIUS,
     ),
-    Signature(
-        name="GT_BufDelay", args=(_CRD, _whole("ms", limits.DWELL_MS, "p"), _FIFO), buffered=Buffered.DELAY
-    ),
+    Signature(name="GT_BufDelay", args=(_CRD, _whole("ms", limits.DWELL_MS, "p"), _FIFO), buffered=Buffered.DELAY),
     Signature(name="GT_BufLaserOn", args=(_CRD, _FIFO, _CH), buffered=Buffered.ON, section="四.2"),
     Signature(name="GT_BufLaserOff", args=(_CRD, _FIFO, _CH), buffered=Buffered.OFF, section="四.2"),
     Signature(
@@ -208,8 +212,7 @@ SIGNATURES: dict[str, Signature] = {s.name: s for s in _SIGNATURES}
 BUFFERED: dict[Buffered, Signature] = {s.buffered: s for s in _SIGNATURES if s.buffered is not None}
 
 PASSED_OVER = frozenset(
-    "GT_Open GT_Close GT_Reset GT_LoadConfig GT_ClrSts GT_AxisOn GT_AxisOff GT_GetVersion GT_CrdSpace GT_CrdData "
-    "GT_GetCrdPos GT_GetCrdVel GT_GetSts GT_ZeroPos".split()
+    ["GT_Open", "GT_Close", "GT_Reset", "GT_LoadConfig", "GT_ClrSts", "GT_AxisOn", "GT_AxisOff", "GT_GetVersion", "GT_CrdSpace", "GT_CrdData", "GT_GetCrdPos", "GT_GetCrdVel", "GT_GetSts", "GT_ZeroPos"]
 )
 """Calls of the basic manual that a listing may hold and that change neither light nor path here."""
 

@@ -7,33 +7,36 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Span
-from gusjob.interpreter.clock import Clock, corner_faults, run_clock
+from gusjob.interpreter.clock import Clock, path_faults, run_clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.power import emitted, power_calls
 from gusjob.interpreter.program import Program, run_program
 from gusjob.interpreter.switch import emission
 from gusjob.interpreter.trace import ChannelTrace, Trace
 from gusjob.limits import PowerMode
+from gusjob.machine import Machine
 from gusjob.stream import Stream
 from gusjob.units import US_PER_MS
 
 __all__ = ["ChannelTrace", "Trace", "interpret"]
 
 
-def interpret(stream: Stream, *, period_us: float, corner_limit: float | None = None) -> tuple[Trace, list[Diagnostic]]:
-    """Run a stream. `corner_limit` (pulse/ms): report corners at which the velocity vector changes by more."""
+def interpret(stream: Stream, machine: Machine, *, foreign: bool = False) -> tuple[Trace, list[Diagnostic]]:
+    """Run a stream on a machine. `foreign`: not from our planner, so its corners and its field are looked at too."""
     program = run_program(stream)
     calls = stream.buffered
     clock, faults = run_clock(calls, program, stream.name)
     faults = [*program.diagnostics, *faults]
-    if corner_limit is not None:
-        faults += corner_faults(calls, clock, corner_limit, stream.name)
+    if foreign:
+        faults += path_faults(calls, clock, machine, stream.name)
     motion = Motion(clock=clock, program=program)
     channels = []
     for channel in program.channels:
         lasers = [stage.lasers[channel] for stage in program.stages]
         shine = emission(calls, clock, program, channel)
-        done, lost = emitted(motion, shine, power_calls(calls, clock, program, channel), lasers, period_us / US_PER_MS)
+        done, lost = emitted(
+            motion, shine, power_calls(calls, clock, program, channel), lasers, machine.period_us / US_PER_MS
+        )
         trace = ChannelTrace(
             channel=channel,
             lasers=tuple(lasers),
@@ -47,7 +50,7 @@ def interpret(stream: Stream, *, period_us: float, corner_limit: float | None = 
         faults += _light_faults(trace, clock, calls.line, program, stream.name)
     trace_all = Trace(
         name=stream.name,
-        period_us=period_us,
+        period_us=machine.period_us,
         line=calls.line[clock.row],
         clock=clock,
         motion=motion,

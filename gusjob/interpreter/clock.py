@@ -16,6 +16,7 @@ from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.geometry import Arcs, Segments, arcs_by_centre, arcs_by_radius, segments
 from gusjob.interpreter.program import MAX_PER_RULE, Program
+from gusjob.machine import Machine
 from gusjob.motion import Trapezoids, reached_ends, running_sum, trapezoids
 from gusjob.stream import Buffered, BufferedCalls
 
@@ -136,18 +137,14 @@ class _Reporter:
         """One diagnostic for each segment in `where`, its fields from columns (m,)."""
         at = np.flatnonzero(where)
         for i in at[:MAX_PER_RULE].tolist():
-            fields: dict[str, object] = {
-                k: v if isinstance(v, str) else float(v[i]) for k, v in columns.items()
-            }
+            fields: dict[str, object] = {k: v if isinstance(v, str) else float(v[i]) for k, v in columns.items()}
             line = int(self.calls.line[self.clock.row[i]])
             self.faults.append(Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=self.path))
         if len(at) > MAX_PER_RULE:
             fields = {"count": len(at) - MAX_PER_RULE, "code": rule.code, "shown": MAX_PER_RULE}
             self.faults.append(Diagnostic(rule=d.MORE, span=Span(line=1), fields=fields, path=self.path))
 
-    def report(
-        self, wanted: Floats, too_fast: npt.NDArray[np.bool_], breaks: npt.NDArray[np.bool_]
-    ) -> None:
+    def report(self, wanted: Floats, too_fast: npt.NDArray[np.bool_], breaks: npt.NDArray[np.bool_]) -> None:
         """Everything that the calls asked for and the path can't give."""
         clock, profile = self.clock, self.clock.profile
         if not len(clock.row):
@@ -170,19 +167,26 @@ class _Reporter:
         )
 
 
-def corner_faults(calls: BufferedCalls, clock: Clock, limit: float, path: str) -> list[Diagnostic]:
-    """Corners at which the velocity vector changes by more than `limit` (pulse/ms)."""
+def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str) -> list[Diagnostic]:
+    """Corners at which the velocity vector changes by more than the machine's look-ahead lets it; moves outside the field."""
     laid, end = clock.laid, clock.profile.end
-    if len(end) < 2:
+    reporter = _Reporter(calls=calls, clock=clock, path=path, faults=[])
+    if not len(end):
         return []
+    limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
     jump = end[:-1] * np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
     jump = np.append(np.where(np.diff(clock.stage) == 0, jump, 0.0), 0.0)
-    reporter = _Reporter(calls=calls, clock=clock, path=path, faults=[])
-    reporter.add(
-        d.SHARP_CORNER,
-        jump > limit * (1 + 1e-6),
-        value=end,
-        jump=jump,
-        limit=np.full(len(jump), limit),
-    )
+    reporter.add(d.SHARP_CORNER, jump > limit * (1 + 1e-6), value=end, jump=jump, limit=np.full(len(jump), limit))
+    x_low, x_high = np.minimum(laid.x0, laid.x1), np.maximum(laid.x0, laid.x1)
+    y_low, y_high = np.minimum(laid.y0, laid.y1), np.maximum(laid.y0, laid.y1)
+    if len(laid.arc_at):
+        x_low[laid.arc_at], x_high[laid.arc_at], y_low[laid.arc_at], y_high[laid.arc_at] = laid.arcs.extent()
+    for axis, lowest, highest, (low, high), scale in (
+        ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),
+        ("Y", y_low, y_high, machine.field_y_mm, machine.pulses_per_mm[1]),
+    ):
+        below, above = lowest / scale < low - 1e-6, highest / scale > high + 1e-6
+        bounds = {"low": np.full(len(end), low), "high": np.full(len(end), high)}
+        reporter.add(d.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
+        reporter.add(d.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)
     return reporter.faults

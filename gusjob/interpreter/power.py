@@ -302,9 +302,7 @@ class _Ticks:
         first, last = clock.stage_first[self.stage], clock.stage_first[self.stage + 1] - 1
         return np.maximum(np.minimum(found, np.minimum(self.cell, last)), np.minimum(first, last))
 
-    def sample(
-        self, cell: Indices, time: Floats, setting: Setting, by_distance: Bools
-    ) -> tuple[Floats, Bools]:
+    def sample(self, cell: Indices, time: Floats, setting: Setting, by_distance: Bools) -> tuple[Floats, Bools]:
         """Power at moments, through all limits, and where a limit held it."""
         motion = self.integrator.motion
         base = setting.low

@@ -194,9 +194,7 @@ class _Executor:
                     self.judge_power(rows, mine, kind, self.lasers[channel].power_mode, bad)
         return rows[~bad]
 
-    def judge_power(
-        self, rows: Rows, at: Rows, kind: Buffered, mode: PowerMode, bad: npt.NDArray[np.bool_]
-    ) -> None:
+    def judge_power(self, rows: Rows, at: Rows, kind: Buffered, mode: PowerMode, bad: npt.NDArray[np.bool_]) -> None:
         if not len(at):
             return
         signature, calls = BUFFERED[kind], self.stream.buffered
@@ -207,7 +205,9 @@ class _Executor:
         if kind is Buffered.FOLLOW:
             upside_down = at[~(calls.r[rows[at]] > calls.q[rows[at]])]
             for i in upside_down[~bad[upside_down]][:MAX_PER_RULE].tolist():
-                self.refuse(signature.name, int(calls.line[rows[i]]), PARAMETER_ERROR, "maxPower must be above minPower")
+                self.refuse(
+                    signature.name, int(calls.line[rows[i]]), PARAMETER_ERROR, "maxPower must be above minPower"
+                )
             bad[upside_down] = True
 
     def judge(
@@ -409,7 +409,9 @@ class _Executor:
         mask, option = int(self.number(call, 0)), int(self.number(call, 1))
         if mask not in (1, 2):
             rule, fields = (d.CRDS_AT_ONCE, {}) if mask == 3 else (d.REFUSED, {"call": call.name})
-            self.fault(rule, call.line, **fields, code=PARAMETER_ERROR, reason=f"mask {mask} names no coordinate system")
+            self.fault(
+                rule, call.line, **fields, code=PARAMETER_ERROR, reason=f"mask {mask} names no coordinate system"
+            )
             return
         crd = mask
         fifo = (option >> (crd - 1)) & 1

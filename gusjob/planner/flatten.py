@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.geometry import Arcs, arcs_by_centre, arcs_by_radius
-from gusjob.job import Op, Path
-from gusjob.machine import Machine
+from gusjob.geometry import Arcs
+from gusjob.job import Op, Path, arcs_mm
 from gusjob.planner.plan import Plan
 
 
@@ -47,17 +46,3 @@ def flatten(state: Plan) -> Plan:
     columns["op"][new] = Op.LINE
     longer = Path(**columns)
     return replace(state, path=longer, origin=origin, timed=np.flatnonzero(longer.takes_time))
-
-
-def arcs_mm(path: Path, at: npt.NDArray[np.intp], machine: Machine) -> Arcs:
-    """The arcs at rows `at` as circles in mm, from their unrounded ends."""
-    px, py = machine.pulses_per_mm
-    before_x = np.concatenate([[0.0], path.x])[at] / px
-    before_y = np.concatenate([[0.0], path.y])[at] / py
-    x, y, ccw = path.x[at] / px, path.y[at] / py, path.ccw[at]
-    centre = arcs_by_centre(before_x, before_y, x, y, path.cx[at] / px, path.cy[at] / py, ccw)
-    radius = arcs_by_radius(before_x, before_y, x, y, path.radius[at] / px, ccw)
-    by_radius = path.op[at] == Op.ARC_RADIUS
-    return Arcs(
-        **{f.name: np.where(by_radius, getattr(radius, f.name), getattr(centre, f.name)) for f in fields(Arcs)}
-    )

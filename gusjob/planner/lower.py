@@ -146,7 +146,9 @@ def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
     if np.any(path.op[timed] == Op.ARC_CENTRE) or np.any(path.op[timed] == Op.ARC_RADIUS):
         by_radius = path.op[arcs] == Op.ARC_RADIUS
         # The centre is an offset from the start point, in whole pulses like the ends.
-        p[arcs] = np.where(by_radius, _radius(path.radius[arcs], laid.arcs.radius), np.rint(path.cx[arcs]) - laid.x0[laid.arc_at])
+        p[arcs] = np.where(
+            by_radius, _radius(path.radius[arcs], laid.arcs.radius), np.rint(path.cx[arcs]) - laid.x0[laid.arc_at]
+        )
         q[arcs] = np.where(by_radius, 0.0, np.rint(path.cy[arcs]) - laid.y0[laid.arc_at])
         r[arcs] = path.ccw[arcs]
         # An arc whose ends fall on one pulse is a line of no length, never a full circle.
@@ -182,4 +184,3 @@ def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
 def _radius(written: npt.NDArray[np.float64], fitted: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """The radius as written, or half the chord where rounding made the chord longer than twice that."""
     return np.where(np.abs(written) >= fitted, written, np.sign(written) * fitted)
-

@@ -84,6 +84,24 @@ def filled(values: Floats, start: float) -> Floats:
 
 
 @dataclass(slots=True)
+class _Modal:
+    """A modal value in force per row: the value (NaN: never set), whether it was written in mm, and the line that set it."""
+
+    value: Floats
+    in_mm: Bools
+    line: npt.NDArray[np.int32]
+
+    def over(self, where: Bools, other: _Modal) -> _Modal:
+        """This one, but `other` where it is set and `where` holds."""
+        use = where & ~np.isnan(other.value)
+        return _Modal(
+            np.where(use, other.value, self.value),
+            np.where(use, other.in_mm, self.in_mm),
+            np.where(use, other.line, self.line),
+        )
+
+
+@dataclass(slots=True)
 class _Elaboration:
     text: JobText
     machine: Machine
@@ -128,7 +146,7 @@ class _Elaboration:
             return scaled, np.broadcast_to(np.True_, len(values))
         return np.where(pulses, values, scaled), ~pulses
 
-    def modal(self, statement: RowOp, word: Field | None, *, acceleration: bool) -> tuple[Floats, Bools]:
+    def modal(self, statement: RowOp, word: Field | None, *, acceleration: bool) -> _Modal:
         """A modal velocity or acceleration in force per row, set by its statement or by a word of LINE and ARC."""
         op = self.rows.op
         value, in_mm = self.rate(Field.VALUE, acceleration=acceleration)
@@ -139,9 +157,10 @@ class _Elaboration:
             value, in_mm = np.where(by_word, own, value), np.where(by_word, own_mm, in_mm)
             is_set = is_set | by_word
         if not is_set.any():
-            return np.broadcast_to(np.nan, len(op)), np.broadcast_to(np.False_, len(op))
+            n = len(op)
+            return _Modal(np.broadcast_to(np.nan, n), np.broadcast_to(np.False_, n), np.broadcast_to(np.int32(0), n))
         at = last_set(is_set)
-        return np.where(at >= 0, value[at], np.nan), in_mm[at]
+        return _Modal(np.where(at >= 0, value[at], np.nan), in_mm[at], self.rows.line[at])
 
     def position(self, column: Field, axis: int) -> Floats:
         """Absolute position on an axis behind each row, pulse."""
@@ -189,14 +208,12 @@ class _Elaboration:
         path_op = _OP_TABLE[op]
         keep = path_op != _NONE
         x, y = self.position(Field.X, 0), self.position(Field.Y, 1)
-        vel, vel_mm = self.modal(RowOp.VEL, Field.VEL, acceleration=False)
-        acc, acc_mm = self.modal(RowOp.ACC, Field.ACC, acceleration=True)
+        vel = self.modal(RowOp.VEL, Field.VEL, acceleration=False)
+        acc = self.modal(RowOp.ACC, Field.ACC, acceleration=True)
         jump = op == RowOp.JUMP
         if jump.any():
-            jump_vel, jump_vel_mm = self.modal(RowOp.JUMPVEL, None, acceleration=False)
-            jump_acc, jump_acc_mm = self.modal(RowOp.JUMPACC, None, acceleration=True)
-            vel, vel_mm = _over(jump & ~np.isnan(jump_vel), jump_vel, jump_vel_mm, vel, vel_mm)
-            acc, acc_mm = _over(jump & ~np.isnan(jump_acc), jump_acc, jump_acc_mm, acc, acc_mm)
+            vel = vel.over(jump, self.modal(RowOp.JUMPVEL, None, acceleration=False))
+            acc = acc.over(jump, self.modal(RowOp.JUMPACC, None, acceleration=True))
         end, end_mm = self.rate(Field.END, acceleration=False)
         arcs = (op >= RowOp.ARC_CENTRE_CW) & (op <= RowOp.ARC_RADIUS_CCW)
         nothing = np.broadcast_to(np.nan, len(op))
@@ -229,11 +246,13 @@ class _Elaboration:
             cx=cut(cx),
             cy=cut(cy),
             radius=cut(radius),
-            vel=cut(vel),
-            acc=cut(acc),
+            vel=cut(vel.value),
+            acc=cut(acc.value),
             end=cut(end),
-            vel_in_mm=cut(vel_mm if unequal else false),
-            acc_in_mm=cut(acc_mm if unequal else false),
+            vel_line=cut(vel.line),
+            acc_line=cut(acc.line),
+            vel_in_mm=cut(vel.in_mm if unequal else false),
+            acc_in_mm=cut(acc.in_mm if unequal else false),
             end_in_mm=cut(end_mm if unequal else false),
             dwell_ms=cut(np.where(op == RowOp.DWELL, value, np.nan) if (op == RowOp.DWELL).any() else nothing),
             power=cut(np.where(op == RowOp.POWER, value, np.nan) if (op == RowOp.POWER).any() else nothing),
@@ -373,9 +392,3 @@ def _called(statement: Statement) -> str:
     if statement.form == "laser_switch":
         return f"LASER {' '.join(statement.options)}"
     return f"{statement.name} NOW" if "NOW" in statement.options else statement.name
-
-
-def _over(
-    where: Bools, value: Floats, value_mm: Bools, other: Floats, other_mm: Bools
-) -> tuple[Floats, Bools]:
-    return np.where(where, value, other), np.where(where, value_mm, other_mm)

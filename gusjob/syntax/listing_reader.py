@@ -241,7 +241,9 @@ class _ListingReader:
             return tuple(self.value(part) for part in subtrees(tree))
         name = str(tokens(tree)[0])
         if name in self.fields:
-            return tuple(self.fields[name].get(f, (0.0,) * 8 if f in ("profile", "originPos") else 0.0) for f in _CRD_FIELDS)
+            return tuple(
+                self.fields[name].get(f, (0.0,) * 8 if f in ("profile", "originPos") else 0.0) for f in _CRD_FIELDS
+            )
         return self.arrays.get(name, name)
 
     def call(self, item: Tree[Token], line: int) -> list[Row]:
@@ -279,7 +281,11 @@ class _ListingReader:
             Kind.POINTER: "a variable",
             Kind.STRUCT: "a TCrdPrm",
         }[arg.kind]
-        if first is not None and first.type == "NUMBER" and (octal := re.match(r"[+-]?0_([0-7]+)", self._original(first, line))):
+        if (
+            first is not None
+            and first.type == "NUMBER"
+            and (octal := re.match(r"[+-]?0_([0-7]+)", self._original(first, line)))
+        ):
             self.at(d.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=int(octal[1], 8))
             return None
         good = {

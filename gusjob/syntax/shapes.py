@@ -166,9 +166,7 @@ class _Scanner:
         edges[ends[lines]] -= 1
         return np.cumsum(edges, dtype=np.int8).astype(np.bool_), comment_at
 
-    def _shapes(
-        self, raw: npt.NDArray[np.uint8], text: bytes, comment: npt.NDArray[np.bool_] | None
-    ) -> list[bytes]:
+    def _shapes(self, raw: npt.NDArray[np.uint8], text: bytes, comment: npt.NDArray[np.bool_] | None) -> list[bytes]:
         flat = np.frombuffer(text.translate(_COLLAPSE), dtype=np.uint8)
         digit = flat == 48
         keep = np.ones(len(flat), dtype=np.bool_)

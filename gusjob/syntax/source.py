@@ -56,7 +56,9 @@ def check_text(data: bytes, name: str) -> tuple[Source | None, list[Diagnostic]]
         return None, [_fault(d.NOT_TEXT, name, reason="it looks like UTF-16; save it as UTF-8")]
     nul = data.find(b"\0")
     if nul >= 0:
-        return None, [_fault(d.NOT_TEXT, name, data.count(b"\n", 0, nul) + 1, reason="it holds NUL bytes (a binary file?)")]
+        return None, [
+            _fault(d.NOT_TEXT, name, data.count(b"\n", 0, nul) + 1, reason="it holds NUL bytes (a binary file?)")
+        ]
     try:
         data.decode("utf-8") if not data.isascii() else None
     except UnicodeDecodeError as error:

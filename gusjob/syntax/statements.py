@@ -351,9 +351,7 @@ class _Reader:
         if quantity is not None:
             words[name] = quantity
 
-    def needs(
-        self, form: Form, words: dict[str, object], options: list[str], column: int, end_column: int
-    ) -> None:
+    def needs(self, form: Form, words: dict[str, object], options: list[str], column: int, end_column: int) -> None:
         if "OFF" in options:
             return
         missing = [w for w in form.needs if w not in words]

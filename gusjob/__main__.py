@@ -1,0 +1,5 @@
+"""python -m gusjob."""
+
+from gusjob.cli import main
+
+main()

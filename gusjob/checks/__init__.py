@@ -1,0 +1,43 @@
+"""Job to diagnostics: plain functions, one a matter, in one tuple."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gusjob.checks import light, motion, power, setup
+from gusjob.checks.view import Findings, View
+from gusjob.diagnostics import Diagnostic
+from gusjob.job import Job
+from gusjob.machine import Machine
+
+Check = Callable[[View, Findings], None]
+
+CHECKS: tuple[Check, ...] = (
+    setup.laser_mode,
+    setup.delays,
+    setup.output_when_off,
+    setup.distance,
+    setup.coordinate_system,
+    setup.new_stages,
+    power.before_a_mode,
+    power.direct_power,
+    power.follow,
+    power.saturation,
+    light.left_on,
+    light.jumps,
+    light.no_power,
+    motion.speeds,
+    motion.field,
+    motion.arcs_close,
+    motion.arc_speed,
+    motion.dwells,
+    motion.forced_ends,
+)
+
+
+def check(job: Job, machine: Machine) -> list[Diagnostic]:
+    """Everything that is wrong or odd in a job on a machine, in line order."""
+    findings, view = Findings(job=job), View(job=job, machine=machine)
+    for one in CHECKS:
+        one(view, findings)
+    return sorted(findings.done(), key=lambda f: (f.span.line, f.span.column))

@@ -1,0 +1,45 @@
+"""What hurts: light left on, light during a jump, light without a power."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gusjob import diagnostics as d
+from gusjob.checks.view import CHANNELS, Findings, View
+from gusjob.job import Op
+
+
+def left_on(view: View, findings: Findings) -> None:
+    """The job ends with every channel off."""
+    for channel in CHANNELS:
+        _, _, on, line = view.lit(channel)
+        if on:
+            hint = f" CHANNEL {channel}" if channel else ""
+            findings.add(d.LEFT_ON, line, channel=channel, hint=hint)
+
+
+def jumps(view: View, findings: Findings) -> None:
+    """JUMP is a move with the laser off."""
+    rows = view.rows(Op.JUMP)
+    for channel in CHANNELS:
+        lit, on_line, _, _ = view.lit(channel)
+        bad = rows[lit[rows]]
+        findings.at_rows(d.JUMP_LIT, bad, "", channel=channel, on_line=on_line[bad])
+
+
+def no_power(view: View, findings: Findings) -> None:
+    """Light in a motion or dwell while the channel has a mode but no power set since."""
+    path = view.job.path
+    timed = np.flatnonzero(path.takes_time)
+    for channel in CHANNELS:
+        lit, on_line, _, _ = view.lit(channel)
+        keys = view.power_keys(channel)
+        for span in view.modes(channel):
+            rows = timed[(timed >= span.first) & (timed < span.last)]
+            rows = rows[lit[rows]]
+            if not len(rows):
+                continue
+            behind = np.searchsorted(keys, rows * 2, side="right") - 1
+            unset = (behind < 0) | (keys[behind] < span.first * 2) if len(keys) else np.ones(len(rows), dtype=np.bool_)
+            for line in np.unique(on_line[rows[unset]]).tolist():
+                findings.add(d.NO_POWER, line, channel=channel, mode_line=span.setup.line)

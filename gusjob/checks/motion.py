@@ -1,0 +1,153 @@
+"""Motion: velocities, accelerations, field, arcs, dwells, forced end velocities."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gusjob import diagnostics as d
+from gusjob import limits
+from gusjob.checks.view import Findings, Floats, Indices, View
+from gusjob.geometry import arcs_by_centre, arcs_by_radius
+from gusjob.job import Op, arcs_mm
+from gusjob.limits import Range
+
+_CLOSES_MM = 0.005
+"""How far the end of an arc may lie off its circle, mm."""
+
+
+def speeds(view: View, findings: Findings) -> None:
+    """Velocity and acceleration are given, positive, and within the machine's limits."""
+    path, machine = view.job.path, view.machine
+    rows = np.flatnonzero(path.moves)
+    scale = machine.pulses_per_mm[0]
+    for values, lines, missing, allowed, name, limit, factor, unit in (
+        (path.vel, path.vel_line, d.NO_VELOCITY, limits.VELOCITY, "VEL", machine.max_velocity_mm_s, 1e3, "mm/s"),
+        (path.acc, path.acc_line, d.NO_ACCELERATION, limits.ACCELERATION, "ACC", machine.max_acceleration_mm_s2, 1e6, "mm/s2"),
+    ):  # fmt: skip
+        value = values[rows]
+        absent = np.isnan(value)
+        if absent.any():
+            findings.at_rows(missing, rows[absent][:1], "", word=Op(int(path.op[rows[absent][0]])).word)
+        rest, value = rows[~absent], value[~absent]
+        in_mm = value * factor / scale
+        bad = (allowed.judge(value) > 0) | (in_mm > limit * (1 + 1e-9))
+        # A modal value is one fault, where it was set.
+        _, first = np.unique(lines[rest[bad]], return_index=True)
+        for i in np.flatnonzero(bad)[first].tolist():
+            line = int(lines[rest[i]])
+            word = name if view.job.locate(line, name) != view.job.locate(line, "") else "value"
+            if allowed.judge(value[i]) > 0:
+                _outside(findings, line, word, name, float(value[i]), allowed)
+            else:
+                findings.add(d.TOO_FAST, line, word, what=name, value=float(in_mm[i]), unit=unit, limit=limit)
+
+
+def _outside(findings: Findings, line: int, word: str, what: str, value: float, allowed: Range) -> None:
+    findings.add(d.OUT_OF_RANGE, line, word, what=what, value=value, unit=allowed.unit, range=str(allowed), hint="")
+
+
+def field(view: View, findings: Findings) -> None:
+    """Every move stays in the machine's field, arcs with all of their bulge."""
+    path, machine = view.job.path, view.machine
+    rows = np.flatnonzero(path.moves)
+    for axis, values, (low, high), scale in (
+        ("X", path.x, machine.field_x_mm, machine.pulses_per_mm[0]),
+        ("Y", path.y, machine.field_y_mm, machine.pulses_per_mm[1]),
+    ):
+        place = values[rows] / scale
+        out = (place < low) | (place > high)
+        findings.at_rows(d.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=place[out], low=low, high=high, hint="")
+        findings.ranged(rows, np.rint(values[rows]), limits.COORDINATE_PULSE, axis, axis)
+    arcs = view.rows(Op.ARC_CENTRE, Op.ARC_RADIUS)
+    if not len(arcs):
+        return
+    x_low, x_high, y_low, y_high = arcs_mm(path, arcs, machine).extent()
+    hint = ": the arc bulges out between its ends"
+    for axis, near, far, (low, high), ends in (
+        ("X", x_low, x_high, machine.field_x_mm, path.x[arcs] / machine.pulses_per_mm[0]),
+        ("Y", y_low, y_high, machine.field_y_mm, path.y[arcs] / machine.pulses_per_mm[1]),
+    ):
+        slack = 1e-6
+        ends_in = (ends >= low) & (ends <= high)
+        below, above = ends_in & (near < low - slack), ends_in & (far > high + slack)
+        for out, place in ((below, near), (above, far)):
+            findings.at_rows(d.OUTSIDE_FIELD, arcs[out], "", axis=axis, value=place[out], low=low, high=high, hint=hint)
+
+
+def arcs_close(view: View, findings: Findings) -> None:
+    """The end of an arc lies on its circle, and a radius reaches its end."""
+    path, machine = view.job.path, view.machine
+    px, py = machine.pulses_per_mm
+    x0, y0 = np.concatenate([[0.0], path.x]) / px, np.concatenate([[0.0], path.y]) / py
+    rows = view.rows(Op.ARC_CENTRE)
+    if len(rows):
+        cx, cy = path.cx[rows] / px, path.cy[rows] / py
+        start = np.hypot(x0[rows] - cx, y0[rows] - cy)
+        end = np.hypot(x0[rows + 1] - cx, y0[rows + 1] - cy)
+        _bad_arc(findings, rows[start == 0], "the centre I J is the start point: the radius is 0")
+        off = (np.abs(start - end) > _CLOSES_MM) & (start > 0)
+        for row, a, b in zip(rows[off].tolist(), start[off].tolist(), end[off].tolist(), strict=True):
+            reason = (
+                f"the end is {d.number(b)} mm from the centre, the start {d.number(a)} mm: they must be the same "
+                f"within {d.number(_CLOSES_MM)} mm"
+            )
+            findings.add(d.BAD_ARC, int(path.line[row]), reason=reason)
+    rows = view.rows(Op.ARC_RADIUS)
+    if len(rows):
+        radius = np.abs(path.radius[rows]) / px
+        chord = np.hypot(x0[rows + 1] - x0[rows], y0[rows + 1] - y0[rows])
+        _bad_arc(findings, rows[radius == 0], "the radius R is 0")
+        _bad_arc(
+            findings,
+            rows[(chord == 0) & (radius > 0)],
+            "an arc with R that ends where it starts could be any circle: write it with I J",
+        )
+        short = (2 * radius < chord - _CLOSES_MM) & (radius > 0)
+        for row, r, c in zip(rows[short].tolist(), radius[short].tolist(), chord[short].tolist(), strict=True):
+            reason = f"the radius {d.number(r)} mm is too small: the end is {d.number(c)} mm away, R must be at least {d.number(c / 2)} mm"
+            findings.add(d.BAD_ARC, int(path.line[row]), "R", reason=reason)
+
+
+def _bad_arc(findings: Findings, rows: Indices, reason: str) -> None:
+    findings.at_rows(d.BAD_ARC, rows, "", reason=reason)
+
+
+def arc_speed(view: View, findings: Findings) -> None:
+    """On an arc v^2/r stays within the machine's acceleration; the planner sees to it where it may."""
+    path, machine = view.job.path, view.machine
+    rows = view.rows(Op.ARC_CENTRE, Op.ARC_RADIUS)
+    if not len(rows):
+        return
+    ends = ([np.concatenate([[0.0], c])[rows] for c in (path.x, path.y)], path.x[rows], path.y[rows])
+    centre = arcs_by_centre(*ends[0], ends[1], ends[2], path.cx[rows], path.cy[rows], path.ccw[rows]).radius
+    by_radius = arcs_by_radius(*ends[0], ends[1], ends[2], path.radius[rows], path.ccw[rows]).radius
+    radius: Floats = np.where(path.op[rows] == Op.ARC_RADIUS, by_radius, centre)
+    limit = machine.max_acceleration_pulse_per_ms2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = path.vel[rows] ** 2 / radius
+    fast = (needed > limit * (1 + 1e-9)) & (radius > 0)
+    findings.at_rows(
+        d.ARC_TOO_FAST,
+        rows[fast],
+        "",
+        velocity=path.vel[rows[fast]],
+        radius=radius[fast],
+        value=needed[fast],
+        limit=limit,
+    )
+
+
+def dwells(view: View, findings: Findings) -> None:
+    """DWELL: whole ms in range."""
+    rows = view.rows(Op.DWELL)
+    findings.ranged(rows, view.job.path.dwell_ms[rows], limits.DWELL_MS, "DWELL", "value")
+
+
+def forced_ends(view: View, findings: Findings) -> None:
+    """END: in range, not above VEL."""
+    path = view.job.path
+    rows = np.flatnonzero(~np.isnan(path.end) & path.moves)
+    good = findings.ranged(rows, path.end[rows], limits.END_VELOCITY, "END", "END")
+    rows = rows[good]
+    above = rows[path.end[rows] > path.vel[rows] * (1 + 1e-12)]
+    findings.at_rows(d.END_ABOVE_VEL, above, "END", value=path.end[above], velocity=path.vel[above])

@@ -1,0 +1,171 @@
+"""Power and following: units and ranges by mode, clamping, saturation, laser pulse against period."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gusjob import diagnostics as d
+from gusjob.checks.view import CHANNELS, Findings, ModeSpan, View
+from gusjob.job import Op, PowerNow
+from gusjob.limits import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, PowerMode, Verdict
+from gusjob.units import PowerUnit
+
+UNIT_OF_MODE = {
+    PowerMode.DUTY: PowerUnit.PERCENT,
+    PowerMode.FREQUENCY: PowerUnit.KHZ,
+    PowerMode.ANALOG: PowerUnit.VOLT,
+    PowerMode.DUTY2: PowerUnit.PERCENT,
+}
+
+
+def before_a_mode(view: View, findings: Findings) -> None:
+    """Power, following or light before the channel has a mode."""
+    path = view.job.path
+    for channel in CHANNELS:
+        spans = view.modes(channel)
+        first = spans[0].first if spans else len(path)
+        early = np.arange(len(path))[:first]
+        early = early[(path.op[early] >= Op.POWER) & (path.channel[early] == channel)]
+        for op in (Op.POWER, Op.FOLLOW):
+            findings.at_rows(d.NO_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
+        on = early[path.op[early] == Op.ON]
+        findings.at_rows(d.LASER_UNKNOWN, on[:1], "", channel=channel)
+        for setup in view.setups(PowerNow):
+            if setup.channel == channel and (not spans or setup.line < spans[0].setup.line):
+                findings.add(d.NO_MODE, setup.line, word=setup.word, channel=channel)
+
+
+def direct_power(view: View, findings: Findings) -> None:
+    """LASER POWER against its unit, range and the mode's limits."""
+    path = view.job.path
+    for channel in CHANNELS:
+        for span in view.modes(channel):
+            rows = _rows_in(view, Op.POWER, span)
+            values = path.power[rows]
+            good = _units(findings, span, rows, path.power_unit[rows], "LASER POWER", "value")
+            rows, values = rows[good], values[good]
+            inside = findings.ranged(rows, values, POWER[span.mode.mode], "LASER POWER", "value")
+            _clamped(findings, span, rows[inside], values[inside], "LASER POWER", "value")
+            _frequency(view, findings, span, rows[inside], values[inside], "LASER POWER", "value")
+    for setup in view.setups(PowerNow):
+        what, mode = setup.what, view.mode_of(setup)
+        if mode is None or not isinstance(what, PowerNow):
+            continue
+        wanted = UNIT_OF_MODE[mode.mode.mode]
+        good_unit = findings.unit(setup.line, "value", "LASER POWER NOW", what.unit, wanted, mode.setup.line)
+        if good_unit and findings.one(setup, what.power, POWER_NOW[mode.mode.mode], "LASER POWER NOW"):
+            if not mode.mode.low <= what.power <= mode.mode.high:
+                findings.add(
+                    d.POWER_CLAMPED, setup.line, "value", what="LASER POWER NOW", value=what.power, low=mode.mode.low,
+                    high=mode.mode.high, unit=wanted.text, mode_line=mode.setup.line,
+                )  # fmt: skip
+            width = mode.mode.pulse_width_us
+            duty = what.power * (width or 0.0) / 10
+            if width and what.power > 0 and PULSE_DUTY_PCT.verdict(duty) is not Verdict.INSIDE:
+                findings.add(
+                    d.PULSE_TOO_WIDE, setup.line, "value", value=what.power, width=width, duty=duty,
+                    range=str(PULSE_DUTY_PCT),
+                )  # fmt: skip
+
+
+def follow(view: View, findings: Findings) -> None:
+    """LASER FOLLOW: ratio, limits, units, whole numbers, order of MIN and MAX."""
+    path, machine = view.job.path, view.machine
+    for channel in CHANNELS:
+        for span in view.modes(channel):
+            rows = _rows_in(view, Op.FOLLOW, span)
+            if not len(rows):
+                continue
+            by_velocity = np.isnan(path.ratio[rows]) | ~np.isfinite(path.ratio[rows])
+            findings.ranged(rows[~by_velocity], path.ratio[rows[~by_velocity]], FOLLOW_RATIO, "follow RATIO", "RATIO")
+            findings.at_rows(
+                d.OUT_OF_RANGE, rows[by_velocity], "AT", what="follow velocity AT", value=0.0, unit="",
+                range="(0, inf)", hint="",
+            )  # fmt: skip
+            limit = FOLLOW[span.mode.mode]
+            fine = np.ones(len(rows), dtype=np.bool_)
+            for word, values, units in (("MIN", path.low, path.low_unit), ("MAX", path.high, path.high_unit)):
+                what = f"follow {word}"
+                good = _units(findings, span, rows, units[rows], what, word)
+                good[good] = findings.ranged(rows[good], values[rows[good]], limit, what, word)
+                _clamped(findings, span, rows[good], values[rows[good]], what, word)
+                _frequency(view, findings, span, rows[good], values[rows[good]], what, word)
+                fine &= good
+            wrong = rows[fine & (path.low[rows] >= path.high[rows])]
+            findings.at_rows(
+                d.MIN_ABOVE_MAX, wrong, "MIN", what="LASER FOLLOW", low=path.low[wrong], high=path.high[wrong]
+            )
+            if not machine.equal_axes:
+                findings.at_rows(d.FOLLOW_SCALES, rows[path.follow_in_mm[rows]], "")
+
+
+def saturation(view: View, findings: Findings) -> None:
+    """Following that asks for more than its MAX at the velocity of a segment."""
+    path = view.job.path
+    for channel in CHANNELS:
+        sets = ((path.op == Op.POWER) | (path.op == Op.FOLLOW)) & (path.channel == channel)
+        if not (path.op[sets] == Op.FOLLOW).any():
+            continue
+        in_force = np.maximum.accumulate(np.where(sets, np.arange(len(path)), -1))
+        lit = view.lit(channel)[0]
+        marks = np.flatnonzero(path.moves & (path.op != Op.JUMP) & lit & (in_force >= 0))
+        source = in_force[marks]
+        asked = path.ratio[source] * path.vel[marks] + path.low[source]
+        over = (path.op[source] == Op.FOLLOW) & (asked > path.high[source] * (1 + 1e-9))
+        rows, first = np.unique(source[over], return_index=True)
+        which = np.flatnonzero(over)[first]
+        for row, value, velocity in zip(
+            rows.tolist(), asked[which].tolist(), path.vel[marks[which]].tolist(), strict=True
+        ):
+            unit = next((s.mode.mode.unit for s in view.modes(channel) if s.first <= row < s.last), "")
+            findings.add(
+                d.SATURATES, int(path.line[row]), "", value=value, velocity=velocity, high=float(path.high[row]),
+                unit=unit,
+            )  # fmt: skip
+
+
+def _rows_in(view: View, op: Op, span: ModeSpan) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    path = view.job.path
+    part = slice(span.first, span.last)
+    return np.flatnonzero((path.op[part] == op) & (path.channel[part] == span.channel)) + span.first
+
+
+def _units(
+    findings: Findings, span: ModeSpan, rows: np.ndarray, written: np.ndarray, what: str, word: str
+) -> np.ndarray:
+    wanted = UNIT_OF_MODE[span.mode.mode]
+    good: np.ndarray = (written == PowerUnit.NONE) | (written == wanted)
+    if not good.all():
+        for row, unit in zip(rows[~good].tolist(), written[~good].tolist(), strict=True):
+            findings.unit(int(findings.job.path.line[row]), word, what, unit, wanted, span.setup.line)
+    return good
+
+
+def _clamped(findings: Findings, span: ModeSpan, rows: np.ndarray, values: np.ndarray, what: str, word: str) -> None:
+    mode = span.mode
+    out = (values < mode.low) | (values > mode.high)
+    if out.any():
+        findings.at_rows(
+            d.POWER_CLAMPED, rows[out], word, what=what, value=values[out], low=float(mode.low),
+            high=float(mode.high), unit=mode.mode.unit, mode_line=span.setup.line,
+        )  # fmt: skip
+
+
+def _frequency(
+    view: View, findings: Findings, span: ModeSpan, rows: np.ndarray, values: np.ndarray, what: str, word: str
+) -> None:
+    """In frequency mode: the laser pulse must fit its period (M 二.2), the laser must follow the frequency."""
+    mode = span.mode
+    if mode.mode is not PowerMode.FREQUENCY or not mode.pulse_width_us:
+        return
+    duty = values * mode.pulse_width_us / 10
+    bad = (values > 0) & (PULSE_DUTY_PCT.judge(duty) != Verdict.INSIDE)
+    if bad.any():
+        findings.at_rows(
+            d.PULSE_TOO_WIDE, rows[bad], word, value=values[bad], width=float(mode.pulse_width_us), duty=duty[bad],
+            range=str(PULSE_DUTY_PCT),
+        )  # fmt: skip
+    highest = view.machine.laser(span.channel).max_frequency_khz
+    if highest is not None and (values > highest).any():
+        fast = values > highest
+        findings.at_rows(d.CARRIER_TOO_FAST, rows[fast], word, what=what, value=values[fast], limit=highest)

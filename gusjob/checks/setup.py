@@ -1,0 +1,147 @@
+"""Setup statements: ranges, mode, order."""
+
+from __future__ import annotations
+
+from gusjob import diagnostics as d
+from gusjob import limits
+from gusjob.checks.power import UNIT_OF_MODE
+from gusjob.checks.view import Findings, View
+from gusjob.job import (
+    Crd,
+    LaserDelay,
+    LaserDistance,
+    LaserFpk,
+    LaserMode,
+    LaserPrevolt,
+    LaserStandby,
+    LookAhead,
+    Setup,
+    Wait,
+    opens_stage,
+)
+from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT
+
+
+def laser_mode(view: View, findings: Findings) -> None:
+    """LASER MODE: limits, carrier, pulse width."""
+    for setup in view.setups(LaserMode):
+        mode = setup.what
+        assert isinstance(mode, LaserMode)
+        allowed = MODE_LIMIT[mode.mode]
+        good = findings.one(setup, mode.low, allowed, "mode MIN", "MIN")
+        good &= findings.one(setup, mode.high, allowed, "mode MAX", "MAX")
+        if good and mode.low >= mode.high:
+            findings.add(
+                d.MIN_ABOVE_MAX, setup.line, "MIN", what=setup.word, low=float(mode.low), high=float(mode.high)
+            )
+        if mode.pulse_width_us is not None:
+            findings.one(setup, mode.pulse_width_us, limits.PULSE_WIDTH_US, "pulse WIDTH", "WIDTH")
+        if mode.carrier_khz is None or not findings.one(
+            setup, mode.carrier_khz, limits.CARRIER_KHZ, "CARRIER", "CARRIER"
+        ):
+            continue
+        highest = view.machine.laser(setup.channel).max_frequency_khz
+        if highest is not None and mode.carrier_khz > highest:
+            findings.add(
+                d.CARRIER_TOO_FAST, setup.line, "CARRIER", what="CARRIER", value=mode.carrier_khz, limit=highest
+            )
+
+
+def delays(view: View, findings: Findings) -> None:
+    """LASER DELAY: whole us, and off not below on."""
+    for setup in view.setups(LaserDelay):
+        delay = setup.what
+        assert isinstance(delay, LaserDelay)
+        good = findings.one(setup, delay.on_delay_us, limits.SWITCH_DELAY_US, "on delay", "ON")
+        good &= findings.one(setup, delay.off_delay_us, limits.SWITCH_DELAY_US, "off delay", "OFF")
+        if good and delay.off_delay_us < delay.on_delay_us:
+            findings.add(d.OFF_BELOW_ON, setup.line, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
+
+
+def output_when_off(view: View, findings: Findings) -> None:
+    """LASER STANDBY, LASER PREVOLT, LASER FPK: ranges, and the modes in which they mean something."""
+    for setup in view.setups(LaserStandby):
+        standby = setup.what
+        assert isinstance(standby, LaserStandby)
+        if standby.pulse is not None:
+            findings.one(setup, standby.pulse[0], limits.STANDBY_KHZ, "standby FREQ", "FREQ")
+            findings.one(setup, standby.pulse[1], limits.STANDBY_PCT, "standby DUTY", "DUTY")
+            _wants(view, findings, setup, pwm=True)
+    for setup in view.setups(LaserPrevolt):
+        prevolt = setup.what
+        assert isinstance(prevolt, LaserPrevolt)
+        if prevolt.prevoltage_v is not None:
+            findings.one(setup, prevolt.prevoltage_v, limits.PREVOLTAGE_V, "pre-voltage")
+            _wants(view, findings, setup, pwm=False)
+    for setup in view.setups(LaserFpk):
+        fpk = setup.what
+        assert isinstance(fpk, LaserFpk)
+        if fpk.times_us is not None:
+            for value, allowed, word in zip(
+                fpk.times_us,
+                (limits.FPK_WIDTH_US, limits.FPK_GAP_US, limits.FPK_OFF_DELAY_US),
+                ("WIDTH", "GAP", "OFFDELAY"),
+                strict=True,
+            ):
+                findings.one(setup, value, allowed, f"FPK {word}", word)
+            _wants(view, findings, setup, pwm=True)
+
+
+def _wants(view: View, findings: Findings, setup: Setup, *, pwm: bool) -> None:
+    span = view.mode_of(setup)
+    if span is not None and span.mode.mode.is_pwm != pwm:
+        findings.add(
+            d.WRONG_MODE, setup.line, word=setup.word, wanted="the PWM modes (DUTY, DUTY2, FREQUENCY)" if pwm else
+            "analog mode", channel=setup.channel, mode=span.mode.mode.name, mode_line=span.setup.line,
+        )  # fmt: skip
+
+
+def distance(view: View, findings: Findings) -> None:
+    """LASER DISTANCE: after its mode, with limits in the mode's range and unit."""
+    for setup in view.setups(LaserDistance):
+        what = setup.what
+        assert isinstance(what, LaserDistance)
+        if what.settings is None:
+            continue
+        spans = [s for s in view.modes(setup.channel) if s.setup.line < setup.line]
+        if not spans:
+            findings.add(d.DISTANCE_NEEDS_MODE, setup.line, channel=setup.channel)
+            continue
+        mode, settings = spans[-1], what.settings
+        allowed, wanted = DISTANCE_LIMIT[mode.mode.mode], UNIT_OF_MODE[mode.mode.mode]
+        good = True
+        for word, value, unit in (("MIN", settings.low, settings.low_unit), ("MAX", settings.high, settings.high_unit)):
+            name = f"distance {word}"
+            fits = findings.unit(setup.line, word, name, unit, wanted, mode.setup.line)
+            good &= fits and findings.one(setup, value, allowed, name, word)
+        if good and settings.low >= settings.high:
+            findings.add(
+                d.MIN_ABOVE_MAX, setup.line, "MIN", what="LASER DISTANCE", low=settings.low, high=settings.high
+            )
+        for axis, place in zip("XYZA", settings.reference_pulse, strict=True):
+            findings.one(setup, place, limits.COORDINATE_PULSE, f"REF {axis}", "REF")
+
+
+def coordinate_system(view: View, findings: Findings) -> None:
+    """CRD and LOOKAHEAD: numbers, and CRD before the path."""
+    for setup in view.job.setups:
+        match setup.what:
+            case Crd(crd=crd, fifo=fifo):
+                findings.one(setup, crd, limits.CRD, "CRD")
+                findings.one(setup, fifo, limits.FIFO, "FIFO", "FIFO")
+                if setup.at:
+                    findings.add(d.CRD_LATE, setup.line)
+            case LookAhead(corner=(time, acc)):
+                if time == time:
+                    findings.one(setup, time, limits.LOOKAHEAD_TIME_MS, "LOOKAHEAD TIME", "TIME")
+                if acc == acc:
+                    findings.one(setup, acc, limits.ACCELERATION, "LOOKAHEAD ACC", "ACC")
+            case _:
+                pass
+
+
+def new_stages(view: View, findings: Findings) -> None:
+    """A setup statement behind motion stops it."""
+    for setup, opens in zip(view.job.setups, opens_stage(view.job), strict=True):
+        if opens and not isinstance(setup.what, Wait):
+            findings.add(d.NEW_STAGE, setup.line, word=setup.word)

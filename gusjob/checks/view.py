@@ -1,0 +1,185 @@
+"""What all checks look at: a job on a machine, with the state of each channel at every row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import diagnostics as d
+from gusjob.diagnostics import Diagnostic, Rule
+from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, SwitchNow
+from gusjob.limits import Range, Verdict
+from gusjob.machine import Machine
+from gusjob.units import PowerUnit
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
+
+MAX_PER_RULE = 1000
+CHANNELS = (0, 1)
+
+
+@dataclass(slots=True)
+class Findings:
+    """Diagnostics of one check run; each rule lists so many and counts the rest."""
+
+    job: Job
+    found: list[Diagnostic] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, rule: Rule, line: int, word: str = "", **fields: Any) -> None:
+        """One fault at a word of a line ('' for the statement, 'value' for its number)."""
+        count = self.counts[rule.code] = self.counts.get(rule.code, 0) + 1
+        if count <= MAX_PER_RULE:
+            span = self.job.locate(line, word)
+            self.found.append(Diagnostic(rule=rule, span=span, fields=fields, path=self.job.name))
+
+    def at_rows(self, rule: Rule, rows: Indices, word: str, **columns: Any) -> None:
+        """One fault a row; a field that is an array (one entry a row of `rows`) gives each its own."""
+        lines = self.job.path.line[rows]
+        for i in range(min(len(rows), max(MAX_PER_RULE - self.counts.get(rule.code, 0), 0))):
+            fields = {k: v[i].item() if isinstance(v, np.ndarray) else v for k, v in columns.items()}
+            self.add(rule, int(lines[i]), word, **fields)
+        listed = self.counts.get(rule.code, 0)
+        self.counts[rule.code] = max(listed, listed - min(len(rows), MAX_PER_RULE) + len(rows))
+
+    def ranged(self, rows: Indices, values: Floats, allowed: Range, what: str, word: str, hint: str = "") -> Bools:
+        """Judge values (one a row) against a range; returns which are good."""
+        verdict = allowed.judge(values)
+        whole = allowed.carries(values)
+        if not verdict.any() and whole.all():
+            return np.ones(len(values), dtype=np.bool_)
+        outside = verdict == Verdict.OUTSIDE
+        fields = {"what": what, "unit": allowed.unit, "range": str(allowed), "hint": hint}
+        self.at_rows(d.OUT_OF_RANGE, rows[outside], word, value=values[outside], **fields)
+        ends = (verdict == Verdict.ON_TOLERATED_END) & whole
+        self.at_rows(d.ON_OPEN_END, rows[ends], word, value=values[ends], **fields)
+        broken = ~outside & ~whole
+        self.at_rows(d.NOT_WHOLE, rows[broken], word, value=values[broken], **fields)
+        return ~outside & whole
+
+    def one(self, setup: Setup, value: float, allowed: Range, what: str, word: str = "value") -> bool:
+        """Judge a setup statement's number; returns whether it is good."""
+        if allowed.verdict(value) is Verdict.OUTSIDE:
+            rule = d.OUT_OF_RANGE
+        elif not allowed.carries(value):
+            rule = d.NOT_WHOLE
+        elif allowed.verdict(value) is Verdict.ON_TOLERATED_END:
+            rule = d.ON_OPEN_END
+        else:
+            return True
+        self.add(rule, setup.line, word, what=what, value=value, unit=allowed.unit, range=str(allowed), hint="")
+        return rule is d.ON_OPEN_END
+
+    def unit(self, line: int, word: str, what: str, written: int, wanted: PowerUnit, mode_line: int) -> bool:
+        """Judge the unit that a power was written in; returns whether it is good."""
+        if written in (PowerUnit.NONE, wanted):
+            return True
+        unit = PowerUnit(written)
+        kinds = {PowerUnit.PERCENT: "a share", PowerUnit.KHZ: "a frequency", PowerUnit.VOLT: "a voltage"}
+        self.add(
+            d.WRONG_UNIT, line, word, what=what, wanted=f"in {wanted.text} here (LASER MODE in line {mode_line})",
+            unit=unit.text, kind=kinds[unit], hint="",
+        )  # fmt: skip
+        return False
+
+    def done(self) -> list[Diagnostic]:
+        """All of them, and how many more there are."""
+        more = [
+            Diagnostic(
+                rule=d.MORE,
+                span=d.NOWHERE,
+                fields={"count": count - MAX_PER_RULE, "code": code, "shown": MAX_PER_RULE},
+                path=self.job.name,
+            )
+            for code, count in self.counts.items()
+            if count > MAX_PER_RULE
+        ]
+        return [*self.found, *more]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeSpan:
+    """A LASER MODE and the path rows first..last-1 in which it is in force on its channel."""
+
+    setup: Setup
+    mode: LaserMode
+    channel: int
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A job and a machine, and how channels stand."""
+
+    job: Job
+    machine: Machine
+
+    def rows(self, *ops: Op) -> Indices:
+        """Rows of some kinds."""
+        path = self.job.path
+        found = path.op == ops[0]
+        for op in ops[1:]:
+            found |= path.op == op
+        return np.flatnonzero(found)
+
+    def setups(self, kind: type) -> Iterator[Setup]:
+        """Setup statements of a kind."""
+        return (s for s in self.job.setups if isinstance(s.what, kind))
+
+    def modes(self, channel: int) -> list[ModeSpan]:
+        """The LASER MODEs of a channel in order."""
+        found = [s for s in self.setups(LaserMode) if s.channel == channel]
+        ends = [s.at for s in found[1:]] + [len(self.job.path)]
+        spans = []
+        for setup, last in zip(found, ends, strict=True):
+            assert isinstance(setup.what, LaserMode)
+            spans.append(ModeSpan(setup=setup, mode=setup.what, channel=channel, first=setup.at, last=last))
+        return spans
+
+    def mode_of(self, setup: Setup) -> ModeSpan | None:
+        """The mode in force for a setup statement: the last LASER MODE of its channel above it, else the first below."""
+        spans = self.modes(setup.channel)
+        above = [s for s in spans if s.setup.line <= setup.line]
+        return above[-1] if above else spans[0] if spans else None
+
+    def lit(self, channel: int) -> tuple[Bools, Indices, bool, int]:
+        """(light commanded on in each row, line of the ON in force per row, on at the end, line of the last ON)."""
+        path = self.job.path
+        rows = np.flatnonzero(((path.op == Op.ON) | (path.op == Op.OFF)) & (path.channel == channel))
+        # A row acts behind itself (odd key), a setup statement before the row it stands at (even key).
+        keys = rows * 2 + 1
+        on, lines = path.op[rows] == Op.ON, path.line[rows].astype(np.intp)
+        now = [s for s in self.setups(SwitchNow) if s.channel == channel]
+        if now:
+            keys = np.concatenate([[s.at * 2 for s in now], keys])
+            on = np.concatenate([[_is_on(s) for s in now], on]).astype(np.bool_)
+            lines = np.concatenate([[s.line for s in now], lines]).astype(np.intp)
+            order = np.argsort(keys, kind="stable")
+            keys, on, lines = keys[order], on[order], lines[order]
+        if not len(keys):
+            none = np.zeros(len(path), dtype=np.bool_)
+            return none, np.zeros(len(path), dtype=np.intp), False, 0
+        last = np.searchsorted(keys, np.arange(len(path)) * 2, side="right") - 1
+        state = np.where(last >= 0, on[last], False)
+        # The line of the ON that began it: later ONs while on change nothing.
+        begins = on & ~np.concatenate([[False], on[:-1]])
+        begun = np.maximum.accumulate(np.where(begins, np.arange(len(on)), 0))
+        return state, lines[begun[last]], bool(on[-1]), int(lines[begun[-1]])
+
+    def power_keys(self, channel: int) -> Indices:
+        """Places of everything that sets power on a channel, in the keys of `lit`, ascending."""
+        path = self.job.path
+        rows = np.flatnonzero(((path.op == Op.POWER) | (path.op == Op.FOLLOW)) & (path.channel == channel)) * 2 + 1
+        now = [s.at * 2 for s in self.setups(PowerNow) if s.channel == channel]
+        return np.sort(np.concatenate([rows, np.array(now, dtype=rows.dtype)]))
+
+
+def _is_on(setup: Setup) -> bool:
+    return isinstance(setup.what, SwitchNow) and setup.what.on

@@ -1,0 +1,45 @@
+"""The command line: one module a command, imported when it is asked for."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+import click
+
+from gusjob import __version__
+
+_COMMANDS = ("check", "compile", "run", "report")
+
+
+class _Commands(click.Group):
+    """Imports a command's module only when that command is used: start-up time is part of the tool."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        command = import_module(f"gusjob.cli.{cmd_name}_command").command
+        assert isinstance(command, click.Command)
+        return command
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="gusjob")
+def cli() -> None:
+    """Compile, lint and run laser jobs for Googol GUS galvo controllers.
+
+    FILE is a job (.job), or the GT_ calls of a C program or listing (.gts, .c).
+    Exit status: 0 clean, 1 errors were found, 2 wrong usage or a file that can't be read.
+    """
+
+
+def main() -> None:
+    """Entry point."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:  # A console that can't show a character gets a stand-in, not a traceback.
+            reconfigure(errors="backslashreplace")
+    cli()

@@ -1,0 +1,132 @@
+"""What the commands share: reading a file on its machine, showing diagnostics, writing results."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import click
+
+from gusjob.checks import check as check_job
+from gusjob.diagnostics import Diagnostic, Severity, has_errors
+from gusjob.job import Job
+from gusjob.machine import Machine, find_profile, read_machine
+from gusjob.planner import compile_job
+from gusjob.stream import Stream
+from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
+
+machine_option = click.option(
+    "--machine",
+    "machine_path",
+    type=click.Path(path_type=Path),
+    help="Machine profile (TOML). Default: gusjob.toml in the job's folder or above it, else the documented defaults.",
+)
+file_argument = click.argument("path", metavar="FILE", type=click.Path(path_type=Path))
+output_option = click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Write to this file instead of standard output."
+)
+
+
+@dataclass(slots=True, kw_only=True)
+class Loaded:
+    """A file that was read and judged. `unreadable`: it (or its profile) could not be read at all."""
+
+    path: Path
+    machine: Machine = field(default_factory=Machine)
+    source: Source | None = None
+    job: Job | None = None
+    stream: Stream | None = None
+    faults: list[Diagnostic] = field(default_factory=list)
+    unreadable: bool = False
+    sources: dict[str, Source] = field(default_factory=dict)
+
+    @property
+    def foreign(self) -> bool:
+        """Whether the calls come from a listing."""
+        return self.stream is not None and self.job is None
+
+
+def load(path: Path, machine_path: Path | None) -> Loaded:
+    """Read a job or listing with its machine profile; a job is checked, a listing is read."""
+    loaded = Loaded(path=path)
+    source, faults = read_source(path)
+    if source is None:
+        loaded.faults, loaded.unreadable = faults, True
+        return loaded
+    loaded.source, loaded.sources[source.name] = source, source
+    profile = machine_path or find_profile(path)
+    if profile is not None:
+        loaded.machine, loaded.faults = read_machine(profile)
+        if loaded.faults:
+            text, _ = read_source(profile)
+            loaded.unreadable = text is None
+            if text is not None:
+                loaded.sources[text.name] = text
+            return loaded
+    if is_listing(source):
+        loaded.stream, loaded.faults = read_listing(source)
+        return loaded
+    loaded.job, loaded.faults = read_job(source, loaded.machine)
+    # After a line that can't be read the state of what follows is unknown, but most of it can still be judged.
+    loaded.faults = sorted(
+        [*loaded.faults, *check_job(loaded.job, loaded.machine)], key=lambda f: (f.span.line, f.span.column)
+    )
+    return loaded
+
+
+def compiled(loaded: Loaded) -> Stream | None:
+    """The calls of a loaded file; None if an error forbids it. Faults that only the planner sees are added."""
+    if loaded.stream is not None or loaded.job is None or has_errors(loaded.faults):
+        return None if has_errors(loaded.faults) else loaded.stream
+    stream, faults = compile_job(loaded.job, loaded.machine)
+    loaded.faults += faults
+    return None if has_errors(faults) else stream
+
+
+def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
+    """Add what the interpreter found, with spans."""
+    if loaded.source is not None:
+        loaded.faults += locate_calls(faults, loaded.source)
+
+
+def exit_code(loaded: Iterable[Loaded], *, strict: bool = False) -> int:
+    """0 clean, 1 an error (or a warning with strict), 2 something could not be read."""
+    files = list(loaded)
+    if any(one.unreadable for one in files):
+        return 2
+    faults = [f for one in files for f in one.faults]
+    failed = has_errors(faults) or (strict and any(f.severity is Severity.WARNING for f in faults))
+    return 1 if failed else 0
+
+
+def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
+    """Print diagnostics with their source lines."""
+    from gusjob.cli.text import diagnostic_text
+
+    stream = sys.stderr if err else sys.stdout
+    color = stream.isatty()
+    for fault in loaded.faults:
+        if notes or fault.severity is not Severity.NOTE:
+            source = loaded.sources.get(fault.path)
+            click.echo(diagnostic_text(fault, source, color=color), err=err, color=color)
+
+
+def write(pieces: Iterable[bytes], output: Path | None) -> None:
+    """Write bytes to a file or to standard output; exits with 2 if the file can't be written."""
+    if output is None:
+        _write_all(pieces, sys.stdout.buffer)
+        return
+    try:
+        with output.open("wb") as file:
+            _write_all(pieces, file)
+    except OSError as error:
+        raise click.FileError(str(output), hint=error.strerror or "can't be written") from error
+
+
+def _write_all(pieces: Iterable[bytes], file: BinaryIO) -> None:
+    for piece in pieces:
+        file.write(piece)
+    file.flush()

@@ -1,0 +1,81 @@
+"""gusjob run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from gusjob.backend.sim import SimBackend
+from gusjob.cli.common import (
+    compiled,
+    exit_code,
+    file_argument,
+    interpreted_faults,
+    load,
+    machine_option,
+    show,
+    write,
+)
+
+
+@click.command(name="run")
+@file_argument
+@machine_option
+@click.option("--backend", type=click.Choice(["sim"]), default="sim", show_default=True, help="What runs the calls.")
+def command(path: Path, machine_path: Path | None, backend: str) -> None:
+    """Run a job or listing on the built-in interpreter, and print its power report.
+
+    A job with errors is not run.
+    """
+    with _progress(path) as say:
+        say("reading and checking")
+        loaded = load(path, machine_path)
+        say("planning")
+        stream = compiled(loaded)
+        if stream is None:
+            report = None
+        else:
+            from gusjob.report.rows import make_report
+
+            say(f"running {len(stream.buffered):,} buffered calls on {backend}")
+            trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
+            interpreted_faults(loaded, faults)
+            report = make_report(trace, loaded.machine)
+    if report is not None:
+        from shutil import get_terminal_size
+
+        from gusjob.report.table import report_table
+
+        tty = sys.stdout.isatty()
+        width = max(get_terminal_size().columns, 100) if tty else 120
+        write([report_table(report, summary=False, width=width, color=tty).encode()], None)
+    show(loaded, notes=report is None)
+    sys.exit(exit_code([loaded]))
+
+
+class _Say:
+    """Tells what is going on; silent where nobody watches."""
+
+    def __call__(self, text: str) -> None: ...
+
+
+@contextmanager
+def _progress(path: Path) -> Iterator[_Say]:
+    """A status line on a terminal, while a long job is worked on."""
+    if not sys.stderr.isatty():
+        yield _Say()
+        return
+    from rich.console import Console
+    from rich.markup import escape
+
+    with Console(stderr=True).status("") as status:
+
+        class Shown(_Say):
+            def __call__(self, text: str) -> None:
+                status.update(f"{escape(path.name)}: {text}")
+
+        yield Shown()

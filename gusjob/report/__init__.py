@@ -1,0 +1,1 @@
+"""Trace to rows and totals, and those to table, JSON and CSV."""

@@ -1,0 +1,88 @@
+"""Reports and diagnostics as JSON and CSV: written column by column, so that a million rows stay small in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import orjson
+
+from gusjob.diagnostics import Diagnostic
+from gusjob.report.rows import Report, SegmentKind
+
+_NUMPY = orjson.OPT_SERIALIZE_NUMPY
+_KINDS = [b'"' + kind.word.encode() + b'"' for kind in SegmentKind]
+_CSV_CHUNK = 1 << 15
+
+
+def diagnostic_object(fault: Diagnostic) -> dict[str, Any]:
+    """One diagnostic as in the JSON."""
+    span = fault.span
+    return {
+        "path": fault.path,
+        "line": span.line,
+        "column": span.column,
+        "end_line": max(span.end_line, span.line),
+        "end_column": max(span.end_column, span.column),
+        "severity": fault.severity.value,
+        "code": fault.rule.code,
+        "message": fault.message,
+    }
+
+
+def check_json(faults: Iterable[Diagnostic]) -> bytes:
+    """gusjob-check/1."""
+    return orjson.dumps(
+        {"schema": "gusjob-check/1", "diagnostics": [diagnostic_object(f) for f in faults]}, option=orjson.OPT_INDENT_2
+    )
+
+
+def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) -> Iterator[bytes]:
+    """gusjob-report/1 in pieces."""
+    yield b'{"schema": "gusjob-report/1", "job": ' + orjson.dumps(report.job)
+    yield b', "period_us": ' + orjson.dumps(report.period_us)
+    yield b', "totals": ' + orjson.dumps(report.totals)
+    for name, value in report.notes.items():
+        yield b", " + orjson.dumps(name) + b": " + orjson.dumps(value)
+    if not summary:
+        yield b', "segments": {'
+        for number, (name, column) in enumerate(report.columns.items()):
+            yield (b", " if number else b"") + orjson.dumps(name) + b": "
+            yield _column(name, column)
+        yield b"}"
+    yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(f) for f in faults]) + b"}\n"
+
+
+def _column(name: str, column: npt.NDArray[Any]) -> bytes:
+    if name == "kind":
+        return b"[" + b",".join(map(_KINDS.__getitem__, column.tolist())) + b"]"
+    return orjson.dumps(np.ascontiguousarray(column), option=_NUMPY)
+
+
+def report_csv(report: Report) -> Iterator[bytes]:
+    """One row a segment, a header row first; nothing where a power is null."""
+    yield (",".join(report.columns) + "\r\n").encode()
+    for first in range(0, len(report), _CSV_CHUNK):
+        part = slice(first, first + _CSV_CHUNK)
+        texts = [_texts(name, column[part]) for name, column in report.columns.items()]
+        yield b"\r\n".join(map(b",".join, zip(*texts, strict=True))) + b"\r\n"
+
+
+def _texts(name: str, column: npt.NDArray[Any]) -> list[bytes]:
+    if name == "kind":
+        return [_KINDS[k].strip(b'"') for k in column.tolist()]
+    return _column(name, column)[1:-1].replace(b"null", b"").split(b",")
+
+
+def summary_csv(report: Report) -> Iterator[bytes]:
+    """The totals, one row a channel and unit."""
+    shared = {k: v for k, v in report.totals.items() if k != "channels"}
+    per_channel = [{k: v for k, v in c.items() if k != "off_output"} for c in report.totals["channels"]] or [{}]
+    header = list(chain(shared, per_channel[0]))
+    yield (",".join(header) + "\r\n").encode()
+    for entry in per_channel:
+        values = [*shared.values(), *entry.values()]
+        yield (",".join("" if v is None else str(v) for v in values) + "\r\n").encode()

@@ -1,0 +1,175 @@
+"""A trace as the rows and totals that people and programs read: mm, ms, the mode's power unit, joules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.interpreter import ChannelTrace, Trace
+from gusjob.interpreter.program import LaserState
+from gusjob.machine import Machine
+
+Floats = npt.NDArray[np.float64]
+_ARC_CHORDS = 256
+
+
+class SegmentKind(IntEnum):
+    """What a row of the report is."""
+
+    MARK = 0
+    JUMP = 1
+    RUN_IN = 2
+    RUN_OUT = 3
+    DWELL = 4
+
+    @property
+    def word(self) -> str:
+        """As in the JSON."""
+        return self.name.lower()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """`columns`: one entry a segment each, by name; `kind` holds SegmentKind numbers. `totals` as in the JSON."""
+
+    job: str
+    period_us: float
+    totals: dict[str, Any]
+    columns: dict[str, npt.NDArray[Any]]
+    notes: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.columns["line"])
+
+
+def make_report(trace: Trace, machine: Machine) -> Report:
+    """Rows and totals of a trace."""
+    clock, laid = trace.clock, trace.clock.laid
+    px, py = machine.pulses_per_mm
+    length_mm = _length_mm(trace, machine)
+    duration = clock.duration_ms
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(duration > 0, length_mm / duration * 1e3, 0.0)
+        mm_per_pulse = np.where(laid.length > 0, length_mm / laid.length, 1 / px)
+    fastest = np.where(clock.dwell, 0.0, np.maximum(clock.profile.peak, clock.profile.start)) * mm_per_pulse * 1e3
+    lit = np.zeros(len(duration), dtype=np.bool_)
+    for channel in trace.channels:
+        lit |= channel.emitted.emission_ms > 0
+    kind = np.where(clock.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, SegmentKind.JUMP)).astype(np.int8)
+    columns: dict[str, npt.NDArray[Any]] = {
+        "line": trace.line,
+        "kind": kind,
+        "stage": (clock.stage + 1).astype(np.int32),
+        "x_mm": laid.x1 / px,
+        "y_mm": laid.y1 / py,
+        "length_mm": length_mm,
+        "start_ms": clock.times[:-1],
+        "duration_ms": duration,
+        "vel_mean_mm_s": mean,
+        "vel_max_mm_s": fastest,
+    }
+    totals: list[dict[str, Any]] = []
+    for channel in trace.channels:
+        columns.update(_channel_columns(channel, clock.stage, machine))
+        totals += _channel_totals(channel, clock.stage, machine)
+    return Report(
+        job=trace.name,
+        period_us=trace.period_us,
+        totals={
+            "segments": len(duration),
+            "stages": len(clock.stage_first) - 1,
+            "duration_ms": float(clock.times[-1]),
+            "mark_mm": float(length_mm[kind == SegmentKind.MARK].sum()),
+            "jump_mm": float(length_mm[kind == SegmentKind.JUMP].sum()),
+            "channels": totals,
+        },
+        columns=columns,
+        notes={"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]},
+    )
+
+
+def _length_mm(trace: Trace, machine: Machine) -> Floats:
+    """Length of each segment, mm; an arc on unequal axes is an ellipse, measured by chords."""
+    laid = trace.clock.laid
+    px, py = machine.pulses_per_mm
+    if machine.equal_axes:
+        return laid.length / px
+    length = np.hypot((laid.x1 - laid.x0) / px, (laid.y1 - laid.y0) / py)
+    if len(laid.arc_at):
+        shares = np.linspace(0, 1, _ARC_CHORDS + 1)[:, None]
+        angle = laid.arcs.angle + laid.arcs.sweep * shares
+        x, y = laid.arcs.radius * np.cos(angle) / px, laid.arcs.radius * np.sin(angle) / py
+        length[laid.arc_at] = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0)).sum(axis=0)
+    return length
+
+
+def _watts(channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine) -> Floats:
+    """Watts per unit of power in each segment; NaN where the rated power is unknown."""
+    laser = machine.laser(channel.channel)
+    per_stage = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in channel.lasers]
+    table = np.array([np.nan if w is None else w for w in per_stage] or [np.nan])
+    return table[stages] if len(stages) else np.empty(0)
+
+
+def _channel_columns(
+    channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine
+) -> dict[str, npt.NDArray[Any]]:
+    done, name = channel.emitted, f"ch{channel.channel}_"
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = done.power_ms / done.emission_ms
+    # A mean of equal powers is that power, whatever the division's rounding says.
+    mean = np.clip(mean, done.power_min, done.power_max)
+    return {
+        f"{name}emission_ms": done.emission_ms,
+        f"{name}power_min": done.power_min,
+        f"{name}power_mean": mean,
+        f"{name}power_max": done.power_max,
+        f"{name}power_ms": done.power_ms,
+        f"{name}joules": done.power_ms * _watts(channel, stages, machine) / 1e3,
+        f"{name}clamped_ms": done.clamped_ms,
+    }
+
+
+def _channel_totals(channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine) -> list[dict[str, Any]]:
+    """One entry a power unit: a job that changes from duty to analog has two for that channel."""
+    done = channel.emitted
+    units = [state.power_mode.unit for state in channel.lasers]
+    in_order = list(dict.fromkeys(units or [channel.at_end.power_mode.unit]))
+    unit_of = np.array([in_order.index(u) for u in units] or [0])[stages] if len(stages) else np.empty(0)
+    joules = done.power_ms * _watts(channel, stages, machine) / 1e3
+    entries = []
+    for number, unit in enumerate(in_order):
+        mine = unit_of == number
+        last = next((s for s in reversed(channel.lasers) if s.power_mode.unit == unit), channel.at_end)
+        emission = done.emission_ms[mine]
+        power_max = done.power_max[mine][emission > 0]
+        known = not np.isnan(_first(joules[mine]))
+        entries.append(
+            {
+                "channel": channel.channel,
+                "unit": unit,
+                "emission_ms": float(emission.sum()),
+                "power_ms": float(done.power_ms[mine].sum()),
+                "power_max": float(power_max.max()) if len(power_max) else None,
+                "joules": float(joules[mine].sum()) if known else None,
+                "clamped_ms": float(done.clamped_ms[mine].sum()),
+                "off_output": _off_output(last),
+                "lit_at_end": channel.lit_at_end,
+            }
+        )
+    return entries
+
+
+def _first(values: Floats) -> float:
+    return float(values[0]) if len(values) else float("nan")
+
+
+def _off_output(state: LaserState) -> dict[str, float] | None:
+    """Standby pulse or pre-voltage that the laser gets while it is off (M 二.2)."""
+    if state.power_mode.is_pwm:
+        return {"standby_khz": state.standby[0], "standby_pct": state.standby[1]} if state.standby else None
+    return None if state.prevoltage_v is None else {"prevoltage_v": state.prevoltage_v}
