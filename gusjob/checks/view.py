@@ -32,14 +32,14 @@ class Findings:
     found: list[Diagnostic] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
 
-    def add(self, rule: Rule, line: int, word: str = "", **fields: Any) -> None:
+    def add(self, rule: Rule, line: int, word: str = "", /, **fields: Any) -> None:
         """One fault at a word of a line ('' for the statement, 'value' for its number)."""
         count = self.counts[rule.code] = self.counts.get(rule.code, 0) + 1
         if count <= MAX_PER_RULE:
             span = self.job.locate(line, word)
             self.found.append(Diagnostic(rule=rule, span=span, fields=fields, path=self.job.name))
 
-    def at_rows(self, rule: Rule, rows: Indices, word: str, **columns: Any) -> None:
+    def at_rows(self, rule: Rule, rows: Indices, word: str, /, **columns: Any) -> None:
         """One fault a row; a field that is an array (one entry a row of `rows`) gives each its own."""
         lines = self.job.path.line[rows]
         for i in range(min(len(rows), max(MAX_PER_RULE - self.counts.get(rule.code, 0), 0))):
@@ -136,7 +136,7 @@ class View:
     def modes(self, channel: int) -> list[ModeSpan]:
         """The LASER MODEs of a channel in order."""
         found = [s for s in self.setups(LaserMode) if s.channel == channel]
-        ends = [s.at for s in found[1:]] + [len(self.job.path)]
+        ends = [*(s.at for s in found), len(self.job.path)][1:]
         spans = []
         for setup, last in zip(found, ends, strict=True):
             assert isinstance(setup.what, LaserMode)

@@ -89,7 +89,8 @@ def compiled(loaded: Loaded) -> Stream | None:
 def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
     """Add what the interpreter found, with spans."""
     if loaded.source is not None:
-        loaded.faults += locate_calls(faults, loaded.source)
+        found = [*loaded.faults, *locate_calls(faults, loaded.source)]
+        loaded.faults = sorted(found, key=lambda f: (f.span.line, f.span.column))
 
 
 def exit_code(loaded: Iterable[Loaded], *, strict: bool = False) -> int:
