@@ -61,6 +61,11 @@ class Range:
     section: str
     note: str = ""
 
+    def __post_init__(self) -> None:
+        # The table reads better with 0 than with 0.0; what is computed with is a float.
+        object.__setattr__(self, "low", float(self.low))
+        object.__setattr__(self, "high", float(self.high))
+
     def judge(self, value: npt.ArrayLike) -> npt.NDArray[np.int8]:
         """Verdict for each value (same shape as `value`); NaN is outside."""
         v = np.asarray(value, dtype=np.float64)
