@@ -119,10 +119,12 @@ CALL_IGNORED = _rule("GJ116", _N, "line passed over", "{call} says nothing to th
 # GJ2: values.
 OUT_OF_RANGE = _rule("GJ201", _E, "value out of range", "{what} {value} {unit} is outside {range}{hint}")
 ON_OPEN_END = _rule(
-    "GJ202", _W, "value on an excluded end",
+    "GJ202",
+    _W,
+    "value on an excluded end",
     "{what} {value} {unit} is on an end of {range}, which the manual excludes (though its own example uses one)",
     "四.2",
-)  # fmt: skip
+)
 WRONG_UNIT = _rule("GJ203", _E, "unit of the wrong kind", "{what} is {wanted}, but {unit} is {kind}{hint}")
 NOT_WHOLE = _rule(
     "GJ204",
@@ -132,23 +134,35 @@ NOT_WHOLE = _rule(
 )
 MIN_ABOVE_MAX = _rule("GJ205", _E, "MIN not below MAX", "{what}: MIN {low} must be below MAX {high}")
 POWER_CLAMPED = _rule(
-    "GJ206", _W, "power outside the mode's limits",
-    "{what} {value} {unit} is outside the mode's {low}..{high} {unit} (LASER MODE in line {mode_line}): the controller clamps it",
+    "GJ206",
+    _W,
+    "power outside the mode's limits",
+    "{what} {value} {unit} is outside the mode's {low}..{high} {unit} (LASER MODE in line {mode_line}): "
+    "the controller clamps it",
     "二.2",
-)  # fmt: skip
+)
 PULSE_TOO_WIDE = _rule(
-    "GJ207", _E, "laser pulse against its period",
-    "at {value} kHz a laser pulse of {width} us stands at {duty} % of the period, outside {range}", "二.2",
-)  # fmt: skip
+    "GJ207",
+    _E,
+    "laser pulse against its period",
+    "at {value} kHz a laser pulse of {width} us stands at {duty} % of the period, outside {range}",
+    "二.2",
+)
 CARRIER_TOO_FAST = _rule(
-    "GJ208", _E, "faster than the laser",
-    "{what} {value} kHz is above this laser's highest response frequency, {limit} kHz (machine profile)", "二.2",
-)  # fmt: skip
+    "GJ208",
+    _E,
+    "faster than the laser",
+    "{what} {value} kHz is above this laser's highest response frequency, {limit} kHz (machine profile)",
+    "二.2",
+)
 SATURATES = _rule(
-    "GJ209", _W, "following saturates",
-    "at the programmed velocity following asks for {value} {unit} (velocity {velocity} pulse/ms), above its MAX {high} {unit}",
+    "GJ209",
+    _W,
+    "following saturates",
+    "at the programmed velocity following asks for {value} {unit} (velocity {velocity} pulse/ms), above "
+    "its MAX {high} {unit}",
     "四.2",
-)  # fmt: skip
+)
 
 # GJ3: modes and order.
 NO_MODE = _rule(
@@ -169,10 +183,12 @@ DISTANCE_NEEDS_MODE = _rule(
     "五.2",
 )
 NEW_STAGE = _rule(
-    "GJ304", _N, "a new stage begins",
+    "GJ304",
+    _N,
+    "a new stage begins",
     "{word} is set at rest: motion stops here and a new stage begins",
     "二.2",
-)  # fmt: skip
+)
 OFF_BELOW_ON = _rule(
     "GJ306",
     _W,
@@ -231,7 +247,8 @@ ARC_TOO_FAST = _rule(
     "GJ508",
     _W,
     "arc too fast",
-    "VEL {velocity} pulse/ms on a radius of {radius} pulse needs {value} pulse/ms2, above the machine's {limit}: the planner slows it down",
+    "VEL {velocity} pulse/ms on a radius of {radius} pulse needs {value} pulse/ms2, above the machine's "
+    "{limit}: the planner slows it down",
 )
 FOLLOW_SCALES = _rule(
     "GJ509",
@@ -274,7 +291,8 @@ SHARP_CORNER = _rule(
     "GJ707",
     _W,
     "corner at speed",
-    "the corner after this segment is taken at {value} pulse/ms: the velocity vector changes by {jump} pulse/ms, more than {limit} (look-ahead TIME x ACC)",
+    "the corner after this segment is taken at {value} pulse/ms: the velocity vector changes by {jump} "
+    "pulse/ms, more than {limit} (look-ahead TIME x ACC)",
 )
 LISTING_LEFT_ON = _rule(
     "GJ708", _W, "light left on", "these calls end with the laser of channel {channel} on; nothing switches it off"

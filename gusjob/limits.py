@@ -16,7 +16,9 @@ import numpy.typing as npt
 
 
 class PowerMode(IntEnum):
-    """First argument of GT_LaserPowerMode (M 二.2). M 一 speaks of three modes, M 三.1 of four; the argument takes four."""
+    """First argument of GT_LaserPowerMode (M 二.2). M 一 speaks of three modes, M 三.1 of four; the argument
+    takes four.
+    """
 
     DUTY = 0
     FREQUENCY = 1
@@ -174,7 +176,8 @@ AXIS_MODE_AXIS = Range(
     high=8,
     whole=True,
     section="二.2",
-    note="not to be called in analog mode: M's analog routine calls it and says in its comment not to; the comment wins",
+    note="not to be called in analog mode: M's analog routine calls it and says in its comment not to; the "
+    "comment wins",
 )
 AXIS_MODE = Range(
     name="mode of GT_SetAxisMode", unit="", low=0, high=1, whole=True, section="二.2", note="axis 8 takes 1 only"

@@ -17,7 +17,7 @@ def listing(stream: Stream) -> Iterator[str]:
     """The listing, in pieces that end with a line end."""
     for first, last, call in stream.parts():
         for start in range(first, last, _CHUNK):
-            yield "\n".join(buffered_lines(stream.buffered.pick(np.s_[start : min(start + _CHUNK, last)]))) + "\n"
+            yield "\n".join(buffered_lines(stream.buffered.pick(np.arange(start, min(start + _CHUNK, last))))) + "\n"
         if call is not None:
             yield f"{call.name}({','.join(map(value_text, call.args))})\n"
 
@@ -54,7 +54,9 @@ def value_text(value: Value) -> str:
 
 
 def listing_json(stream: Stream) -> Iterator[bytes]:
-    """gusjob-calls/1: the other calls as objects, each with `at`, the number of buffered calls before it; those as columns."""
+    """gusjob-calls/1: the other calls as objects, each with `at`, the number of buffered calls before it;
+    those as columns.
+    """
     calls = [{"call": c.name, "args": c.args, "at": c.at, "line": c.line} for c in stream.calls]
     yield b'{"schema": "gusjob-calls/1", "job": ' + orjson.dumps(stream.name) + b', "calls": ' + orjson.dumps(calls)
     names = [BUFFERED[Buffered(kind)].name.encode() for kind in Buffered]

@@ -207,8 +207,9 @@ class _Reader:
         if not isinstance(items, list) or len(items) != 2:
             self.fault(d.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=_kind(value))
             return None
-        pair = [self._number(key, item, limits, table) for item in items]
-        return None if pair[0] is None or pair[1] is None else (pair[0], pair[1])
+        first = self._number(key, items[0], limits, table)
+        second = None if first is None else self._number(key, items[1], limits, table)
+        return None if first is None or second is None else (first, second)
 
     def _number(self, key: str, value: Any, limits: Range, table: str) -> float | None:
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -243,7 +244,7 @@ class _Reader:
             if (inside == table and named == key) or (bare.startswith("[") and inside == key):
                 column = line.find(key) + 1
                 return Span(line=index, column=column, end_line=index, end_column=column + len(key))
-        return d.NOWHERE
+        return self._find(table, table) if key != table and table else d.NOWHERE
 
 
 def _kind(value: Any) -> str:

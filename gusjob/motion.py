@@ -117,7 +117,7 @@ def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, break
             i += 1
         # Segment i starts at what was reached: it may itself miss, and then stands in `missed` or is followed here.
         done = i - 1
-    return np.sqrt(reached2)
+    return np.asarray(np.sqrt(reached2))
 
 
 def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:
@@ -128,11 +128,12 @@ def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, ju
     """
     change = np.hypot(in_x - out_x, in_y - out_y)
     with np.errstate(divide="ignore"):
-        return np.where(change > 1e-12, jump / np.maximum(change, 1e-300), np.inf)
+        return np.asarray(np.where(change > 1e-12, jump / np.maximum(change, 1e-300), np.inf))
 
 
 def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: npt.NDArray[np.bool_]) -> Floats:
-    """End velocities of segments in a row, (n,): the highest that limits, lengths and accelerations allow from both sides.
+    """End velocities of segments in a row, (n,): the highest that limits, lengths and accelerations allow from
+    both sides.
 
     `limit` (n,): highest end velocity of each segment (corner, both neighbours' velocity). `breaks` (n,): the segment
     starts at rest whatever the one before it ended at. The first one starts at rest; the last one's limit is its own.

@@ -54,7 +54,9 @@ class Arg:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """A GT_ call. `buffered` is its number among the buffered calls, None for the others. `section` is M's, or 'sister'."""
+    """A GT_ call. `buffered` is its number among the buffered calls, None for the others. `section` is M's,
+    or 'sister'.
+    """
 
     name: str
     args: tuple[Arg, ...]
@@ -212,7 +214,22 @@ SIGNATURES: dict[str, Signature] = {s.name: s for s in _SIGNATURES}
 BUFFERED: dict[Buffered, Signature] = {s.buffered: s for s in _SIGNATURES if s.buffered is not None}
 
 PASSED_OVER = frozenset(
-    ["GT_Open", "GT_Close", "GT_Reset", "GT_LoadConfig", "GT_ClrSts", "GT_AxisOn", "GT_AxisOff", "GT_GetVersion", "GT_CrdSpace", "GT_CrdData", "GT_GetCrdPos", "GT_GetCrdVel", "GT_GetSts", "GT_ZeroPos"]
+    [
+        "GT_Open",
+        "GT_Close",
+        "GT_Reset",
+        "GT_LoadConfig",
+        "GT_ClrSts",
+        "GT_AxisOn",
+        "GT_AxisOff",
+        "GT_GetVersion",
+        "GT_CrdSpace",
+        "GT_CrdData",
+        "GT_GetCrdPos",
+        "GT_GetCrdVel",
+        "GT_GetSts",
+        "GT_ZeroPos",
+    ]
 )
 """Calls of the basic manual that a listing may hold and that change neither light nor path here."""
 

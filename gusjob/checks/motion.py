@@ -20,10 +20,12 @@ def speeds(view: View, findings: Findings) -> None:
     path, machine = view.job.path, view.machine
     rows = np.flatnonzero(path.moves)
     scale = machine.pulses_per_mm[0]
-    for values, lines, missing, allowed, name, limit, factor, unit in (
-        (path.vel, path.vel_line, d.NO_VELOCITY, limits.VELOCITY, "VEL", machine.max_velocity_mm_s, 1e3, "mm/s"),
-        (path.acc, path.acc_line, d.NO_ACCELERATION, limits.ACCELERATION, "ACC", machine.max_acceleration_mm_s2, 1e6, "mm/s2"),
-    ):  # fmt: skip
+    velocity = (path.vel, path.vel_line, d.NO_VELOCITY, limits.VELOCITY, "VEL")
+    acceleration = (path.acc, path.acc_line, d.NO_ACCELERATION, limits.ACCELERATION, "ACC")
+    for (values, lines, missing, allowed, name), limit, factor, unit in (
+        (velocity, machine.max_velocity_mm_s, 1e3, "mm/s"),
+        (acceleration, machine.max_acceleration_mm_s2, 1e6, "mm/s2"),
+    ):
         value = values[rows]
         absent = np.isnan(value)
         if absent.any():
@@ -104,7 +106,10 @@ def arcs_close(view: View, findings: Findings) -> None:
         )
         short = (2 * radius < chord - _CLOSES_MM) & (radius > 0)
         for row, r, c in zip(rows[short].tolist(), radius[short].tolist(), chord[short].tolist(), strict=True):
-            reason = f"the radius {d.number(r)} mm is too small: the end is {d.number(c)} mm away, R must be at least {d.number(c / 2)} mm"
+            reason = (
+                f"the radius {d.number(r)} mm is too small: the end is {d.number(c)} mm away, "
+                f"R must be at least {d.number(c / 2)} mm"
+            )
             findings.add(d.BAD_ARC, int(path.line[row]), "R", reason=reason)
 
 
@@ -118,9 +123,14 @@ def arc_speed(view: View, findings: Findings) -> None:
     rows = view.rows(Op.ARC_CENTRE, Op.ARC_RADIUS)
     if not len(rows):
         return
-    ends = ([np.concatenate([[0.0], c])[rows] for c in (path.x, path.y)], path.x[rows], path.y[rows])
-    centre = arcs_by_centre(*ends[0], ends[1], ends[2], path.cx[rows], path.cy[rows], path.ccw[rows]).radius
-    by_radius = arcs_by_radius(*ends[0], ends[1], ends[2], path.radius[rows], path.ccw[rows]).radius
+    ends = (
+        np.concatenate([[0.0], path.x])[rows],
+        np.concatenate([[0.0], path.y])[rows],
+        path.x[rows],
+        path.y[rows],
+    )
+    centre = arcs_by_centre(*ends, path.cx[rows], path.cy[rows], path.ccw[rows]).radius
+    by_radius = arcs_by_radius(*ends, path.radius[rows], path.ccw[rows]).radius
     radius: Floats = np.where(path.op[rows] == Op.ARC_RADIUS, by_radius, centre)
     limit = machine.max_acceleration_pulse_per_ms2
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -61,7 +61,7 @@ class Findings:
         self.at_rows(d.ON_OPEN_END, rows[ends], word, value=values[ends], **fields)
         broken = ~outside & ~whole
         self.at_rows(d.NOT_WHOLE, rows[broken], word, value=values[broken], **fields)
-        return ~outside & whole
+        return np.asarray(~outside & whole)
 
     def one(self, setup: Setup, value: float, allowed: Range, what: str, word: str = "value") -> bool:
         """Judge a setup statement's number; returns whether it is good."""
@@ -144,7 +144,9 @@ class View:
         return spans
 
     def mode_of(self, setup: Setup) -> ModeSpan | None:
-        """The mode in force for a setup statement: the last LASER MODE of its channel above it, else the first below."""
+        """The mode in force for a setup statement: the last LASER MODE of its channel above it, else the
+        first below.
+        """
         spans = self.modes(setup.channel)
         above = [s for s in spans if s.setup.line <= setup.line]
         return above[-1] if above else spans[0] if spans else None

@@ -39,11 +39,10 @@ def command(paths: tuple[Path, ...], machine_path: Path | None, form: str, stric
 def judged(path: Path, machine_path: Path | None) -> Loaded:
     """A file with all its diagnostics: for a listing, what the controller would say too."""
     loaded = load(path, machine_path)
-    if loaded.job is not None and not loaded.job.has_forced_ends:
-        return loaded
-    stream = compiled(loaded)
-    if stream is not None and loaded.foreign:
+    if loaded.job is not None and loaded.job.has_forced_ends:
+        compiled(loaded)
+    if loaded.stream is not None:
         from gusjob.interpreter import interpret
 
-        interpreted_faults(loaded, interpret(stream, loaded.machine, foreign=True)[1])
+        interpreted_faults(loaded, interpret(loaded.stream, loaded.machine, foreign=True)[1])
     return loaded

@@ -46,13 +46,9 @@ def command(path: Path, machine_path: Path | None, backend: str) -> None:
             interpreted_faults(loaded, faults)
             report = make_report(trace, loaded.machine)
     if report is not None:
-        from shutil import get_terminal_size
-
         from gusjob.report.table import report_table
 
-        tty = sys.stdout.isatty()
-        width = max(get_terminal_size().columns, 100) if tty else 120
-        write([report_table(report, summary=False, width=width, color=tty).encode()], None)
+        write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None)
     show(loaded, notes=report is None)
     sys.exit(exit_code([loaded]))
 

@@ -1,6 +1,7 @@
 """How much each laser emits: power held from tick to tick, and its integral over every segment.
 
-Order of limits: base power (direct, or follow clamped to its max), distance term added and clamped to its limits, then the
+Order of limits: base power (direct, or follow clamped to its max), distance term added and clamped to its
+limits, then the
 mode's limits. Power that does not change between calls is integrated as it is; following is summed over the ticks.
 """
 
@@ -31,7 +32,8 @@ _CHUNK_TICKS = 1 << 15
 class PowerCalls:
     """Power calls of one channel in order, (e,): the number of the timed call before which each acts, and what it sets.
 
-    low: direct power, or the follow minimum; ratio 0: direct; high: follow maximum (inf if direct). NaN low: no power set yet.
+    low: direct power, or the follow minimum; ratio 0: direct; high: follow maximum (inf if direct). NaN low:
+    no power set yet.
     """
 
     boundary: Indices
@@ -60,7 +62,8 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Emitted:
-    """Per timed call, (m,): emission in ms, integral of power (unit * ms), lowest and highest power while emitting (NaN if none),
+    """Per timed call, (m,): emission in ms, integral of power (unit * ms), lowest and highest power while
+    emitting (NaN if none),
     time in which a limit held it, ms. `set_power`: whether a power was ever set where light was on."""
 
     emission_ms: Floats
@@ -99,7 +102,8 @@ def power_calls(calls: BufferedCalls, clock: Clock, program: Program, channel: i
     if more > 1:
         # At rest before what is buffered; while moving behind what is buffered before the first motion.
         order = np.lexsort((rank, boundary, stage))
-        stage, boundary, low, ratio, high = (c[order] for c in (stage, boundary, low, ratio, high))
+        stage, boundary = stage[order], boundary[order]
+        low, ratio, high = low[order], ratio[order], high[order]
     return PowerCalls(boundary=boundary, stage=stage, low=low, ratio=ratio, high=high)
 
 
@@ -140,7 +144,9 @@ class _Pieces:
 
 
 def _cut(clock: Clock, emission: Emission) -> tuple[Indices, Floats, Floats]:
-    """Emission cut at the segments' ends: (timed call, start, end) of each piece, in order, within the stages' motion."""
+    """Emission cut at the segments' ends: (timed call, start, end) of each piece, in order, within the
+    stages' motion.
+    """
     if not len(emission.stage) or not len(clock.row):
         empty = np.empty(0)
         return np.empty(0, dtype=np.intp), empty, empty
@@ -296,7 +302,9 @@ class _Ticks:
         return energy, lowest, highest, clamped
 
     def cell_at(self, time: Floats) -> Indices:
-        """The timed call that runs at a moment of a piece's stage: the piece's own or an earlier one, its stage's last if none."""
+        """The timed call that runs at a moment of a piece's stage: the piece's own or an earlier one, its
+        stage's last if none.
+        """
         clock = self.integrator.motion.clock
         found = np.searchsorted(clock.times[:-1], time, side="right") - 1
         first, last = clock.stage_first[self.stage], clock.stage_first[self.stage + 1] - 1

@@ -1,7 +1,8 @@
 """Runs the calls in order, as the controller takes them: what is refused, what each stage runs, how each laser stands.
 
 Host calls take no time. A call made while a stage moves (no GT_CrdStatus since its GT_CrdStart) acts at that stage's
-start, behind the buffered calls that stand before its first motion: when it really comes, nobody can tell from a listing.
+start, behind the buffered calls that stand before its first motion: when it really comes, nobody can tell from
+a listing.
 """
 
 from __future__ import annotations
@@ -86,7 +87,9 @@ class Action:
 
 @dataclass(slots=True, kw_only=True)
 class StageRun:
-    """One start of a coordinate system: buffered rows in order, lasers in force, immediate actions before and during."""
+    """One start of a coordinate system: buffered rows in order, lasers in force, immediate actions before and
+    during.
+    """
 
     crd: int
     fifo: int
@@ -106,7 +109,9 @@ class StageRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
-    """What ran: stages, what was still done at rest behind the last one, switch readings (line, channel, value), channels named."""
+    """What ran: stages, what was still done at rest behind the last one, switch readings (line, channel,
+    value), channels named.
+    """
 
     stages: tuple[StageRun, ...]
     at_end: tuple[Action, ...]

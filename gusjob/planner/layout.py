@@ -40,7 +40,8 @@ def layout(state: Plan) -> Plan:
     laid = segments(x0, y0, x1, y1, arc_at, arcs)
     scale = np.ones(len(timed))
     if not machine.equal_axes:
-        # Pulses per mm along the segment, against X's, in which velocities stand (arcs left here are circles in pulses).
+        # Pulses per mm along the segment, against X's, in which velocities stand (arcs left here are circles in
+        # pulses).
         px, py = machine.pulses_per_mm
         length_mm = np.hypot((x1 - x0) / px, (y1 - y0) / py)
         chord = np.hypot(x1 - x0, y1 - y0)

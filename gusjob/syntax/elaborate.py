@@ -34,6 +34,7 @@ from gusjob.limits import CHANNEL, MODE_LIMIT, PowerMode
 from gusjob.machine import Machine
 from gusjob.motion import running_sum
 from gusjob.syntax.job_reader import JobText, RowOp
+from gusjob.syntax.shapes import Rows
 from gusjob.syntax.statements import Field, Quantity, Statement, unit_of
 from gusjob.units import System, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
@@ -85,7 +86,9 @@ def filled(values: Floats, start: float) -> Floats:
 
 @dataclass(slots=True)
 class _Modal:
-    """A modal value in force per row: the value (NaN: never set), whether it was written in mm, and the line that set it."""
+    """A modal value in force per row: the value (NaN: never set), whether it was written in mm, and the line
+    that set it.
+    """
 
     value: Floats
     in_mm: Bools
@@ -107,7 +110,8 @@ class _Elaboration:
     machine: Machine
 
     @property
-    def rows(self) -> Any:
+    def rows(self) -> Rows:
+        """The rows read."""
         return self.text.rows
 
     def col(self, column: Field) -> Floats:
@@ -120,7 +124,7 @@ class _Elaboration:
         if not (op == RowOp.UNITS_PULSE).any():
             return None
         at = last_set((op == RowOp.UNITS_PULSE) | (op == RowOp.UNITS_MM))
-        return (at >= 0) & (op[at] == RowOp.UNITS_PULSE)
+        return np.asarray((at >= 0) & (op[at] == RowOp.UNITS_PULSE))
 
     def in_pulse(self, column: Field) -> Bools | None:
         """Whether a column's number is in the controller's units, per row; None if nowhere."""
@@ -129,7 +133,7 @@ class _Elaboration:
         if written is None:
             return by_units
         explicit = written == System.PULSE
-        return explicit if by_units is None else explicit | (by_units & (written == System.DEFAULT))
+        return np.asarray(explicit if by_units is None else explicit | (by_units & (written == System.DEFAULT)))
 
     def length(self, column: Field, axis: int) -> Floats:
         """A length column in pulse, NaN where absent."""
@@ -276,10 +280,12 @@ class _Elaboration:
     def _written(self, column: Field) -> npt.NDArray[np.int8]:
         if not self.rows.system.any():
             return np.broadcast_to(np.int8(0), len(self.rows.op))
-        return ((self.rows.system >> (2 * column)) & 3).astype(np.int8)
+        return np.asarray((self.rows.system >> (2 * column)) & 3, dtype=np.int8)
 
     def _ratio(self) -> tuple[Floats, Bools]:
-        """Follow ratio per pulse/ms (RATIO as written, or the one that reaches MAX at AT), and whether it hangs on mm."""
+        """Follow ratio per pulse/ms (RATIO as written, or the one that reaches MAX at AT), and whether it
+        hangs on mm.
+        """
         given, pulses = self.col(Field.RATIO), self.units_pulse()
         in_mm = np.broadcast_to(np.True_, len(given)) if pulses is None else ~pulses
         ratio = np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given)

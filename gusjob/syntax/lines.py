@@ -77,7 +77,8 @@ def _accepted_after(lark: Lark, text: str) -> Sequence[str]:
         interactive = lark.parse_interactive(text)
         for _ in interactive.iter_parse():
             pass
-        return sorted(interactive.accepts())
+        accepted: set[str] = interactive.accepts()  # type: ignore[no-untyped-call]  # lark's
+        return sorted(accepted)
     except UnexpectedInput:
         return ()
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from typing import Any
 
 import numpy as np
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
@@ -13,11 +14,9 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.stream import (
-    BUFFERED,
     PASSED_OVER,
     SIGNATURES,
     Arg,
-    Buffered,
     BufferedCalls,
     Call,
     Kind,
@@ -55,7 +54,6 @@ _LOOK_BACK = 50
 _BLOCK_COMMENT = re.compile(rb"/\*.*?\*/", re.DOTALL)
 _ZEROS = re.compile(rb"(?<![0-9A-Za-z_.])0+(?=0(?![0-9.xX]))")
 _OCTAL = re.compile(rb"(?<![0-9A-Za-z_.])0(?=[0-9]+(?![0-9.]))")
-_POINTERS_KEPT = ("run", "segment", "pValue")
 _CRD_FIELDS = ("dimension", "profile", "synVelMax", "synAccMax", "evenTime", "setOriginFlag", "originPos")
 
 
@@ -70,8 +68,8 @@ def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
     if b"/*" in data:
         data = _BLOCK_COMMENT.sub(lambda m: re.sub(rb"[^\n]", b" ", m[0]), data)
     if _ZEROS.search(data) or _OCTAL.search(data):
-        # 00 is 0 in C as well; any other number with a leading zero is octal, and no template may read it.
-        data = _OCTAL.sub(b"0_", _ZEROS.sub(lambda m: b" " * len(m[0]), data))
+        # 00 is 0 in C as well; any other number with a leading zero is octal: as a name, o10, no template reads it.
+        data = _OCTAL.sub(b"o", _ZEROS.sub(lambda m: b" " * len(m[0]), data))
     reader = _ListingReader(source=source, text=Source(name=source.name, data=data))
     rows = scan(data, semicolon_comments=False, learn=reader.learn, read_line=reader.read_line)
     reader.finish()
@@ -84,7 +82,7 @@ def _stream(name: str, rows: Rows, calls: list[tuple[str, tuple[Value, ...]]]) -
     before = np.cumsum(keep)
     index = rows.column(0)
 
-    def cut(column: str, dtype: type) -> np.ndarray[tuple[int], np.dtype[np.generic]]:
+    def cut(column: str, dtype: type) -> Any:
         return np.nan_to_num(rows.column(_COLUMNS.index(column))[keep]).astype(dtype)
 
     buffered = BufferedCalls(
@@ -228,7 +226,8 @@ class _ListingReader:
             fields[names[1]] = value
             return
         index = self.value(parts[0])
-        held = list(found) if isinstance(found := fields.get(names[1]), tuple) else [0.0] * 8
+        found = fields.get(names[1])
+        held: list[Value] = list(found) if isinstance(found, tuple) else [0.0] * 8
         if isinstance(index, float) and 0 <= index < len(held):
             held[int(index)] = value
         fields[names[1]] = tuple(held)
@@ -281,11 +280,7 @@ class _ListingReader:
             Kind.POINTER: "a variable",
             Kind.STRUCT: "a TCrdPrm",
         }[arg.kind]
-        if (
-            first is not None
-            and first.type == "NUMBER"
-            and (octal := re.match(r"[+-]?0_([0-7]+)", self._original(first, line)))
-        ):
+        if first is not None and (octal := re.fullmatch("o([0-7]+)", first)):
             self.at(d.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=int(octal[1], 8))
             return None
         good = {
@@ -306,10 +301,6 @@ class _ListingReader:
                 d.CALL_VALUE, first, line, argument=arg.name, call=signature.name, wanted=wanted, found=str(first)[:40]
             )
         return None
-
-    def _original(self, token: Token, line: int) -> str:
-        start = (token.column or 1) - 1
-        return self.text.line(line)[start : start + 20]
 
 
 def _real(value: Value | None) -> float:
@@ -335,8 +326,3 @@ def _number(token: Token) -> float:
     if text.lower().startswith("0x"):
         return sign * float(int(text, 16)) if len(text) < 300 else float("inf")
     return sign * float(text.rstrip("fF"))
-
-
-def buffered_names() -> tuple[str, ...]:
-    """Names of the buffered calls."""
-    return tuple(BUFFERED[kind].name for kind in Buffered)
