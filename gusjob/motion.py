@@ -66,14 +66,18 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
 
     A start above `vel` slows down to it first (its `rise` then falls).
     """
-    start2, end2 = start * start, end * end
+    # Squares are taken as products of sum and difference: at speed, over a short way, they differ in the last digits only.
+    gained = (end - start) * (end + start) / 2
+    top2 = acc * length + (start * start + end * end) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
-        peak = np.minimum(vel, np.sqrt(acc * length + (start2 + end2) / 2))
-        peak = np.maximum(peak, np.minimum(end, vel))
-        rise = np.abs(peak - start) / acc
-        fall = (peak - end) / acc
-        left = length - np.abs(peak * peak - start2) / (2 * acc) - (peak * peak - end2) / (2 * acc)
-        cruise = np.where(peak > 0, np.maximum(left, 0.0) / peak, 0.0)
+        tip = (top2 < vel * vel) & (start <= vel)
+        peak = np.maximum(np.where(tip, np.sqrt(top2), vel), end)
+        up = np.where(tip, acc * length + gained, np.abs(peak - start) * (peak + start))
+        down = np.where(tip, acc * length - gained, (peak - end) * (peak + end))
+        rise = np.where(tip, np.maximum(up, 0.0) / (peak + start), np.abs(peak - start)) / acc
+        fall = np.where(tip, np.maximum(down, 0.0) / (peak + end), peak - end) / acc
+        left = length - (up + down) / (2 * acc)
+        cruise = np.where(tip | (peak <= 0), 0.0, np.maximum(left, 0.0) / peak)
     # A cruise below rounding of its own length is the tip of a triangle.
     cruise[left <= length * 1e-12] = 0.0
     none = length <= 0

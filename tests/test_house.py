@@ -1,0 +1,90 @@
+"""The house: imports go one way, lark and rich stay in their rooms, start-up stays light, nothing foreign lies about."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tools import ROOT
+
+ORDER = (
+    "limits", "diagnostics", "units", "machine", "motion", "geometry", "job", "stream", "listing", "syntax", "checks",
+    "planner", "interpreter", "backend", "report", "cli",
+)  # fmt: skip
+"""Top to bottom: a room imports from itself and from rooms above it."""
+
+ONLY = {"lark": ("syntax",), "rich": ("report", "cli"), "click": ("cli",)}
+"""Libraries and the rooms that may import them."""
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(ROOT / "gusjob").parts[0].removesuffix(".py")
+
+
+def imported(tree: ast.AST) -> list[str]:
+    names = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "absolute imports only"
+            names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return names
+
+
+def faults(room: str, source: str) -> list[str]:
+    found = []
+    for name in imported(ast.parse(source)):
+        parts = name.split(".")
+        if parts[0] == "gusjob" and len(parts) > 1 and parts[1] in ORDER and room in ORDER:
+            if ORDER.index(parts[1]) > ORDER.index(room):
+                found.append(f"{room} imports {name}")
+        elif parts[0] in ONLY and room not in ONLY[parts[0]]:
+            found.append(f"{room} imports {name}")
+    return found
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "gusjob").rglob("*.py")), ids=lambda p: p.stem)
+def test_imports_go_one_way(path: Path) -> None:
+    assert faults(room_of(path), path.read_text(encoding="utf-8")) == []
+
+
+def test_a_planted_import_is_seen() -> None:
+    assert faults("planner", "from gusjob.report.rows import Report")
+    assert faults("checks", "import lark")
+    assert faults("limits", "from gusjob import units")
+    assert not faults("cli", "from gusjob.report.rows import Report")
+
+
+def test_every_room_has_its_place() -> None:
+    rooms = {room_of(p) for p in (ROOT / "gusjob").rglob("*.py")} - {"__init__", "__main__"}
+    assert rooms == set(ORDER)
+
+
+def test_the_top_level_is_tidy() -> None:
+    known = {"pyproject.toml", "gusjob", "grammar", "jobs", "tests", "README.md", "CHANGELOG.md", "LICENSE"}
+    made = {"build", "dist"}
+    assert {p.name for p in ROOT.iterdir() if not p.name.startswith(".")} - made == known
+
+
+def test_check_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from gusjob.cli import main; sys.argv = ['gusjob', 'check', sys.argv[1]]\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        "print([m for m in ('rich', 'gusjob.interpreter', 'gusjob.report', 'hypothesis') if m in sys.modules])"
+    )
+    job = ROOT / "jobs" / "co2_cut.job"
+    done = subprocess.run([sys.executable, "-c", code, str(job)], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_no_eval_no_shell_no_pickle() -> None:
+    for path in (ROOT / "gusjob").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                assert node.func.id not in ("eval", "exec", "compile"), path
+        names = imported(ast.parse(path.read_text(encoding="utf-8")))
+        assert not {"subprocess", "pickle", "marshal", "shelve"} & {n.split(".")[0] for n in names}, path
