@@ -14,7 +14,8 @@ from gusjob.planner.plan import Plan
 def layout(state: Plan) -> Plan:
     """Segments between whole pulses; velocity and acceleration along each segment's own direction."""
     path, machine, timed = state.path, state.machine, state.timed
-    x1, y1 = np.rint(path.x[timed]), np.rint(path.y[timed])
+    # + 0.0: a coordinate of -0 is 0.
+    x1, y1 = np.rint(path.x[timed]) + 0.0, np.rint(path.y[timed]) + 0.0
     x0, y0 = np.concatenate([[0.0], x1[:-1]]), np.concatenate([[0.0], y1[:-1]])
     op = path.op[timed]
     arc_at = np.flatnonzero((op == Op.ARC_CENTRE) | (op == Op.ARC_RADIUS))

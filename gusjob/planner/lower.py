@@ -149,9 +149,9 @@ def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
         by_radius = path.op[arcs] == Op.ARC_RADIUS
         # The centre is an offset from the start point, in whole pulses like the ends.
         p[arcs] = np.where(
-            by_radius, _radius(path.radius[arcs], laid.arcs.radius), np.rint(path.cx[arcs]) - laid.x0[laid.arc_at]
+            by_radius, _radius(path.radius[arcs], laid.arcs.radius), np.rint(path.cx[arcs]) - laid.x0[laid.arc_at] + 0.0
         )
-        q[arcs] = np.where(by_radius, 0.0, np.rint(path.cy[arcs]) - laid.y0[laid.arc_at])
+        q[arcs] = np.where(by_radius, 0.0, np.rint(path.cy[arcs]) - laid.y0[laid.arc_at] + 0.0)
         r[arcs] = path.ccw[arcs]
         # An arc whose ends fall on one pulse is a line of no length, never a full circle.
         lost = (kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS)

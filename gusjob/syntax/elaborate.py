@@ -363,7 +363,7 @@ class _Elaboration:
             if quantity is None:
                 return 0.0
             pulses = quantity.system == System.PULSE or (quantity.system == System.DEFAULT and in_pulse)
-            return quantity.value if pulses else float(np.rint(quantity.value * self.scale(axis)))
+            return quantity.value if pulses else float(np.rint(quantity.value * self.scale(axis))) + 0.0
 
         places, ratios = statement.axes["REF"], statement.axes["RATIO"]
         refs = [reference(places.get(axis), i) for i, axis in enumerate("XYZA")]
