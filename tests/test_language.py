@@ -151,7 +151,7 @@ def test_stages() -> None:
 
 def test_fast_and_slow_reading_agree() -> None:
     """The same numbers written so that a template reads them and so that only the parser does."""
-    plain = "".join(f"LINE X {i / 8} Y {-i / 4}\nLASER POWER {1 + i / 100}\n" for i in range(200))
+    plain = "".join(f"LINE X {i / 8} Y {-i / 4}\nLASER POWER {1 + i / 100:.2f}\n" for i in range(200))
     odd = "".join(f"LINE X {i / 8:.6e} Y - {i / 4}\nLASER POWER {100 * (1 + i / 100):.3f}e-2\n" for i in range(200))
     assert body(plain) == body(odd)
 

@@ -1,0 +1,236 @@
+"""The commands as users run them: files, formats, exit status, and a clear word for what can't be read."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from tools import MARK, ROOT
+
+from gusjob.cli import cli
+
+GOOD = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
+
+
+def gusjob(*args: object) -> Result:
+    return CliRunner().invoke(cli, [str(a) for a in args], catch_exceptions=False)
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    path = tmp_path / "good.job"
+    path.write_text(GOOD, encoding="utf-8")
+    return path
+
+
+def write(tmp_path: Path, text: str | bytes, name: str = "x.job") -> Path:
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_check_exit_status(tmp_path: Path, good: Path) -> None:
+    assert gusjob("check", good).exit_code == 0
+    warned = write(tmp_path, MARK + "LASER DELAY ON 20 OFF 10\n", "warn.job")
+    assert gusjob("check", warned).exit_code == 0
+    assert gusjob("check", "--strict", warned).exit_code == 1
+    bad = write(tmp_path, "QQ\n", "bad.job")
+    assert gusjob("check", good, bad).exit_code == 1
+    assert gusjob("check", bad, tmp_path / "none.job").exit_code == 2
+    assert gusjob("check").exit_code == 2
+    assert gusjob("check", "--format", "xml", good).exit_code == 2
+
+
+def test_check_text_form(tmp_path: Path) -> None:
+    bad = write(tmp_path, MARK + "LASER POWER 120\n")
+    lines = gusjob("check", bad).output.splitlines()
+    assert lines[0] == f"{bad}:4:13: error[GJ201]: LASER POWER 120 % is outside (0, 100) %"
+    assert lines[1] == "    4 | LASER POWER 120"
+    assert lines[2] == "      |             ^^^"
+
+
+def test_check_json_form(tmp_path: Path) -> None:
+    bad = write(tmp_path, MARK + "LASER POWER 120\n")
+    found = json.loads(gusjob("check", "--format", "json", bad).stdout)
+    assert found == {
+        "schema": "gusjob-check/1",
+        "diagnostics": [
+            {
+                "path": str(bad), "line": 4, "column": 13, "end_line": 4, "end_column": 16, "severity": "error",
+                "code": "GJ201", "message": "LASER POWER 120 % is outside (0, 100) %",
+            }
+        ],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        (b"\xff\xfeL\x00", "GJ002"),
+        (b"LINE X \x00 1", "GJ002"),
+        (b"LASER ON\nLINE X \xe9\n", "GJ002"),
+        (b"", "GJ004"),
+        (b" \n; nothing\n", "GJ004"),
+    ],
+)
+@pytest.mark.parametrize("command", ["check", "run", "report", "compile"])
+def test_files_that_are_no_jobs(tmp_path: Path, content: bytes, code: str, command: str) -> None:
+    result = gusjob(command, write(tmp_path, content))
+    assert f"[{code}]" in result.output
+    assert result.exit_code == (2 if code == "GJ002" else 0)
+
+
+@pytest.mark.parametrize("command", ["check", "run", "report", "compile"])
+def test_a_folder_and_nothing_at_all(tmp_path: Path, command: str) -> None:
+    for path in (tmp_path, tmp_path / "none.job"):
+        result = gusjob(command, path)
+        assert result.exit_code == 2
+        assert "GJ001" in result.output
+
+
+def test_a_huge_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gusjob.syntax.source.MAX_FILE_MB", 0.001)
+    result = gusjob("check", write(tmp_path, b"; " + b"x" * 2000))
+    assert result.exit_code == 2
+    assert "GJ003" in result.output
+
+
+def test_run_prints_the_report(good: Path) -> None:
+    result = gusjob("run", good)
+    assert result.exit_code == 0
+    assert "2 segments in 1 stage" in result.output
+    assert "mark" in result.output
+    assert "jump" in result.output
+
+
+def test_a_job_with_errors_is_not_run(tmp_path: Path) -> None:
+    bad = write(tmp_path, MARK + "LASER ON\nLINE X 1\n")
+    for command in ("run", "report", "compile"):
+        result = gusjob(command, bad)
+        assert result.exit_code == 1
+        assert "GJ401" in result.output
+        assert result.stdout == ""
+
+
+def test_a_listing_with_refused_calls_is_reported(tmp_path: Path) -> None:
+    text = "GT_BufLaserPrfCmd(1,200,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\n"
+    path = write(tmp_path, text, "a.gts")
+    result = gusjob("report", path, "--format", "json")
+    found = json.loads(result.stdout)
+    assert found["totals"]["segments"] == 1
+    assert "GJ701" in [f["code"] for f in found["diagnostics"]]
+    assert result.exit_code == 1
+    unread = gusjob("report", write(tmp_path, "what(\n" + text, "b.gts"), "--format", "json")
+    assert (unread.exit_code, unread.stdout) == (1, "")
+
+
+def report(*args: object) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(gusjob("report", *args, "--format", "json").stdout)
+    return found
+
+
+def test_report_json(good: Path) -> None:
+    found = report(good)
+    assert found["schema"] == "gusjob-report/1"
+    assert found["period_us"] == 250
+    # JUMP: 5 mm at 100 mm/s, 10000 mm/s2: 10 ms and 0.5 mm up, 45 ms at speed, straight on into LINE, which is its mirror.
+    totals = found["totals"]
+    assert totals["segments"] == 2
+    assert totals["duration_ms"] == pytest.approx(110)
+    assert (totals["mark_mm"], totals["jump_mm"]) == (5, 5)
+    (channel,) = totals["channels"]
+    assert channel["unit"] == "%"
+    assert channel["emission_ms"] == pytest.approx(55)
+    assert channel["power_ms"] == pytest.approx(2750)
+    assert (channel["power_max"], channel["joules"]) == (50, None)
+    columns = found["segments"]
+    assert columns["kind"] == ["jump", "mark"]
+    assert columns["line"] == [5, 7]
+    assert columns["x_mm"] == [5, 10]
+    assert columns["start_ms"] == pytest.approx([0, 55])
+    assert columns["vel_max_mm_s"] == pytest.approx([100, 100])
+    assert columns["vel_mean_mm_s"] == pytest.approx([5 / 0.055, 5 / 0.055])
+    assert columns["ch0_power_min"] == [None, 50]
+    assert columns["ch0_joules"] == [None, None]
+    assert len({len(c) for c in columns.values()}) == 1
+    assert not any(name.startswith("ch1") for name in columns)
+    assert "segments" not in report(good, "--summary")
+
+
+def test_report_knows_watts(good: Path, tmp_path: Path) -> None:
+    profile = write(tmp_path, "[[laser]]\nchannel = 0\nrated_w = 30\n", "m.toml")
+    found = report(good, "--machine", profile)
+    # Half of 30 W for 55 ms.
+    assert found["totals"]["channels"][0]["joules"] == pytest.approx(0.825)
+    assert found["segments"]["ch0_joules"][1] == pytest.approx(0.825)
+
+
+def test_report_csv(good: Path, tmp_path: Path) -> None:
+    out = tmp_path / "r.csv"
+    assert gusjob("report", good, "--format", "csv", "-o", out).exit_code == 0
+    rows = list(csv.DictReader(io.StringIO(out.read_text(encoding="utf-8"))))
+    assert [r["kind"] for r in rows] == ["jump", "mark"]
+    assert [r["ch0_power_max"] for r in rows] == ["", "50.0"]
+    summary = list(csv.DictReader(io.StringIO(gusjob("report", good, "--format", "csv", "--summary").output)))
+    assert float(summary[0]["power_ms"]) == pytest.approx(2750)
+
+
+def test_compile_forms(good: Path, tmp_path: Path) -> None:
+    listing = gusjob("compile", good).stdout
+    assert listing.splitlines()[-1] == "GT_CrdStart(1,0)"
+    found = json.loads(gusjob("compile", good, "--format", "json").stdout)
+    assert found["schema"] == "gusjob-calls/1"
+    assert [c["call"] for c in found["calls"]][:2] == ["GT_SetAxisMode", "GT_LaserPowerMode"]
+    assert found["buffered"]["call"] == [
+        "GT_BufLaserPrfCmd", "GT_LnXY", "GT_BufLaserOn", "GT_LnXY", "GT_BufLaserOff",
+    ]  # fmt: skip
+    assert found["buffered"]["x"] == [0, 5000, 0, 10000, 0]
+    out = tmp_path / "a.gts"
+    gusjob("compile", good, "-o", out)
+    assert report(out)["totals"] == report(good)["totals"]
+    assert gusjob("compile", good, "-o", tmp_path / "no" / "a.gts").exit_code != 0
+
+
+def test_a_wrong_profile_stops_with_its_own_place(good: Path, tmp_path: Path) -> None:
+    profile = write(tmp_path, "period = 3\n", "m.toml")
+    result = gusjob("check", good, "--machine", profile)
+    assert result.exit_code == 1
+    assert f"{profile}:1:1: error[GJ602]" in result.output
+    assert "period_us" in result.output
+    assert gusjob("run", good, "--machine", tmp_path / "none.toml").exit_code == 2
+    write(tmp_path, "period_us = 10\n", "gusjob.toml")
+    assert report(good)["period_us"] == 10
+
+
+def test_a_job_does_not_steer_the_terminal(tmp_path: Path) -> None:
+    result = gusjob("check", write(tmp_path, "LINE X \x1b[31m\x07 ; \x1b]0;owned\x07\n"))
+    assert result.exit_code == 1
+    assert "\x1b" not in result.output
+    assert "\x07" not in result.output
+
+
+def test_help_names_every_command() -> None:
+    result = gusjob("--help")
+    for name in ("check", "compile", "run", "report"):
+        assert name in result.output
+        assert gusjob(name, "--help").exit_code == 0
+    assert gusjob("burn").exit_code == 2
+
+
+def test_as_a_module_and_into_a_closed_pipe() -> None:
+    job = ROOT / "jobs" / "engrave.job"
+    with subprocess.Popen(
+        [sys.executable, "-m", "gusjob", "compile", str(job)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline().startswith(b"GT_SetAxisMode")
+        process.stdout.close()
+        assert b"Traceback" not in process.stderr.read()
