@@ -66,7 +66,8 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
 
     A start above `vel` slows down to it first (its `rise` then falls).
     """
-    # Squares are taken as products of sum and difference: at speed, over a short way, they differ in the last digits only.
+    # Squares are taken as products of sum and difference: at speed, over a short way, they differ in the last
+    # digits only.
     gained = (end - start) * (end + start) / 2
     top2 = acc * length + (start * start + end * end) / 2
     with np.errstate(divide="ignore", invalid="ignore"):

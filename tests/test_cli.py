@@ -140,7 +140,7 @@ def test_report_json(good: Path) -> None:
     found = report(good)
     assert found["schema"] == "gusjob-report/1"
     assert found["period_us"] == 250
-    # JUMP: 5 mm at 100 mm/s, 10000 mm/s2: 10 ms and 0.5 mm up, 45 ms at speed, straight on into LINE, which is its mirror.
+    # JUMP: 5 mm at 100 mm/s, 10000 mm/s2: 10 ms and 0.5 mm up, 45 ms at speed, straight on into LINE, its mirror.
     totals = found["totals"]
     assert totals["segments"] == 2
     assert totals["duration_ms"] == pytest.approx(110)

@@ -24,7 +24,9 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 def ranges() -> str:
     def words(limit: object) -> str:
         return ", ".join(
-            text for text, is_so in (("whole", limit.whole), ("ends warn", limit.ends_tolerated)) if is_so  # type: ignore[attr-defined]
+            text
+            for text, is_so in (("whole", limit.whole), ("ends warn", limit.ends_tolerated))
+            if is_so  # type: ignore[attr-defined]
         )
 
     rows = [[r.name, str(r), words(r), r.section, r.note] for r in TABLE]

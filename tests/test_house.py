@@ -1,4 +1,4 @@
-"""The house: imports go one way, lark and rich stay in their rooms, start-up stays light, nothing foreign lies about."""
+"""The house: imports go one way, lark and rich stay in their rooms, start-up stays light, no eval and no shell."""
 
 from __future__ import annotations
 

@@ -63,4 +63,6 @@ def test_a_listing_reads_back(path: Path) -> None:
     first, second = (make_report(interpret(s, Machine())[0], Machine()) for s in (stream, again))
     assert first.totals == second.totals
     for name in first.columns.keys() - {"line"}:
-        assert np.array_equal(first.columns[name], second.columns[name], equal_nan=first.columns[name].dtype.kind == "f")
+        assert np.array_equal(
+            first.columns[name], second.columns[name], equal_nan=first.columns[name].dtype.kind == "f"
+        )

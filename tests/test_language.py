@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from tools import MARK, calls_of, faults_in, job_of, path_calls
 
@@ -120,7 +122,8 @@ def test_units_change_on_the_way() -> None:
 
 
 def test_velocities_are_modal_and_jumps_have_their_own() -> None:
-    text = "LINE X 1 VEL 50\nLINE X 2\nJUMP X 3\nJUMPVEL 400\nJUMPACC 20000\nJUMP X 4\nVEL 70\nARC CW X 5 R 1 ACC 3000\nJUMP X 6\n"
+    text = "LINE X 1 VEL 50\nLINE X 2\nJUMP X 3\nJUMPVEL 400\nJUMPACC 20000\nJUMP X 4\nVEL 70\n"
+    text += "ARC CW X 5 R 1 ACC 3000\nJUMP X 6\n"
     speeds = [tuple(c.rstrip(")").split(",")[-4:-2]) for c in body(text)]
     assert speeds == [("50", "10"), ("50", "10"), ("50", "10"), ("400", "20"), ("70", "3"), ("400", "20")]
 
@@ -185,7 +188,7 @@ def test_an_arc_on_unequal_axes_becomes_chords_within_the_tolerance() -> None:
     assert len(ring) > 20
     for x, y in ring:
         assert (x * x + y * y) ** 0.5 == pytest.approx(5, abs=0.0015)
-    for (x0, y0), (x1, y1) in zip(ring, ring[1:], strict=False):
+    for (x0, y0), (x1, y1) in itertools.pairwise(ring):
         middle = ((x0 + x1) / 2, (y0 + y1) / 2)
         assert 5 - (middle[0] ** 2 + middle[1] ** 2) ** 0.5 < 0.001 + 0.0015
     assert ring[-1] == (-5, 0)

@@ -1,4 +1,4 @@
-"""The manual's routines, pasted as they stand, with their broken lines: read, checked, interpreted, and compiled from jobs."""
+"""The manual's routines, pasted as they stand, with their broken lines: read, checked, interpreted, compiled."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -271,36 +272,47 @@ class _ListingReader:
 
     def argument(self, signature: Signature, arg: Arg, tree: Tree[Token], line: int) -> Value | None:
         """One argument's value, or None with a diagnostic."""
-        first = next(t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)) if tree.children else None
-        value = self.value(tree) if tree.children else ()
-        wanted = {
-            Kind.WHOLE: "a whole number",
-            Kind.REAL: "a number",
-            Kind.ARRAY: "an array of four numbers",
-            Kind.POINTER: "a variable",
-            Kind.STRUCT: "a TCrdPrm",
-        }[arg.kind]
+        first = next((t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)), None)
         if first is not None and (octal := re.fullmatch("o([0-7]+)", first)):
             self.at(d.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=int(octal[1], 8))
             return None
-        good = {
-            Kind.WHOLE: isinstance(value, float),
-            Kind.REAL: isinstance(value, float),
-            Kind.ARRAY: isinstance(value, tuple) and len(value) == 4 and all(isinstance(v, float) for v in value),
-            Kind.POINTER: isinstance(value, str | float | tuple),
-            Kind.STRUCT: isinstance(value, str) or _is_crd(value),
-        }[arg.kind]
-        if good and arg.kind is Kind.POINTER:
-            return str(tokens(tree)[0])
-        if good and not (isinstance(value, float) and not np.isfinite(value)):
+        if arg.kind is Kind.POINTER and tree.data == "pointer":
+            return str(first)
+        value = self.value(tree)
+        if _fits(arg.kind, value):
             return value
+        fields = {"argument": arg.name, "call": signature.name, "wanted": _WANTED[arg.kind]}
         if first is None:
-            self.fault(d.CALL_VALUE, line, 1, 2, argument=arg.name, call=signature.name, wanted=wanted, found="nothing")
+            self.fault(d.CALL_VALUE, line, 1, 2, **fields, found="nothing")
         else:
-            self.at(
-                d.CALL_VALUE, first, line, argument=arg.name, call=signature.name, wanted=wanted, found=str(first)[:40]
-            )
+            self.at(d.CALL_VALUE, first, line, **fields, found=str(first)[:40])
         return None
+
+
+_WANTED = {
+    Kind.WHOLE: "a whole number",
+    Kind.REAL: "a number",
+    Kind.ARRAY: "an array of four numbers",
+    Kind.POINTER: "a variable",
+    Kind.STRUCT: "a TCrdPrm",
+}
+
+
+def _fits(kind: Kind, value: Value) -> bool:
+    """Whether a value is of an argument's kind, and finite."""
+    match kind:
+        case Kind.WHOLE | Kind.REAL:
+            return _finite(value)
+        case Kind.ARRAY:
+            return isinstance(value, tuple) and len(value) == 4 and all(map(_finite, value))
+        case Kind.STRUCT:
+            return isinstance(value, str) or _is_crd(value)
+        case Kind.POINTER:
+            return False
+
+
+def _finite(value: Value) -> bool:
+    return isinstance(value, float) and math.isfinite(value)
 
 
 def _real(value: Value | None) -> float:
@@ -312,9 +324,9 @@ def _is_crd(value: Value) -> bool:
     if not isinstance(value, tuple) or len(value) != len(_CRD_FIELDS):
         return False
     return all(
-        isinstance(part, tuple) and len(part) == 8 and all(isinstance(v, float) for v in part)
+        isinstance(part, tuple) and len(part) == 8 and all(map(_finite, part))
         if name in ("profile", "originPos")
-        else isinstance(part, float)
+        else _finite(part)
         for name, part in zip(_CRD_FIELDS, value, strict=True)
     )
 
