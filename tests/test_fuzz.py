@@ -29,28 +29,12 @@ JOBS = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "jobs").glob("*.jo
 ROUTINES = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "tests" / "manual").glob("*.c"))]
 GRAMMAR = (ROOT / "grammar" / "job.lark").read_text(encoding="utf-8")
 KEYWORDS = re.findall(r"^([A-Z0-9]+)(?:\.\d)?: /", GRAMMAR, re.MULTILINE)
-    r"^([A-Z0-9]+)(?:\.\d)?: /", (ROOT / "grammar" / "job.lark").read_text(encoding="utf-8"), re.MULTILINE
-)
 NUMBERS = ["0", "1", "-1", "50", "1e3", "-0.0", "1e308", "9" * 400, ".", "1.2.3", "007", "1e-320", "100%", "5kHz"]
 ODD = ["0", "1", "-7", "1e4", "0.5", "99999999", "1e-9"]
-    "0",
-    "1",
-    "-1",
-    "50",
-    "1e3",
-    "-0.0",
-    "1e308",
-    "9" * 400,
-    ".",
-    "1.2.3",
-    "007",
-    "1e-320",
-    "100%",
-    "5kHz",
-    "3mm/s2",
-]
-CALLS = ["GT_LnXY", "GT_ArcXYC", "GT_ArcXYR", "GT_BufDelay", "GT_BufLaserOn", "GT_BufLaserPrfCmd", "GT_CrdStart",
-         "GT_BufLaserPrfFollow", "GT_LaserPowerMode", "GT_SetLevelDelay", "GT_CrdStatus", "GT_CrdClear", "GT_SetCrdPrm"]  # fmt: skip
+CALLS = (
+    "GT_LnXY GT_ArcXYC GT_ArcXYR GT_BufDelay GT_BufLaserOn GT_BufLaserPrfCmd GT_CrdStart GT_BufLaserPrfFollow "
+    "GT_LaserPowerMode GT_SetLevelDelay GT_CrdStatus GT_CrdClear GT_SetCrdPrm"
+).split()
 
 
 def shown(faults: list[Diagnostic], source: Source) -> None:
@@ -157,11 +141,6 @@ def mutated(text: str, rng: random.Random) -> str:
                 lines[i], lines[i - 1] = lines[i - 1], lines[i]
             case 3:
                 lines[i] = re.sub(r"\d+(\.\d+)?", lambda _: rng.choice(ODD), lines[i], count=1)
-                    r"\d+(\.\d+)?",
-                    lambda _: rng.choice(["0", "1", "-7", "1e4", "0.5", "99999999", "1e-9"]),
-                    lines[i],
-                    count=1,
-                )
             case 4:
                 words = lines[i].split(" ")
                 words[rng.randrange(len(words))] = rng.choice(KEYWORDS + NUMBERS + CALLS)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.program import Program
+from gusjob.motion import REACHED
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -33,7 +34,8 @@ class Motion:
 
     def slows_first(self, cell: Indices) -> bool:
         """Whether one of the cells starts above its velocity (then its velocity is no minimum of lines)."""
-        return bool((self.clock.profile.start[cell] > self.clock.profile.peak[cell]).any())
+        profile = self.clock.profile
+        return bool((profile.start[cell] > profile.peak[cell] * (1 + REACHED)).any())
 
     def velocity(self, cell: Indices, time: Floats) -> Floats:
         """Path velocity, pulse/ms; 0 in a dwell and behind a stage's end."""

@@ -26,6 +26,7 @@ CLAMPED = 1e-9
 """Relative distance beyond a limit from which a power counts as held by it: rounding, not physics."""
 
 _CHUNK_TICKS = 1 << 15
+_BLOCK_PIECES = 1 << 17
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,8 +226,9 @@ class _Integrator:
             clamped=np.where(held, time, 0.0),
             unpowered=unset,
         )
-        at = np.flatnonzero(dynamic)
-        if len(at):
+        dynamic_at = np.flatnonzero(dynamic)
+        for block in range(0, len(dynamic_at), _BLOCK_PIECES):
+            at = dynamic_at[block : block + _BLOCK_PIECES]
             ticked = _Ticks(
                 integrator=self,
                 setting=setting.pick(at),
@@ -384,15 +386,15 @@ class _Runs:
         steps = np.arange(int(size.sum()), dtype=np.float64) - np.repeat(begins.astype(np.float64), size)
         ticks = self.ticks
         motion, period = ticks.integrator.motion, ticks.integrator.period_ms
-        setting, cell = ticks.setting.pick(piece), ticks.cell[piece]
+        setting, cell = ticks.setting, ticks.cell[piece]
         if ticks.by_distance[piece].any() or motion.slows_first(cell):
             which = np.repeat(np.arange(len(piece)), size)
-            time = begin[which] + steps * period
-            value, held = ticks.sample(cell[which], time, setting.pick(which), ticks.by_distance[piece][which])
+            time, each = begin[which] + steps * period, piece[which]
+            value, held = ticks.sample(cell[which], time, setting.pick(each), ticks.by_distance[each])
             return value, held, begins
         # Velocity follow alone: power is the lowest of three straight lines, each a constant and a slope per tick.
         rise, fall, slope, peak = motion.lines(cell, begin)
-        ratio, low = setting.ratio, setting.low
+        ratio, low = setting.ratio[piece], setting.low[piece]
         rise, fall, slope, peak = low + ratio * rise, low + ratio * fall, ratio * slope * period, low + ratio * peak
         grown = np.repeat(slope, size)
         grown *= steps
@@ -402,11 +404,10 @@ class _Runs:
         down -= grown
         np.minimum(value, down, out=value)
         np.minimum(value, np.repeat(peak, size), out=value)
-        top = np.minimum(setting.high, setting.mode_high)
-        if (peak <= top).all() and (low >= setting.mode_low).all():
+        top = np.minimum(setting.high[piece], setting.mode_high[piece])
+        if (peak <= top).all() and (low >= setting.mode_low[piece]).all():
             return value, None, begins
-        which = np.repeat(np.arange(len(piece)), size)
-        clipped, held = limited(setting.pick(which), value, None)
+        clipped, held = limited(setting.pick(np.repeat(piece, size)), value, None)
         return clipped, held, begins
 
 

@@ -33,7 +33,7 @@ from gusjob.job import (
 from gusjob.limits import CHANNEL, MODE_LIMIT, PowerMode
 from gusjob.machine import Machine
 from gusjob.motion import running_sum
-from gusjob.syntax.job_reader import JobText, RowOp
+from gusjob.syntax.job_reader import JobText, RowOp, locate_in
 from gusjob.syntax.shapes import Rows
 from gusjob.syntax.statements import Field, Quantity, Statement, unit_of
 from gusjob.units import System, acceleration_pulse_per_ms2, velocity_pulse_per_ms
@@ -66,7 +66,7 @@ def elaborate(text: JobText, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         name=text.source.name,
         path=path,
         setups=reader.setups(),
-        locate=text.locate,
+        locate=locate_in(text.source),
         last_line=int(text.rows.line[-1]) if len(text.rows.line) else 1,
     )
     return job, reader.channel_faults()
@@ -197,10 +197,11 @@ class _Elaboration:
         if Field.CHANNEL in self.rows.columns:
             written = written | ~np.isnan(self.col(Field.CHANNEL))
         bad = np.flatnonzero(written & ((CHANNEL.judge(value) > 0) | ~CHANNEL.carries(value)))
+        locate = locate_in(self.text.source)
         return [
             Diagnostic(
                 rule=d.OUT_OF_RANGE,
-                span=self.text.locate(line, "CHANNEL" if op[i] != RowOp.CHANNEL else "value"),
+                span=locate(line, "CHANNEL" if op[i] != RowOp.CHANNEL else "value"),
                 fields={"what": "CHANNEL", "value": float(value[i]), "unit": "", "range": str(CHANNEL), "hint": ""},
             )
             for i, line in zip(bad.tolist(), self.rows.line[bad].tolist(), strict=True)

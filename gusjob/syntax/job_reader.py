@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from gusjob.diagnostics import Diagnostic, Span
+from gusjob.job import Locate
 from gusjob.syntax.shapes import MAX_FAULTS, Row, Rows, Slot, Template, number_runs, scan
 from gusjob.syntax.source import Source
 from gusjob.syntax.statements import FORMS, Field, Quantity, Statement, read_statement
@@ -49,10 +50,15 @@ class JobText:
     diagnostics: tuple[Diagnostic, ...]
     faults_not_listed: int
 
-    def locate(self, line: int, word: str) -> Span:
-        """The span of a word (or '' for the statement) in a line, read again."""
-        statement, _ = read_statement(self.source.line(line), line)
+
+def locate_in(source: Source) -> Locate:
+    """How to find the span of a word (or '' for the statement) in a line: the line is read again."""
+
+    def locate(line: int, word: str) -> Span:
+        statement, _ = read_statement(source.line(line), line)
         return statement.span(line, word) if statement else Span(line=line)
+
+    return locate
 
 
 def read_job_text(source: Source) -> JobText:
