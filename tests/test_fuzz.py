@@ -31,10 +31,21 @@ GRAMMAR = (ROOT / "grammar" / "job.lark").read_text(encoding="utf-8")
 KEYWORDS = re.findall(r"^([A-Z0-9]+)(?:\.\d)?: /", GRAMMAR, re.MULTILINE)
 NUMBERS = ["0", "1", "-1", "50", "1e3", "-0.0", "1e308", "9" * 400, ".", "1.2.3", "007", "1e-320", "100%", "5kHz"]
 ODD = ["0", "1", "-7", "1e4", "0.5", "99999999", "1e-9"]
-CALLS = (
-    "GT_LnXY GT_ArcXYC GT_ArcXYR GT_BufDelay GT_BufLaserOn GT_BufLaserPrfCmd GT_CrdStart GT_BufLaserPrfFollow "
-    "GT_LaserPowerMode GT_SetLevelDelay GT_CrdStatus GT_CrdClear GT_SetCrdPrm"
-).split()
+CALLS = [
+    "GT_LnXY",
+    "GT_ArcXYC",
+    "GT_ArcXYR",
+    "GT_BufDelay",
+    "GT_BufLaserOn",
+    "GT_BufLaserPrfCmd",
+    "GT_CrdStart",
+    "GT_BufLaserPrfFollow",
+    "GT_LaserPowerMode",
+    "GT_SetLevelDelay",
+    "GT_CrdStatus",
+    "GT_CrdClear",
+    "GT_SetCrdPrm",
+]
 
 
 def shown(faults: list[Diagnostic], source: Source) -> None:
