@@ -9,7 +9,7 @@ import pytest
 from tools import ROOT, calls_of, faults_in
 
 from gusjob.diagnostics import RULES
-from gusjob.limits import CONTRADICTIONS, TABLE
+from gusjob.limits import CONTRADICTIONS, TABLE, Range
 from gusjob.stream import SIGNATURES
 
 REFERENCE = ROOT / "grammar" / "README.md"
@@ -22,12 +22,9 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def ranges() -> str:
-    def words(limit: object) -> str:
-        return ", ".join(
-            text
-            for text, is_so in (("whole", limit.whole), ("ends warn", limit.ends_tolerated))
-            if is_so  # type: ignore[attr-defined]
-        )
+    def words(limit: Range) -> str:
+        marks = (("whole", limit.whole), ("ends warn", limit.ends_tolerated))
+        return ", ".join(text for text, is_so in marks if is_so)
 
     rows = [[r.name, str(r), words(r), r.section, r.note] for r in TABLE]
     return table(["what", "range", "", "section", "note"], rows)
