@@ -82,7 +82,12 @@ class Range:
 
     def verdict(self, value: float) -> Verdict:
         """Verdict for one value."""
-        return Verdict(int(self.judge(value)))
+        above = value > self.low or (value == self.low and not self.low_open)
+        below = value < self.high or (value == self.high and not self.high_open)
+        if above and below:
+            return Verdict.INSIDE
+        on_end = value in (self.low, self.high)
+        return Verdict.ON_TOLERATED_END if on_end and self.ends_tolerated else Verdict.OUTSIDE
 
     def carries(self, value: npt.ArrayLike) -> Any:
         """Whether the argument's C type can carry the value: finite, and whole where the type is an integer."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -120,6 +121,7 @@ class View:
 
     job: Job
     machine: Machine
+    mode_spans: tuple[tuple[ModeSpan, ...], ...]
 
     def rows(self, *ops: Op) -> Indices:
         """Rows of some kinds."""
@@ -133,23 +135,18 @@ class View:
         """Setup statements of a kind."""
         return (s for s in self.job.setups if isinstance(s.what, kind))
 
-    def modes(self, channel: int) -> list[ModeSpan]:
+    def modes(self, channel: int) -> tuple[ModeSpan, ...]:
         """The LASER MODEs of a channel in order."""
-        found = [s for s in self.setups(LaserMode) if s.channel == channel]
-        ends = [*(s.at for s in found), len(self.job.path)][1:]
-        spans = []
-        for setup, last in zip(found, ends, strict=True):
-            assert isinstance(setup.what, LaserMode)
-            spans.append(ModeSpan(setup=setup, mode=setup.what, channel=channel, first=setup.at, last=last))
-        return spans
+        return self.mode_spans[channel]
 
     def mode_of(self, setup: Setup) -> ModeSpan | None:
-        """The mode in force for a setup statement: the last LASER MODE of its channel above it, else the
-        first below.
+        """The mode in force for a setup statement.
+
+        That is the last LASER MODE of its channel above it, else the first below.
         """
         spans = self.modes(setup.channel)
-        above = [s for s in spans if s.setup.line <= setup.line]
-        return above[-1] if above else spans[0] if spans else None
+        above = bisect_right(spans, setup.line, key=lambda span: span.setup.line)
+        return spans[max(above - 1, 0)] if spans else None
 
     def lit(self, channel: int) -> tuple[Bools, Indices, bool, int]:
         """(light commanded on in each row, line of the ON in force per row, on at the end, line of the last ON)."""
@@ -181,6 +178,19 @@ class View:
         rows = np.flatnonzero(((path.op == Op.POWER) | (path.op == Op.FOLLOW)) & (path.channel == channel)) * 2 + 1
         now = [s.at * 2 for s in self.setups(PowerNow) if s.channel == channel]
         return np.sort(np.concatenate([rows, np.array(now, dtype=rows.dtype)]))
+
+
+def view_of(job: Job, machine: Machine) -> View:
+    """The view of a job."""
+    return View(job=job, machine=machine, mode_spans=tuple(tuple(_modes(job, channel)) for channel in CHANNELS))
+
+
+def _modes(job: Job, channel: int) -> Iterator[ModeSpan]:
+    found = [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel]
+    ends = [*(s.at for s in found), len(job.path)][1:]
+    for setup, last in zip(found, ends, strict=True):
+        assert isinstance(setup.what, LaserMode)
+        yield ModeSpan(setup=setup, mode=setup.what, channel=channel, first=setup.at, last=last)
 
 
 def _is_on(setup: Setup) -> bool:

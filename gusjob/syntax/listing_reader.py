@@ -15,9 +15,11 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.stream import (
+    BUFFERED,
     PASSED_OVER,
     SIGNATURES,
     Arg,
+    Buffered,
     BufferedCalls,
     Call,
     Kind,
@@ -48,6 +50,7 @@ _TERMINALS = {
     "DOT": ".",
 }
 _COLUMNS = ("crd", "fifo", "channel", "x", "y", "p", "q", "r", "vel", "acc", "vel_end")
+_SHORT_COLUMNS = _COLUMNS[:3]
 _CALL_OP = 100
 """Row op of a call that is not buffered; column 0 holds its index."""
 _JOINED_LINES = 20
@@ -74,7 +77,23 @@ def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
     reader = _ListingReader(source=source, text=Source(name=source.name, data=data))
     rows = scan(data, semicolon_comments=False, learn=reader.learn, read_line=reader.read_line)
     reader.finish()
+    rows = _without_odd_numbers(rows, reader)
     return _stream(source.name, rows, reader.calls), reader.diagnostics
+
+
+def _without_odd_numbers(rows: Rows, reader: _ListingReader) -> Rows:
+    """Rows whose coordinate system, FIFO and channel are numbers that a C short could be; the others are faults."""
+    odd = np.zeros(len(rows.op), dtype=np.bool_)
+    for name in _SHORT_COLUMNS:
+        values = rows.column(_COLUMNS.index(name))
+        mine = (rows.op != _CALL_OP) & ~np.isnan(values) & ((np.abs(values) > 100) | (values != np.floor(values)))
+        for i in np.flatnonzero(mine & ~odd)[:MAX_FAULTS].tolist():
+            call = BUFFERED[Buffered(int(rows.op[i]))].name
+            found = f"{values[i]:g}"
+            fields = {"argument": name, "call": call, "wanted": _WANTED[Kind.WHOLE], "found": found}
+            reader.fault(d.CALL_VALUE, int(rows.line[i]), 1, 1, **fields)
+        odd |= mine
+    return rows if not odd.any() else rows.pick(~odd)
 
 
 def _stream(name: str, rows: Rows, calls: list[tuple[str, tuple[Value, ...]]]) -> Stream:
@@ -89,7 +108,7 @@ def _stream(name: str, rows: Rows, calls: list[tuple[str, tuple[Value, ...]]]) -
     buffered = BufferedCalls(
         kind=rows.op[keep],
         line=rows.line[keep],
-        **{c: cut(c, np.int8) for c in ("crd", "fifo", "channel")},
+        **{c: cut(c, np.int8) for c in _SHORT_COLUMNS},
         **{c: cut(c, np.float64) for c in _COLUMNS[3:]},
     )
     others = [

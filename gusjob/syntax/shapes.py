@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +76,11 @@ class Rows:
         """A column; all NaN (and without memory) if no row has it."""
         found = self.columns.get(number)
         return np.broadcast_to(np.float64(np.nan), len(self.op)) if found is None else found
+
+    def pick(self, where: npt.NDArray[Any]) -> Rows:
+        """The rows at a mask or at indices."""
+        columns = {k: v[where] for k, v in self.columns.items()}
+        return Rows(op=self.op[where], line=self.line[where], system=self.system[where], columns=columns)
 
 
 Learn = Callable[[str], Template | None]
@@ -269,15 +275,8 @@ class _Scanner:
             for column, value in template.constants:
                 target(column)[rows] = value
         line = np.arange(first_line, first_line + len(ids), dtype=np.int32)
-        whole = bool(filled.all())
-        self.parts.append(
-            Rows(
-                op=op if whole else op[filled],
-                line=line if whole else line[filled],
-                system=system if whole else system[filled],
-                columns=columns if whole else {k: v[filled] for k, v in columns.items()},
-            )
-        )
+        rows = Rows(op=op, line=line, system=system, columns=columns)
+        self.parts.append(rows if filled.all() else rows.pick(filled))
 
     def rows(self) -> Rows:
         """Everything read, in file order."""
@@ -296,13 +295,7 @@ class _Scanner:
         joined = _join(parts)
         if not self.alone or not self.parts:
             return joined
-        order = np.argsort(joined.line, kind="stable")
-        return Rows(
-            op=joined.op[order],
-            line=joined.line[order],
-            system=joined.system[order],
-            columns={k: v[order] for k, v in joined.columns.items()},
-        )
+        return joined.pick(np.argsort(joined.line, kind="stable"))
 
 
 def _decimal(text: bytes) -> Floats:
