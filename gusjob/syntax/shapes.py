@@ -275,8 +275,8 @@ class _Scanner:
             for column, value in template.constants:
                 target(column)[rows] = value
         line = np.arange(first_line, first_line + len(ids), dtype=np.int32)
-        rows = Rows(op=op, line=line, system=system, columns=columns)
-        self.parts.append(rows if filled.all() else rows.pick(filled))
+        part = Rows(op=op, line=line, system=system, columns=columns)
+        self.parts.append(part if filled.all() else part.pick(filled))
 
     def rows(self) -> Rows:
         """Everything read, in file order."""
