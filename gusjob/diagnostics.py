@@ -318,3 +318,44 @@ LIT_UNPOWERED = _rule(
     "light without a power",
     "the laser of channel {channel} is on, but no power was set: it is taken as the lowest that the mode allows",
 )
+
+
+MAX_PER_RULE = 1000
+"""So many faults of one rule are listed; the rest is counted."""
+
+
+@dataclass(slots=True)
+class Collector:
+    """Gathers faults of one text; of each rule it lists so many and counts the rest."""
+
+    path: str
+    found: list[Diagnostic] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def room(self, rule: Rule) -> int:
+        """How many more faults of a rule will be listed."""
+        return max(MAX_PER_RULE - self.counts.get(rule.code, 0), 0)
+
+    def add(self, rule: Rule, span: Span, fields: dict[str, Any]) -> None:
+        """One fault."""
+        if self.room(rule):
+            self.found.append(Diagnostic(rule=rule, span=span, fields=fields, path=self.path))
+        self.uncounted(rule, 1)
+
+    def uncounted(self, rule: Rule, more: int) -> None:
+        """Faults that were found and are not worth making, since they would not be listed."""
+        self.counts[rule.code] = self.counts.get(rule.code, 0) + more
+
+    def done(self) -> list[Diagnostic]:
+        """All that are listed, and for each rule how many more there are."""
+        more = [
+            Diagnostic(
+                rule=MORE,
+                span=NOWHERE,
+                fields={"count": count - MAX_PER_RULE, "code": code, "shown": MAX_PER_RULE},
+                path=self.path,
+            )
+            for code, count in self.counts.items()
+            if count > MAX_PER_RULE
+        ]
+        return [*self.found, *more]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from gusjob.checks import light, motion, power, setup
 from gusjob.checks.view import Findings, View, view_of
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Collector, Diagnostic
 from gusjob.job import Job
 from gusjob.machine import Machine
 
@@ -37,7 +37,7 @@ CHECKS: tuple[Check, ...] = (
 
 def check(job: Job, machine: Machine) -> list[Diagnostic]:
     """Everything that is wrong or odd in a job on a machine, in line order."""
-    findings, view = Findings(job=job), view_of(job, machine)
+    findings, view = Findings(job=job, collector=Collector(job.name)), view_of(job, machine)
     for one in CHECKS:
         one(view, findings)
-    return sorted(findings.done(), key=lambda f: (f.span.line, f.span.column))
+    return sorted(findings.collector.done(), key=lambda f: (f.span.line, f.span.column))

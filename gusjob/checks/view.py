@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
-from gusjob.diagnostics import Diagnostic, Rule
+from gusjob.diagnostics import Collector, Rule
 from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, SwitchNow
 from gusjob.limits import Range, Verdict
 from gusjob.machine import Machine
@@ -21,33 +21,29 @@ Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
 
-MAX_PER_RULE = 1000
 CHANNELS = (0, 1)
 
 
 @dataclass(slots=True)
 class Findings:
-    """Diagnostics of one check run; each rule lists so many and counts the rest."""
+    """Diagnostics of one check run."""
 
     job: Job
-    found: list[Diagnostic] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=dict)
+    collector: Collector
 
     def add(self, rule: Rule, line: int, word: str = "", /, **fields: Any) -> None:
         """One fault at a word of a line ('' for the statement, 'value' for its number)."""
-        count = self.counts[rule.code] = self.counts.get(rule.code, 0) + 1
-        if count <= MAX_PER_RULE:
-            span = self.job.locate(line, word)
-            self.found.append(Diagnostic(rule=rule, span=span, fields=fields, path=self.job.name))
+        span = self.job.locate(line, word) if self.collector.room(rule) else d.NOWHERE
+        self.collector.add(rule, span, fields)
 
     def at_rows(self, rule: Rule, rows: Indices, word: str, /, **columns: Any) -> None:
         """One fault a row; a field that is an array (one entry a row of `rows`) gives each its own."""
         lines = self.job.path.line[rows]
-        for i in range(min(len(rows), max(MAX_PER_RULE - self.counts.get(rule.code, 0), 0))):
+        listed = min(len(rows), self.collector.room(rule))
+        for i in range(listed):
             fields = {k: v[i].item() if isinstance(v, np.ndarray) else v for k, v in columns.items()}
             self.add(rule, int(lines[i]), word, **fields)
-        listed = self.counts.get(rule.code, 0)
-        self.counts[rule.code] = max(listed, listed - min(len(rows), MAX_PER_RULE) + len(rows))
+        self.collector.uncounted(rule, len(rows) - listed)
 
     def ranged(self, rows: Indices, values: Floats, allowed: Range, what: str, word: str, hint: str = "") -> Bools:
         """Judge values (one a row) against a range; returns which are good."""
@@ -88,20 +84,6 @@ class Findings:
             unit=unit.text, kind=kinds[unit], hint="",
         )  # fmt: skip
         return False
-
-    def done(self) -> list[Diagnostic]:
-        """All of them, and how many more there are."""
-        more = [
-            Diagnostic(
-                rule=d.MORE,
-                span=d.NOWHERE,
-                fields={"count": count - MAX_PER_RULE, "code": code, "shown": MAX_PER_RULE},
-                path=self.job.name,
-            )
-            for code, count in self.counts.items()
-            if count > MAX_PER_RULE
-        ]
-        return [*self.found, *more]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

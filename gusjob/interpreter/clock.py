@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
-from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.diagnostics import Collector, Diagnostic, Rule, Span
 from gusjob.geometry import Arcs, Segments, arcs_by_centre, arcs_by_radius, segments
-from gusjob.interpreter.program import MAX_PER_RULE, Program
+from gusjob.interpreter.state import Program
 from gusjob.machine import Machine
 from gusjob.motion import Trapezoids, reached_ends, running_sum, trapezoids
 from gusjob.stream import Buffered, BufferedCalls
@@ -103,9 +103,9 @@ def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock,
         duration_ms=duration,
         times=running_sum(duration),
     )
-    reporter = _Reporter(calls=calls, clock=clock, path=path, faults=[])
+    reporter = _Reporter(calls=calls, clock=clock, collector=Collector(path))
     reporter.report(wanted, too_fast, breaks)
-    return clock, reporter.faults
+    return clock, reporter.collector.done()
 
 
 def _lay(calls: BufferedCalls, row: Indices, dwell: npt.NDArray[np.bool_]) -> Segments:
@@ -133,19 +133,16 @@ def _lay(calls: BufferedCalls, row: Indices, dwell: npt.NDArray[np.bool_]) -> Se
 class _Reporter:
     calls: BufferedCalls
     clock: Clock
-    path: str
-    faults: list[Diagnostic]
+    collector: Collector
 
     def add(self, rule: Rule, where: npt.NDArray[np.bool_], **columns: Floats | str) -> None:
         """One diagnostic for each segment in `where`, its fields from columns (m,)."""
         at = np.flatnonzero(where)
-        for i in at[:MAX_PER_RULE].tolist():
+        listed = at[: self.collector.room(rule)].tolist()
+        for i in listed:
             fields: dict[str, object] = {k: v if isinstance(v, str) else float(v[i]) for k, v in columns.items()}
-            line = int(self.calls.line[self.clock.row[i]])
-            self.faults.append(Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=self.path))
-        if len(at) > MAX_PER_RULE:
-            fields = {"count": len(at) - MAX_PER_RULE, "code": rule.code, "shown": MAX_PER_RULE}
-            self.faults.append(Diagnostic(rule=d.MORE, span=Span(line=1), fields=fields, path=self.path))
+            self.collector.add(rule, Span(line=int(self.calls.line[self.clock.row[i]])), fields)
+        self.collector.uncounted(rule, len(at) - len(listed))
 
     def report(self, wanted: Floats, too_fast: npt.NDArray[np.bool_], breaks: npt.NDArray[np.bool_]) -> None:
         """Everything that the calls asked for and the path can't give."""
@@ -175,7 +172,7 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     outside the field.
     """
     laid, end = clock.laid, clock.profile.end
-    reporter = _Reporter(calls=calls, clock=clock, path=path, faults=[])
+    reporter = _Reporter(calls=calls, clock=clock, collector=Collector(path))
     if not len(end):
         return []
     limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
@@ -194,4 +191,4 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
         bounds = {"low": np.full(len(end), low), "high": np.full(len(end), high)}
         reporter.add(d.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
         reporter.add(d.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)
-    return reporter.faults
+    return reporter.collector.done()

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
-from gusjob.interpreter.program import Program
+from gusjob.interpreter.state import Program
 from gusjob.motion import REACHED
 
 Floats = npt.NDArray[np.float64]

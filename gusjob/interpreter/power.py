@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
-from gusjob.interpreter.program import LaserState, Program
+from gusjob.interpreter.state import LaserState, Program
 from gusjob.interpreter.switch import Emission
 from gusjob.stream import Buffered, BufferedCalls
 

@@ -11,119 +11,26 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob import diagnostics as d
-from gusjob.diagnostics import Diagnostic, Rule, Span
-from gusjob.limits import (
-    DISTANCE_LIMIT,
-    FOLLOW,
-    MODE_LIMIT,
-    POWER,
-    POWER_NOW,
-    PULSE_DUTY_PCT,
-    PowerMode,
-    Range,
-    Verdict,
+from gusjob.diagnostics import Collector, Rule, Span
+from gusjob.interpreter.arguments import BufferedJudge, bad_argument, out_of
+from gusjob.interpreter.state import (
+    EXECUTION_ERROR,
+    PARAMETER_ERROR,
+    Action,
+    LaserState,
+    Program,
+    Rows,
+    StageRun,
 )
-from gusjob.stream import BUFFERED, SIGNATURES, Arg, Buffered, Call, Kind, Stream, Value
-
-Rows = npt.NDArray[np.intp]
-MAX_PER_RULE = 1000
-
-DONE, EXECUTION_ERROR, PARAMETER_ERROR = 0, 1, 7
-"""Return codes (sister series)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserState:
-    """How a channel stands, all but its switch and power. Mode None: never set, taken as duty 0..100 %."""
-
-    mode: PowerMode | None = None
-    low: float = MODE_LIMIT[PowerMode.DUTY].low
-    high: float = MODE_LIMIT[PowerMode.DUTY].high
-    carrier_khz: float | None = None
-    pulse_width_us: float = 0.0
-    on_delay_us: float = 0.0
-    off_delay_us: float = 0.0
-    standby: tuple[float, float] | None = None
-    prevoltage_v: float | None = None
-    fpk_us: tuple[float, float, float] | None = None
-    distance: bool = False
-    source_actual: bool = False
-    reference_pulse: tuple[float, ...] = (0.0,) * 4
-    scale_pulse_per_mm: tuple[float, ...] = (1.0,) * 4
-    ratio_per_mm: tuple[float, ...] = (0.0,) * 4
-    distance_low: float = 0.0
-    distance_high: float = 0.0
-
-    @property
-    def power_mode(self) -> PowerMode:
-        """The mode in force."""
-        return PowerMode.DUTY if self.mode is None else self.mode
-
-    @property
-    def follows_distance(self) -> bool:
-        """Whether a distance term is added."""
-        return self.distance and any(self.ratio_per_mm)
-
-    @property
-    def output_when_off(self) -> str:
-        """Standby pulse or pre-voltage as the output while off (M 二.2), '' if none."""
-        if self.power_mode.is_pwm:
-            return f"{d.number(self.standby[0])} kHz {d.number(self.standby[1])} %" if self.standby else ""
-        return f"{d.number(self.prevoltage_v)} V" if self.prevoltage_v is not None else ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Action:
-    """An immediate switch or power. `power` None: the switch."""
-
-    channel: int
-    on: bool = False
-    power: float | None = None
-    line: int = 0
-
-
-@dataclass(slots=True, kw_only=True)
-class StageRun:
-    """One start of a coordinate system: buffered rows in order, lasers in force, immediate actions before and
-    during.
-    """
-
-    crd: int
-    fifo: int
-    line: int
-    parts: list[Rows]
-    lasers: tuple[LaserState, LaserState]
-    at_rest: list[Action]
-    moving: list[Action] = field(default_factory=list)
-    vel_max: float = float("inf")
-    axes: tuple[int, int] = (0, 1)
-
-    @property
-    def rows(self) -> Rows:
-        """Buffered rows in order."""
-        return np.concatenate(self.parts) if self.parts else np.empty(0, dtype=np.intp)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
-    """What ran: stages, what was still done at rest behind the last one, switch readings (line, channel,
-    value), channels named.
-    """
-
-    stages: tuple[StageRun, ...]
-    at_end: tuple[Action, ...]
-    lasers: tuple[LaserState, LaserState]
-    readings: tuple[tuple[int, int, int], ...]
-    channels: tuple[int, ...]
-    diagnostics: tuple[Diagnostic, ...]
+from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT, POWER_NOW, PowerMode, Range
+from gusjob.stream import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
 
 
 def run_program(stream: Stream) -> Program:
     """Every call of a stream in order."""
-    executor = _Executor(stream=stream)
+    executor = _Executor(stream=stream, collector=Collector(stream.name))
     for first, last, call in stream.parts():
         executor.take(first, last)
         if call is not None:
@@ -134,6 +41,7 @@ def run_program(stream: Stream) -> Program:
 @dataclass(slots=True)
 class _Executor:
     stream: Stream
+    collector: Collector
     lasers: list[LaserState] = field(default_factory=lambda: [LaserState(), LaserState()])
     switch: list[bool] = field(default_factory=lambda: [False, False])
     axis_called: list[bool] = field(default_factory=lambda: [False, False])
@@ -144,15 +52,11 @@ class _Executor:
     actions: list[Action] = field(default_factory=list)
     readings: list[tuple[int, int, int]] = field(default_factory=list)
     crd_built: dict[int, Value] = field(default_factory=dict)
-    faults: list[Diagnostic] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=dict)
 
     # Reporting.
 
     def fault(self, rule: Rule, line: int, **fields: object) -> None:
-        self.counts[rule.code] = self.counts.get(rule.code, 0) + 1
-        if self.counts[rule.code] <= MAX_PER_RULE:
-            self.faults.append(Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=self.stream.name))
+        self.collector.add(rule, Span(line=line), fields)
 
     def refuse(self, call: str, line: int, code: int, reason: str) -> None:
         self.fault(d.REFUSED, line, call=call, code=code, reason=reason)
@@ -163,8 +67,9 @@ class _Executor:
         """Queue buffered rows first..last-1; those with a bad argument are refused."""
         if first == last:
             return
-        rows = self.judged(np.arange(first, last))
         calls = self.stream.buffered
+        modes = (self.lasers[0].power_mode, self.lasers[1].power_mode)
+        rows = BufferedJudge(calls=calls, modes=modes, collector=self.collector).taken(np.arange(first, last))
         keys = calls.crd[rows].astype(np.int64) * 2 + calls.fifo[rows]
         lasers = calls.kind[rows] >= Buffered.ON
         self.named.update(np.unique(calls.channel[rows][lasers]).tolist())
@@ -182,84 +87,16 @@ class _Executor:
             else:
                 self.queues.setdefault((crd, fifo), []).append(part)
 
-    def judged(self, rows: Rows) -> Rows:
-        """The rows whose arguments the controller takes."""
-        calls = self.stream.buffered
-        bad = np.zeros(len(rows), dtype=np.bool_)
-        for kind, signature in BUFFERED.items():
-            at = np.flatnonzero(calls.kind[rows] == kind)
-            if not len(at):
-                continue
-            for arg in signature.args:
-                if arg.range is not None:
-                    self.judge(rows, at, calls.column(arg.column)[rows[at]], arg, arg.range, signature.name, bad)
-            if kind is Buffered.POWER or kind is Buffered.FOLLOW:
-                for channel in (0, 1):
-                    mine = at[calls.channel[rows[at]] == channel]
-                    self.judge_power(rows, mine, kind, self.lasers[channel].power_mode, bad)
-        return rows[~bad]
-
-    def judge_power(self, rows: Rows, at: Rows, kind: Buffered, mode: PowerMode, bad: npt.NDArray[np.bool_]) -> None:
-        if not len(at):
-            return
-        signature, calls = BUFFERED[kind], self.stream.buffered
-        table = POWER if kind is Buffered.POWER else FOLLOW
-        for arg in signature.args:
-            if arg.range is None:
-                self.judge(rows, at, calls.column(arg.column)[rows[at]], arg, table[mode], signature.name, bad)
-        if kind is Buffered.FOLLOW:
-            upside_down = at[~(calls.r[rows[at]] > calls.q[rows[at]])]
-            for i in upside_down[~bad[upside_down]][:MAX_PER_RULE].tolist():
-                self.refuse(
-                    signature.name, int(calls.line[rows[i]]), PARAMETER_ERROR, "maxPower must be above minPower"
-                )
-            bad[upside_down] = True
-
-    def judge(
-        self, rows: Rows, at: Rows, values: npt.NDArray[np.float64], arg: Arg, allowed: Range, name: str,
-        bad: npt.NDArray[np.bool_],
-    ) -> None:  # fmt: skip
-        verdict = allowed.judge(values)
-        whole = allowed.carries(values) if arg.kind is Kind.WHOLE or allowed.whole else np.isfinite(values)
-        if not verdict.any() and whole.all():
-            return
-        line = self.stream.buffered.line
-        wrong = (verdict == Verdict.OUTSIDE) | ~whole
-        for i in np.flatnonzero(wrong & ~bad[at])[:MAX_PER_RULE].tolist():
-            reason = f"{arg.name} {d.number(float(values[i]))} {allowed.unit}".rstrip()
-            reason += f" is outside {allowed}" if verdict[i] == Verdict.OUTSIDE else " is not whole"
-            self.refuse(name, int(line[rows[at[i]]]), PARAMETER_ERROR, reason)
-        bad[at[wrong]] = True
-        for i in np.flatnonzero((verdict == Verdict.ON_TOLERATED_END) & whole)[:MAX_PER_RULE].tolist():
-            self.fault(
-                d.ON_OPEN_END, int(line[rows[at[i]]]), what=f"{name} {arg.name}", value=float(values[i]),
-                unit=allowed.unit, range=str(allowed),
-            )  # fmt: skip
-
     # Calls that are not buffered.
 
     def call(self, call: Call) -> None:
         """One call; its effect, or why it has none."""
-        reason = self.bad_argument(call)
+        reason = bad_argument(call)
         if reason:
             self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
             return
         handler = _HANDLERS[call.name]
         handler(self, call)
-
-    def bad_argument(self, call: Call) -> str:
-        for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
-            if arg.range is None or _unused(call, arg):
-                continue
-            for number in value if isinstance(value, tuple) else (value,):
-                if not isinstance(number, float):
-                    continue
-                shown = f"{arg.name} {d.number(number)} {arg.range.unit}".rstrip()
-                if arg.range.verdict(number) is Verdict.OUTSIDE:
-                    return f"{shown} is outside {arg.range}"
-                if not arg.range.carries(number):
-                    return f"{shown} is not whole"
-        return ""
 
     def number(self, call: Call, index: int) -> float:
         value = call.args[index]
@@ -294,14 +131,7 @@ class _Executor:
             return
         channel, mode = self.channel(call), PowerMode(int(self.number(call, 0)))
         high, low = self.number(call, 1), self.number(call, 2)
-        allowed = MODE_LIMIT[mode]
-        for name, value in (("maxValue", high), ("minValue", low)):
-            if allowed.verdict(value) is not Verdict.INSIDE:
-                shown = f"{name} {d.number(value)} {allowed.unit} is outside {allowed}"
-                self.refuse(call.name, call.line, PARAMETER_ERROR, shown)
-                return
-        if low > high:
-            self.refuse(call.name, call.line, PARAMETER_ERROR, "minValue is above maxValue")
+        if not self.limits_fit(call, MODE_LIMIT[mode], ("minValue", low), ("maxValue", high)):
             return
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
             self.fault(
@@ -312,12 +142,18 @@ class _Executor:
             self.act(Action(channel=channel, power=float("nan"), line=call.line))
         self.set(channel, mode=mode, low=low, high=high)
 
+    def limits_fit(self, call: Call, allowed: Range, low: tuple[str, float], high: tuple[str, float]) -> bool:
+        """Whether two limits are in their range and in order; else the call is refused."""
+        upside_down = f"{low[0]} is above {high[0]}" if low[1] > high[1] else ""
+        reason = out_of(allowed, *high) or out_of(allowed, *low) or upside_down
+        if reason:
+            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
+        return not reason
+
     def power_now(self, call: Call) -> None:
         channel, power = self.channel(call), self.number(call, 0)
-        allowed = POWER_NOW[self.lasers[channel].power_mode]
-        if allowed.verdict(power) is not Verdict.INSIDE:
-            shown = f"outputCmd {d.number(power)} {allowed.unit} is outside {allowed}"
-            self.refuse(call.name, call.line, PARAMETER_ERROR, shown)
+        if reason := out_of(POWER_NOW[self.lasers[channel].power_mode], "outputCmd", power):
+            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
             return
         self.act(Action(channel=channel, power=power, line=call.line))
 
@@ -381,14 +217,7 @@ class _Executor:
             self.refuse(call.name, call.line, EXECUTION_ERROR, "GT_SetLaserDisMode has not enabled distance follow")
             return
         low, high = self.number(call, 1), self.number(call, 2)
-        allowed = DISTANCE_LIMIT[laser.power_mode]
-        for name, value in (("minPower", low), ("maxPower", high)):
-            if allowed.verdict(value) is not Verdict.INSIDE:
-                shown = f"{name} {d.number(value)} {allowed.unit} is outside {allowed}"
-                self.refuse(call.name, call.line, PARAMETER_ERROR, shown)
-                return
-        if low > high:
-            self.refuse(call.name, call.line, PARAMETER_ERROR, "minPower is above maxPower")
+        if not self.limits_fit(call, DISTANCE_LIMIT[laser.power_mode], ("minPower", low), ("maxPower", high)):
             return
         self.set(channel, ratio_per_mm=call.args[0], distance_low=low, distance_high=high)
 
@@ -472,30 +301,14 @@ class _Executor:
                 self.fault(d.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
         if len(calls) and not self.crd_built:
             self.fault(d.ASSUMED_CRD, int(calls.line[0]))
-        for code, count in self.counts.items():
-            if count > MAX_PER_RULE:
-                self.faults.append(
-                    Diagnostic(
-                        rule=d.MORE,
-                        span=d.NOWHERE,
-                        fields={"count": count - MAX_PER_RULE, "code": code, "shown": MAX_PER_RULE},
-                        path=self.stream.name,
-                    )
-                )
         return Program(
             stages=tuple(self.stages),
             at_end=tuple(self.actions),
             lasers=(self.lasers[0], self.lasers[1]),
             readings=tuple(self.readings),
             channels=tuple(sorted(self.named)),
-            diagnostics=tuple(self.faults),
+            diagnostics=tuple(self.collector.done()),
         )
-
-
-def _unused(call: Call, arg: Arg) -> bool:
-    """Arguments that mean nothing while the first one switches off (GT_SetWaitPulse(0, ..))."""
-    off = call.name in ("GT_SetWaitPulse", "GT_SetPreVltg", "GT_SetLaserDisMode") and call.args[0] == 0.0
-    return off and arg.kind in (Kind.REAL, Kind.ARRAY)
 
 
 def _vel_max(parameters: Value | None) -> float:
@@ -536,11 +349,3 @@ _HANDLERS: dict[str, Callable[[_Executor, Call], None]] = {
 }
 
 assert _HANDLERS.keys() == SIGNATURES.keys() - {s.name for s in BUFFERED.values()}
-
-
-def pulse_duty_pct(frequency_khz: float, width_us: float) -> float:
-    """Share of the period that a laser pulse takes, % (M 二.2: above 0.1, below 100)."""
-    return frequency_khz * width_us / 10
-
-
-__all__ = ["PULSE_DUTY_PCT", "Action", "LaserState", "Program", "StageRun", "pulse_duty_pct", "run_program"]

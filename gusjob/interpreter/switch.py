@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
-from gusjob.interpreter.program import Program
+from gusjob.interpreter.state import Program
 from gusjob.stream import Buffered, BufferedCalls
 from gusjob.units import US_PER_MS
 

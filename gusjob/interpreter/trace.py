@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.power import Emitted
-from gusjob.interpreter.program import LaserState
+from gusjob.interpreter.state import LaserState
 from gusjob.interpreter.switch import Emission
 
 

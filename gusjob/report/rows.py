@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.interpreter import ChannelTrace, Trace
-from gusjob.interpreter.program import LaserState
+from gusjob.interpreter.state import LaserState
 from gusjob.machine import Machine
 
 Floats = npt.NDArray[np.float64]
