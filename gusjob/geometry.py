@@ -1,5 +1,6 @@
-"""Lines and arcs as columns: lengths, directions, extents. Pure functions on arrays; any length unit, angles
-in radians.
+"""Lines and arcs as columns: lengths, directions, extents.
+
+Pure functions on arrays; any length unit, angles in radians.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The one table of documented ranges. Every check, call, simulation and printed table reads it here.
 
-Sources: "M" is the vendor's GUS laser manual (section numbers are M's own), "sister" the public headers of
-the vendor's sister series (GTS), where M is silent. Imports nothing of ours.
+Sources: "M" is the vendor's GUS laser manual (section numbers are M's own), "sister" the public headers of the
+vendor's sister series (GTS), where M is silent. Imports nothing of ours.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ import numpy.typing as npt
 
 
 class PowerMode(IntEnum):
-    """First argument of GT_LaserPowerMode (M 二.2). M 一 speaks of three modes, M 三.1 of four; the argument
-    takes four.
+    """First argument of GT_LaserPowerMode (M 二.2).
+
+    M 一 speaks of three modes, M 三.1 of four; the argument takes four.
     """
 
     DUTY = 0
@@ -48,8 +49,8 @@ class Verdict(IntEnum):
 class Range:
     """One documented range.
 
-    `low_open`, `high_open`: the end itself is excluded. `ends_tolerated`: M excludes the ends in words but uses
-    them in its own examples, so a value on an end is a warning. `whole`: the C type carries whole numbers only.
+    `low_open`, `high_open`: the end itself is excluded. `ends_tolerated`: M excludes the ends in words but uses them
+    in its own examples, so a value on an end is a warning. `whole`: the C type carries whole numbers only.
     """
 
     name: str

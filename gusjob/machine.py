@@ -30,8 +30,8 @@ class Laser:
     def watts_per_unit(self, mode: PowerMode, pulse_width_us: float) -> float | None:
         """Average watts for one unit of power (1 %, 1 kHz, 1 V), or None if the rated power is unknown.
 
-        Duty: rated * duty. Analog: rated * V / 10 (the full scale of M 二.2). Frequency: rated * f * width, that
-        is the share of time in which the PWM line is active.
+        Duty: rated * duty. Analog: rated * V / 10 (the full scale of M 二.2). Frequency: rated * f * width, that is
+        the share of time in which the PWM line is active.
         """
         if self.rated_w is None:
             return None

@@ -91,9 +91,9 @@ def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, break
     """End velocity that each segment really reaches, in order, (n,).
 
     Each segment starts at what the one before it reached, or at 0 where `breaks` is set. From start v0 over length L
-    the square of the end velocity lies within v0^2 +- 2*a*L; a wanted end outside is replaced by the nearest
-    inside. Nearly every list asks for what it can get: then no loop runs. Else a loop follows each chain of misses
-    until a wanted end is met again.
+    the square of the end velocity lies within v0^2 +- 2*a*L; a wanted end outside is replaced by the nearest inside.
+    Nearly every list asks for what it can get: then no loop runs. Else a loop follows each chain of misses until a
+    wanted end is met again.
     """
     aim = np.minimum(wanted, vel)
     aim2 = aim * aim
@@ -128,8 +128,8 @@ def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, break
 def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:
     """Highest velocity through each corner at which the velocity vector changes by at most `jump` (pulse/ms), (n,).
 
-    (out_x, out_y) is the unit direction at the end of the segment before the corner, (in_x, in_y) at the start of the
-    one behind. At velocity v the vector changes by v*|in - out| = 2*v*sin(phi/2).
+    (out_x, out_y) is the unit direction at the end of the segment before the corner, (in_x, in_y) at the start of
+    the one behind. At velocity v the vector changes by v*|in - out| = 2*v*sin(phi/2).
     """
     change = np.hypot(in_x - out_x, in_y - out_y)
     with np.errstate(divide="ignore"):
@@ -137,11 +137,11 @@ def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, ju
 
 
 def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: npt.NDArray[np.bool_]) -> Floats:
-    """End velocities of segments in a row, (n,): the highest that limits, lengths and accelerations allow from
-    both sides.
+    """End velocities of segments in a row, (n,).
 
-    `limit` (n,): highest end velocity of each segment (corner, both neighbours' velocity). `breaks` (n,): the segment
-    starts at rest whatever the one before it ended at. The first one starts at rest; the last one's limit is its own.
+    Each is the highest that limits, lengths and accelerations allow from both sides. `limit` (n,): highest end velocity
+    of each segment (corner, both neighbours' velocity). `breaks` (n,): the segment starts at rest whatever the one before
+    it ended at. The first one starts at rest; the last one's limit is its own.
     """
     ends2 = limit * limit
     gain = 2 * acc * length
@@ -159,7 +159,8 @@ def _ramp(limit2: Floats, gain: Floats) -> Floats:
     """w[i] = min(limit2[i], w[i-1] + gain[i]) with w[-1] = 0, without a loop over segments.
 
     min over j <= i of limit2[j] + (S[i] - S[j]), with S the running sum of gain, is a minimum.accumulate. A gain at
-    or above the limit never binds, so it is cut there: S stays small beside what is compared. Blocks keep it smaller.
+    or above the limit never binds, so it is cut there: S stays small beside what is compared. Blocks keep it
+    smaller.
     """
     w = np.empty_like(limit2)
     cut = np.minimum(gain, limit2)

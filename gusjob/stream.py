@@ -54,8 +54,9 @@ class Arg:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """A GT_ call. `buffered` is its number among the buffered calls, None for the others. `section` is M's,
-    or 'sister'.
+    """A GT_ call.
+
+    `buffered` is its number among the buffered calls, None for the others. `section` is M's, or 'sister'.
     """
 
     name: str
@@ -249,8 +250,11 @@ class Call:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BufferedCalls:
-    """Buffered calls, (n,) each. p, q, r by call: arc centre offset x, y (or radius) and direction; delay ms; power;
-    follow ratio, min, max. x, y in pulse, vel in pulse/ms, acc in pulse/ms2. Unused places hold 0."""
+    """Buffered calls, (n,) each; unused places hold 0.
+
+    x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and its
+    direction; a delay's ms; a power; a follow's ratio, min, max.
+    """
 
     kind: npt.NDArray[np.uint8]
     line: npt.NDArray[np.int32]

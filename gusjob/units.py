@@ -1,5 +1,6 @@
-"""Quantities and their conversions, once. Canonical: mm, mm/s, mm/s2, us, ms, kHz, %, V, deg, and the
-controller's pulses.
+"""Quantities and their conversions, once.
+
+Canonical: mm, mm/s, mm/s2, us, ms, kHz, %, V, deg, and the controller's pulses.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from gusjob.cli.common import Loaded, compiled, exit_code, interpreted_faults, l
 def command(paths: tuple[Path, ...], machine_path: Path | None, form: str, strict: bool) -> None:
     """Check jobs and listings: words, ranges, modes, order, light, motion.
 
-    All faults of all files are listed. Exit status: 0 clean, 1 an error (with --strict also a warning), 2 a file that
-    can't be read.
+    All faults of all files are listed. Exit status: 0 clean, 1 an error (with --strict also a warning), 2 a file
+    that can't be read.
     """
     files = [judged(path, machine_path) for path in paths]
     if form == "json":

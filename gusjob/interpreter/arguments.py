@@ -1,6 +1,4 @@
-"""Arguments against their ranges, as the controller judges them: which calls it takes, and what it says of
-the others.
-"""
+"""Arguments against their ranges: which calls the controller takes, and what it says of the others."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
 """When each segment runs, and how fast: trapezoids in order, and where the calls ask for what can't be.
 
-What cannot be is modelled so: an end velocity that length and acceleration do not give is replaced by the
-nearest that they
-give, and the next segment starts with that; a start above the segment's velocity slows down to it first; a
-corner is taken
-at the velocity asked for; where motion stops without having been slowed down (dwell, end of a stage), it stops at once.
+What cannot be is modelled so: an end velocity that length and acceleration do not give is replaced by the nearest
+that they give, and the next segment starts with that; a start above the segment's velocity slows down to it first; a
+corner is taken at the velocity asked for; where motion stops without having been slowed down (dwell, end of a
+stage), it stops at once.
 """
 
 from __future__ import annotations
@@ -30,10 +29,9 @@ Indices = npt.NDArray[np.intp]
 class Clock:
     """All timed calls of all stages, (m,) in order; stages back to back on one time axis, ms.
 
-    `rows` (r,): every buffered row that ran, as index into the stream; `boundary` (r,): how many timed calls
-    ran before it;
-    `stage_of_row` (r,). `row` (m,): the timed ones' indices; `stage` (m,). `times` (m+1,): start of each and the end.
-    `stage_first` (s+1,): number of each stage's first timed call.
+    `rows` (r,): every buffered row that ran, as index into the stream; `boundary` (r,): how many timed calls ran
+    before it; `stage_of_row` (r,). `row` (m,): the timed ones' indices; `stage` (m,). `times` (m+1,): start of each
+    and the end. `stage_first` (s+1,): number of each stage's first timed call.
     """
 
     rows: Indices
@@ -168,8 +166,9 @@ class _Reporter:
 
 
 def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str) -> list[Diagnostic]:
-    """Corners at which the velocity vector changes by more than the machine's look-ahead lets it; moves
-    outside the field.
+    """Corners and field, for calls that are not from our planner.
+
+    Corners at which the velocity vector changes by more than the machine's look-ahead lets it; moves outside the field.
     """
     laid, end = clock.laid, clock.profile.end
     reporter = _Reporter(calls=calls, clock=clock, collector=Collector(path))

@@ -23,9 +23,7 @@ class Motion:
     program: Program
 
     def lines(self, cell: Indices, time: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """(rising line at `time`, falling line at `time`, slope, peak) of the cells' velocity, pulse/ms: v =
-        min of the three.
-        """
+        """The cells' velocity is the lowest of three lines: rising and falling line at `time`, slope, peak."""
         profile, clock = self.clock.profile, self.clock
         since = time - clock.times[cell]
         left = clock.duration_ms[cell] - since

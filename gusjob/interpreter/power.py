@@ -1,8 +1,8 @@
 """How much each laser emits: power held from tick to tick, and its integral over every segment.
 
-Order of limits: base power (direct, or follow clamped to its max), distance term added and clamped to its
-limits, then the
-mode's limits. Power that does not change between calls is integrated as it is; following is summed over the ticks.
+Order of limits: base power (direct, or follow clamped to its max), distance term added and clamped to its limits,
+then the mode's limits. Power that does not change between calls is integrated as it is; following is summed over the
+ticks.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _BLOCK_PIECES = 1 << 17
 class PowerCalls:
     """Power calls of one channel in order, (e,): the number of the timed call before which each acts, and what it sets.
 
-    low: direct power, or the follow minimum; ratio 0: direct; high: follow maximum (inf if direct). NaN low:
-    no power set yet.
+    low: direct power, or the follow minimum; ratio 0: direct; high: follow maximum (inf if direct). NaN low: no
+    power set yet.
     """
 
     boundary: Indices
@@ -63,9 +63,11 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Emitted:
-    """Per timed call, (m,): emission in ms, integral of power (unit * ms), lowest and highest power while
-    emitting (NaN if none),
-    time in which a limit held it, ms. `set_power`: whether a power was ever set where light was on."""
+    """Per timed call, (m,): what one channel emitted.
+
+    Emission in ms, integral of power (unit * ms), lowest and highest power while emitting (NaN if none), time in which a
+    limit held it, ms. `unpowered`: light was on while no power had been set.
+    """
 
     emission_ms: Floats
     power_ms: Floats
@@ -145,9 +147,7 @@ class _Pieces:
 
 
 def _cut(clock: Clock, emission: Emission) -> tuple[Indices, Floats, Floats]:
-    """Emission cut at the segments' ends: (timed call, start, end) of each piece, in order, within the
-    stages' motion.
-    """
+    """Emission cut at the segments' ends, within the stages' motion: (timed call, start, end) of each piece."""
     if not len(emission.stage) or not len(clock.row):
         empty = np.empty(0)
         return np.empty(0, dtype=np.intp), empty, empty
@@ -199,10 +199,6 @@ class _Integrator:
         """Pieces within motion."""
         stage = self.motion.clock.stage[cell]
         event = np.searchsorted(self.powers.boundary, cell, side="right") - 1
-        later = self.powers.stage[event] > stage
-        while later.any():  # A stage without motion shares its boundary with the next one's.
-            event = event - later
-            later = self.powers.stage[event] > stage
         return self.integrate(cell, stage, event, start, end, time)
 
     def tails(self, cell: Indices, stage: Indices, start: Floats, end: Floats) -> _Pieces:
@@ -304,9 +300,7 @@ class _Ticks:
         return energy, lowest, highest, clamped
 
     def cell_at(self, time: Floats) -> Indices:
-        """The timed call that runs at a moment of a piece's stage: the piece's own or an earlier one, its
-        stage's last if none.
-        """
+        """The timed call that runs at a moment of a piece's stage: its own, or an earlier one."""
         clock = self.integrator.motion.clock
         found = np.searchsorted(clock.times[:-1], time, side="right") - 1
         first, last = clock.stage_first[self.stage], clock.stage_first[self.stage + 1] - 1

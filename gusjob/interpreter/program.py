@@ -1,8 +1,8 @@
 """Runs the calls in order, as the controller takes them: what is refused, what each stage runs, how each laser stands.
 
 Host calls take no time. A call made while a stage moves (no GT_CrdStatus since its GT_CrdStart) acts at that stage's
-start, behind the buffered calls that stand before its first motion: when it really comes, nobody can tell from
-a listing.
+start, behind the buffered calls that stand before its first motion: when it really comes, nobody can tell from a
+listing.
 """
 
 from __future__ import annotations

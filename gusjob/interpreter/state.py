@@ -61,9 +61,7 @@ class Action:
 
 @dataclass(slots=True, kw_only=True)
 class StageRun:
-    """One start of a coordinate system: buffered rows in order, lasers in force, immediate actions before and
-    during.
-    """
+    """One start of a coordinate system: buffered rows in order, lasers in force, immediate actions."""
 
     crd: int
     fifo: int
@@ -83,8 +81,9 @@ class StageRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
-    """What ran: stages, what was still done at rest behind the last one, switch readings (line, channel,
-    value), channels named.
+    """What ran.
+
+    Stages, what was done at rest behind the last one, switch readings (line, channel, value), channels named.
     """
 
     stages: tuple[StageRun, ...]

@@ -33,10 +33,9 @@ class Emission:
 def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int) -> Emission:
     """Intervals in which a channel emits.
 
-    An on edge comes on_delay behind its moment, an off edge off_delay; edges that meet or cross merge. With
-    FPK the emission
-    starts its gap behind the on edge and ends its off delay behind the off edge. A switch set at rest, and an edge
-    still under way when a stage ends, have come to pass when the next stage starts.
+    An on edge comes on_delay behind its moment, an off edge off_delay; edges that meet or cross merge. With FPK the
+    emission starts its gap behind the on edge and ends its off delay behind the off edge. A switch set at rest, and
+    an edge still under way when a stage ends, have come to pass when the next stage starts.
     """
     stages = program.stages
     starts, ends = clock.stage_start(), clock.stage_end()

@@ -32,8 +32,9 @@ class ChannelTrace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A run. Times in ms, positions in pulse; one entry a timed call (motion or dwell), (m,). `line`: source
-    line of each.
+    """A run. Times in ms, positions in pulse; one entry a timed call (motion or dwell), (m,).
+
+    `line`: source line of each.
     """
 
     name: str

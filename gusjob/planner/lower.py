@@ -1,5 +1,6 @@
-"""The last step: a plan to calls, in the order of the job language: setup, GT_SetCrdPrm, GT_CrdClear, path,
-GT_CrdStart.
+"""The last step: a plan to calls.
+
+In the order of the job language: setup, GT_SetCrdPrm, GT_CrdClear, path, GT_CrdStart.
 """
 
 from __future__ import annotations

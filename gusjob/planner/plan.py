@@ -28,9 +28,9 @@ class Stage:
 class Plan:
     """A job on its way to calls. Each pass fills in its own part and leaves the rest.
 
-    `path`: rows, perhaps more than the job's (an arc become lines): then `origin` has each one's row in the
-    job. `timed` (m,): rows that take time. Of those:
-    `segments` in whole pulses (a dwell has no length); `vel`, `acc`, `vel_end` in pulse/ms (2).
+    `path`: rows, perhaps more than the job's (an arc become lines): then `origin` has each one's row in the job.
+    `timed` (m,): rows that take time. Of those: `segments` in whole pulses (a dwell has no length); `vel`, `acc`,
+    `vel_end` in pulse/ms (2).
     """
 
     job: Job

@@ -86,8 +86,9 @@ def filled(values: Floats, start: float) -> Floats:
 
 @dataclass(slots=True)
 class _Modal:
-    """A modal value in force per row: the value (NaN: never set), whether it was written in mm, and the line
-    that set it.
+    """A modal value in force per row.
+
+    The value (NaN: never set), whether it was written in mm, and the line that set it.
     """
 
     value: Floats
@@ -284,9 +285,7 @@ class _Elaboration:
         return np.asarray((self.rows.system >> (2 * column)) & 3, dtype=np.int8)
 
     def _ratio(self) -> tuple[Floats, Bools]:
-        """Follow ratio per pulse/ms (RATIO as written, or the one that reaches MAX at AT), and whether it
-        hangs on mm.
-        """
+        """Follow ratio per pulse/ms, as written or the one that reaches MAX at AT; and whether it hangs on mm."""
         given, pulses = self.col(Field.RATIO), self.units_pulse()
         in_mm = np.broadcast_to(np.True_, len(given)) if pulses is None else ~pulses
         ratio = np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given)

@@ -1,9 +1,9 @@
-"""Lines to columns. A file of a million lines has a handful of line shapes: each is understood once, then its
-numbers are read at once.
+"""Lines to columns. A file of a million lines has a handful of line shapes, each understood once.
 
 The shape of a line is the line without its comment, with every run of digits made one digit: `LINE X 1.5 Y -20 ; a`
-becomes `LINE X 0.0 Y -0`. What a shape means (a Template) is learnt from its first line by the real parser. Lines whose
-shape has no template (setup, faults, exponents ...) go to the parser one by one.
+becomes `LINE X 0.0 Y -0`. What a shape means (a Template) is learnt from its first line by the real parser; then the
+numbers of all its lines are read at once. Lines whose shape has no template (setup, faults, exponents ...) go to the
+parser one by one.
 """
 
 from __future__ import annotations
@@ -63,8 +63,9 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """Rows in file order: op (n,) uint8, line (n,) int32 from 1, system (n,) int32, columns {number: (n,)
-    float64, NaN if absent}.
+    """Rows in file order.
+
+    op (n,) uint8, line (n,) int32 from 1, system (n,) int32, columns {number: (n,) float64, NaN if absent}.
     """
 
     op: npt.NDArray[np.uint8]
@@ -212,8 +213,9 @@ class _Scanner:
         starts: npt.NDArray[np.intp],
         ends: npt.NDArray[np.intp],
     ) -> tuple[Floats, npt.NDArray[np.int64], npt.NDArray[np.int32]]:
-        """All numbers of the lines with a template, each line's offset in them, and the ids (lines that turn
-        out to need the parser are marked).
+        """All numbers of the lines with a template, and each line's offset in them.
+
+        The third is the ids again: lines that turn out to need the parser are marked.
         """
         text = raw
         alone = np.flatnonzero(ids == _ALONE)

@@ -16,8 +16,9 @@ MAX_FILE_MB = 1000
 
 @dataclass(slots=True)
 class Source:
-    """A text: UTF-8 bytes without BOM, lines ended by LF. `line(n)` gives one line; the index is made when
-    first asked for.
+    """A text: UTF-8 bytes without BOM, lines ended by LF.
+
+    `line(n)` gives one line; the index is made when first asked for.
     """
 
     name: str

@@ -1,6 +1,4 @@
-"""One line of a job to a Statement, judged word by word: which words a statement takes, of which kind, which
-it needs.
-"""
+"""One line of a job to a Statement: which words a statement takes, of which kind, and which it needs."""
 
 from __future__ import annotations
 
@@ -176,8 +174,8 @@ _DEFAULT_UNITS = {
 class Quantity:
     """A number in canonical units of its kind, and where it stands (columns from 1, end behind).
 
-    `times`, `over`: its unit's factors; `system`: a units.System, or a PowerUnit where the kind is POWER;
-    `text` as written.
+    `times`, `over`: its unit's factors; `system`: a units.System, or a PowerUnit where the kind is POWER; `text` as
+    written.
     """
 
     value: float
@@ -192,11 +190,10 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """A line that was read. `form` is the key in FORMS; `options` the keywords that are no words with numbers
-    (CW, OFF, NOW ...).
+    """A line that was read.
 
-    `words`: by keyword, '' for a positional number; `axes`: of REF and RATIO of LASER DISTANCE; `channel`: of
-    CHANNEL at the end.
+    `form` is the key in FORMS; `options` the keywords that are no words with numbers (CW, OFF, NOW ...); `words` by
+    keyword, '' for a positional number; `axes` of REF and RATIO of LASER DISTANCE; `channel` of CHANNEL at the end.
     """
 
     form: str
