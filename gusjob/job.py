@@ -41,15 +41,15 @@ class Op(IntEnum):
 class Path:
     """The path, one row a statement; all columns (n,), NaN (0 for whole numbers) where a row does not use one.
 
-    x, y: end point, absolute, pulse; cx, cy: an arc's centre, absolute, pulse; radius: pulse of X, signed; ccw: an arc's
-    direction; arc_in_mm: a circle in mm, not in pulses (told apart where the axes differ).
+    x, y: end point, absolute, pulse; cx, cy: an arc's centre, absolute, pulse; radius: pulse of X, signed; ccw: an
+    arc's direction; arc_in_mm: a circle in mm, not in pulses (told apart where the axes differ).
 
-    vel, acc: pulse/ms, pulse/ms2 along an axis with X's pulses per mm; end: forced end velocity, NaN if none; vel_in_mm,
-    acc_in_mm, end_in_mm: to be scaled by the segment's own direction where the axes differ; vel_line, acc_line: the line
-    that set them. dwell_ms: whole.
+    vel, acc: pulse/ms, pulse/ms2 along an axis with X's pulses per mm; end: forced end velocity, NaN if none;
+    vel_in_mm, acc_in_mm, end_in_mm: to be scaled by the segment's own direction where the axes differ; vel_line,
+    acc_line: the line that set them. dwell_ms: whole.
 
-    power: direct power; low, high, ratio: follow limits, and ratio per pulse/ms; follow_in_mm: the ratio hangs on mm;
-    power_unit, low_unit, high_unit: PowerUnit as written.
+    power: direct power; low, high, ratio: follow limits, and ratio per pulse/ms; follow_in_mm: the ratio hangs on
+    mm; power_unit, low_unit, high_unit: PowerUnit as written.
     """
 
     op: npt.NDArray[np.uint8]

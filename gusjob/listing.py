@@ -56,7 +56,8 @@ def value_text(value: Value) -> str:
 def listing_json(stream: Stream) -> Iterator[bytes]:
     """gusjob-calls/1 in pieces.
 
-    The calls that are not buffered as objects, each with `at`, the number of buffered calls before it; those as columns.
+    The calls that are not buffered as objects, each with `at`, the number of buffered calls before it; those as
+    columns.
     """
     calls = [{"call": c.name, "args": c.args, "at": c.at, "line": c.line} for c in stream.calls]
     yield b'{"schema": "gusjob-calls/1", "job": ' + orjson.dumps(stream.name) + b', "calls": ' + orjson.dumps(calls)

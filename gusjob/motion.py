@@ -139,9 +139,9 @@ def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, ju
 def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: npt.NDArray[np.bool_]) -> Floats:
     """End velocities of segments in a row, (n,).
 
-    Each is the highest that limits, lengths and accelerations allow from both sides. `limit` (n,): highest end velocity
-    of each segment (corner, both neighbours' velocity). `breaks` (n,): the segment starts at rest whatever the one before
-    it ended at. The first one starts at rest; the last one's limit is its own.
+    Each is the highest that limits, lengths and accelerations allow from both sides. `limit` (n,): highest end
+    velocity of each segment (corner, both neighbours' velocity). `breaks` (n,): the segment starts at rest whatever
+    the one before it ended at. The first one starts at rest; the last one's limit is its own.
     """
     ends2 = limit * limit
     gain = 2 * acc * length

@@ -252,8 +252,8 @@ class Call:
 class BufferedCalls:
     """Buffered calls, (n,) each; unused places hold 0.
 
-    x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and its
-    direction; a delay's ms; a power; a follow's ratio, min, max.
+    x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and
+    its direction; a delay's ms; a power; a follow's ratio, min, max.
     """
 
     kind: npt.NDArray[np.uint8]

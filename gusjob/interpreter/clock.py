@@ -168,7 +168,8 @@ class _Reporter:
 def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str) -> list[Diagnostic]:
     """Corners and field, for calls that are not from our planner.
 
-    Corners at which the velocity vector changes by more than the machine's look-ahead lets it; moves outside the field.
+    Corners at which the velocity vector changes by more than the machine's look-ahead lets it; moves outside the
+    field.
     """
     laid, end = clock.laid, clock.profile.end
     reporter = _Reporter(calls=calls, clock=clock, collector=Collector(path))

@@ -65,8 +65,8 @@ class Setting:
 class Emitted:
     """Per timed call, (m,): what one channel emitted.
 
-    Emission in ms, integral of power (unit * ms), lowest and highest power while emitting (NaN if none), time in which a
-    limit held it, ms. `unpowered`: light was on while no power had been set.
+    Emission in ms, integral of power (unit * ms), lowest and highest power while emitting (NaN if none), time in
+    which a limit held it, ms. `unpowered`: light was on while no power had been set.
     """
 
     emission_ms: Floats
