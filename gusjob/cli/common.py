@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import click
 
@@ -14,9 +14,10 @@ from gusjob.checks import check as check_job
 from gusjob.diagnostics import Diagnostic, Severity, has_errors
 from gusjob.job import Job
 from gusjob.machine import Machine, find_profile, read_machine
-from gusjob.planner import compile_job
-from gusjob.stream import Stream
 from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
+
+if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
+    from gusjob.stream import Stream
 
 machine_option = click.option(
     "--machine",
@@ -81,6 +82,8 @@ def compiled(loaded: Loaded) -> Stream | None:
     """The calls of a loaded file; None if an error forbids it. Faults that only the planner sees are added."""
     if loaded.stream is not None or loaded.job is None or has_errors(loaded.faults):
         return None if has_errors(loaded.faults) else loaded.stream
+    from gusjob.planner import compile_job
+
     stream, faults = compile_job(loaded.job, loaded.machine)
     loaded.faults += faults
     return None if has_errors(faults) else stream

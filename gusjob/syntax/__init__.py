@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic
 from gusjob.job import Job
 from gusjob.machine import Machine
-from gusjob.stream import Stream
 from gusjob.syntax.elaborate import elaborate
 from gusjob.syntax.job_reader import read_job_text
 from gusjob.syntax.source import Source, check_text, read_source
+
+if TYPE_CHECKING:
+    from gusjob.stream import Stream
 
 __all__ = ["Source", "check_text", "is_listing", "locate_calls", "read_job", "read_listing", "read_source"]
 
@@ -21,11 +24,11 @@ _LISTING_ENDINGS = {".gts", ".c", ".cc", ".cpp", ".h"}
 
 def is_listing(source: Source) -> bool:
     """Whether a text is a listing of calls: by its file's ending, else by what it holds."""
-    from gusjob.syntax.listing_reader import looks_like_listing
-
     ending = PurePath(source.name).suffix.lower()
     if ending in _JOB_ENDINGS | _LISTING_ENDINGS:
         return ending in _LISTING_ENDINGS
+    from gusjob.syntax.listing_reader import looks_like_listing
+
     return looks_like_listing(source.data)
 
 
