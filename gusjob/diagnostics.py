@@ -99,7 +99,7 @@ UNKNOWN_STATEMENT = _rule("GJ102", _E, "unknown statement", "no statement begins
 TWICE = _rule("GJ103", _E, "word given twice", "{word} stands twice in this statement")
 MISSING = _rule("GJ104", _E, "word missing", "{statement} needs {word}{hint}")
 FOREIGN = _rule("GJ105", _E, "word of another form", "{word} does not belong to {statement}: {hint}")
-TOO_BIG = _rule("GJ106", _E, "number can't be held", "{value} is too large to be held as a number")
+TOO_BIG = _rule("GJ106", _E, "number can't be held", "{value} is too large: numbers go up to {limit}")
 LATER = _rule(
     "GJ107", _E, "statement of a later version", "{word} is a word of the job language that this version can't run yet"
 )
@@ -317,6 +317,13 @@ LIT_UNPOWERED = _rule(
     _W,
     "light without a power",
     "the laser of channel {channel} is on, but no power was set: it is taken as the lowest that the mode allows",
+)
+TOO_LONG = _rule(
+    "GJ713",
+    _E,
+    "too long to be interpreted",
+    "this run would take {duration} ms, that is {ticks} ticks; gusjob interprets up to {limit}. This is "
+    "its longest segment",
 )
 
 

@@ -58,7 +58,8 @@ def test_the_mode_stays_while_moving() -> None:
 
 def test_a_refused_call_has_no_effect() -> None:
     ran = run_listing(
-        HEAD + "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\nGT_BufLaserPrfCmd(1,101,0,0)\nGT_LnXY(1,5,0,0,2,0,0)\n"
+        HEAD + "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        + "GT_BufLaserPrfCmd(1,101,0,0)\nGT_LnXY(1,5,0,0,2,0,0)\n"
         + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
     )  # fmt: skip
     assert ran.column("ch0_power_max") == [50]
@@ -223,6 +224,7 @@ def test_velocity_follow_over_a_million_ticks_equals_the_sum() -> None:
     text = MARK + "LASER FOLLOW RATIO 0.3 MIN 5 MAX 20\nLASER ON\nLINE X 145 VEL 1.45 ACC 1\nLASER OFF\n"
     stream = stream_of(text)
     trace, _ = interpret(stream, Machine(period_us=50))
+    assert trace is not None
     duration = float(trace.clock.times[-1])
     ticks = np.arange(int(duration / 0.05) + 1) * 0.05
     ticks = ticks[ticks < duration]

@@ -14,7 +14,7 @@ from gusjob.diagnostics import Severity
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
 from gusjob.machine import Machine
-from gusjob.report.rows import make_report
+from gusjob.report.rows import Report, make_report
 from gusjob.report.table import report_table
 from gusjob.stream import Stream
 from gusjob.syntax import check_text, read_listing
@@ -27,6 +27,12 @@ def stream_of(path: Path) -> Stream:
     stream = compiled(judged(path, None))
     assert stream is not None
     return stream
+
+
+def report_of(stream: Stream) -> Report:
+    trace, _ = interpret(stream, Machine())
+    assert trace is not None
+    return make_report(trace, Machine())
 
 
 def test_there_are_jobs_and_no_stale_goldens() -> None:
@@ -43,6 +49,7 @@ def test_checks_clean(path: Path) -> None:
 def test_golden(path: Path, rewrite: bool) -> None:
     trace, faults = interpret(stream_of(path), Machine())
     assert faults == []
+    assert trace is not None
     report = make_report(trace, Machine())
     text = "".join(report_table(report, summary=False).partition("\n")[1:])
     golden = GOLDEN / f"{path.stem}.txt"
@@ -60,7 +67,7 @@ def test_a_listing_reads_back(path: Path) -> None:
     again, faults = read_listing(source)
     assert faults == []
     assert "".join(listing(again)) == text
-    first, second = (make_report(interpret(s, Machine())[0], Machine()) for s in (stream, again))
+    first, second = (report_of(s) for s in (stream, again))
     assert first.totals == second.totals
     for name in first.columns.keys() - {"line"}:
         assert np.array_equal(

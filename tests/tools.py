@@ -82,10 +82,12 @@ def run_listing(text: str, machine: Machine = MACHINE) -> Ran:
     assert source is not None
     stream, read_faults = read_listing(source)
     trace, faults = interpret(stream, machine, foreign=True)
+    assert trace is not None
     return Ran(make_report(trace, machine), [*read_faults, *faults])
 
 
 def run_job(text: str, machine: Machine = MACHINE) -> Ran:
     """Compile and interpret a job."""
     trace, faults = interpret(stream_of(text, machine), machine)
+    assert trace is not None
     return Ran(make_report(trace, machine), faults)

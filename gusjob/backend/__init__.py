@@ -13,6 +13,6 @@ from gusjob.stream import Stream
 class Backend(Protocol):
     """Runs the calls of a stream."""
 
-    def run(self, stream: Stream, machine: Machine, *, foreign: bool) -> tuple[Trace, list[Diagnostic]]:
+    def run(self, stream: Stream, machine: Machine, *, foreign: bool) -> tuple[Trace | None, list[Diagnostic]]:
         """Run all of it. `foreign`: the calls come from somebody else's program."""
         ...

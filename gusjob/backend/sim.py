@@ -11,6 +11,6 @@ from gusjob.stream import Stream
 class SimBackend:
     """Interprets the calls tick by tick."""
 
-    def run(self, stream: Stream, machine: Machine, *, foreign: bool) -> tuple[Trace, list[Diagnostic]]:
+    def run(self, stream: Stream, machine: Machine, *, foreign: bool) -> tuple[Trace | None, list[Diagnostic]]:
         """What the controller would do, and what it would say."""
         return interpret(stream, machine, foreign=foreign)

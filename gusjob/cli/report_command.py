@@ -34,13 +34,14 @@ def command(path: Path, machine_path: Path | None, form: str, summary: bool, out
     is, since some program already sends it: what the controller would refuse is reported and has no effect.
     """
     loaded = load(path, machine_path)
-    stream = compiled(loaded)
+    stream, report = compiled(loaded), None
     if stream is not None:
         from gusjob.report.rows import make_report
 
         trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
         interpreted_faults(loaded, faults)
-        report = make_report(trace, loaded.machine)
+        report = None if trace is None else make_report(trace, loaded.machine)
+    if report is not None:
         if form == "table":
             from gusjob.report.table import report_table
 
@@ -52,6 +53,6 @@ def command(path: Path, machine_path: Path | None, form: str, summary: bool, out
                 write(report_json(report, loaded.faults, summary=summary), output)
             else:
                 write(summary_csv(report) if summary else report_csv(report), output)
-    if form != "json" or stream is None:
-        show(loaded, notes=stream is None)
+    if form != "json" or report is None:
+        show(loaded, notes=report is None)
     sys.exit(exit_code([loaded]))

@@ -35,16 +35,14 @@ def command(path: Path, machine_path: Path | None, backend: str) -> None:
         say("reading and checking")
         loaded = load(path, machine_path)
         say("planning")
-        stream = compiled(loaded)
-        if stream is None:
-            report = None
-        else:
+        stream, report = compiled(loaded), None
+        if stream is not None:
             from gusjob.report.rows import make_report
 
             say(f"running {len(stream.buffered):,} buffered calls on {backend}")
             trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
             interpreted_faults(loaded, faults)
-            report = make_report(trace, loaded.machine)
+            report = None if trace is None else make_report(trace, loaded.machine)
     if report is not None:
         from gusjob.report.table import report_table
 

@@ -19,15 +19,28 @@ from gusjob.machine import Machine
 from gusjob.stream import Stream
 from gusjob.units import US_PER_MS
 
-__all__ = ["ChannelTrace", "Trace", "interpret"]
+__all__ = ["MAX_TICKS", "ChannelTrace", "Trace", "interpret"]
 
 
-def interpret(stream: Stream, machine: Machine, *, foreign: bool = False) -> tuple[Trace, list[Diagnostic]]:
-    """Run a stream on a machine. `foreign`: not from our planner, so its corners and its field are looked at too."""
+MAX_TICKS = 10_000_000_000
+"""A run of more ticks is refused: nobody would wait for it."""
+
+
+def interpret(stream: Stream, machine: Machine, *, foreign: bool = False) -> tuple[Trace | None, list[Diagnostic]]:
+    """Run a stream on a machine; None if it would take too long to be interpreted.
+
+    `foreign`: not from our planner, so its corners and its field are looked at too.
+    """
     program = run_program(stream)
     calls = stream.buffered
     clock, faults = run_clock(calls, program, stream.name)
     faults = [*program.diagnostics, *faults]
+    ticks = float(clock.times[-1]) * US_PER_MS / machine.period_us
+    if ticks > MAX_TICKS:
+        longest = int(np.argmax(clock.duration_ms))
+        fields = {"duration": float(clock.times[-1]), "ticks": ticks, "limit": float(MAX_TICKS)}
+        span = Span(line=int(calls.line[clock.row[longest]]))
+        return None, [*faults, Diagnostic(rule=d.TOO_LONG, span=span, fields=fields, path=stream.name)]
     if foreign:
         faults += path_faults(calls, clock, machine, stream.name)
     motion = Motion(clock=clock, program=program)

@@ -33,9 +33,10 @@ from gusjob.job import (
 from gusjob.limits import CHANNEL, MODE_LIMIT, PowerMode
 from gusjob.machine import Machine
 from gusjob.motion import running_sum
+from gusjob.syntax.forms import Field
 from gusjob.syntax.job_reader import JobText, RowOp, locate_in
 from gusjob.syntax.shapes import Rows
-from gusjob.syntax.statements import Field, Quantity, Statement, unit_of
+from gusjob.syntax.statements import Quantity, Statement, unit_of
 from gusjob.units import System, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 Floats = npt.NDArray[np.float64]

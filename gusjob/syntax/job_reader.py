@@ -8,9 +8,10 @@ from enum import IntEnum
 
 from gusjob.diagnostics import Diagnostic, Span
 from gusjob.job import Locate
+from gusjob.syntax.forms import FORMS, Field
 from gusjob.syntax.shapes import MAX_FAULTS, Row, Rows, Slot, Template, number_runs, scan
 from gusjob.syntax.source import Source
-from gusjob.syntax.statements import FORMS, Field, Quantity, Statement, read_statement
+from gusjob.syntax.statements import Quantity, Statement, read_statement
 
 
 class RowOp(IntEnum):

@@ -21,6 +21,8 @@ Floats = npt.NDArray[np.float64]
 
 MAX_LINE = 10_000
 """Characters in a statement; longer lines are faults, not work."""
+MAX_NUMBER = 1e15
+"""Larger numbers are faults: whole numbers are exact up to here, and no product of two of them overflows."""
 MAX_FAULTS = 1000
 """Lines with faults that are read one by one; the rest is only counted."""
 
@@ -230,8 +232,9 @@ class _Scanner:
         offsets = np.cumsum(counts) - counts
         if len(numbers) != int(counts.sum()):
             raise AssertionError("a shape's runs and its numbers differ")
-        if not np.isfinite(numbers).all():
-            bad = np.unique(np.searchsorted(offsets + counts, np.flatnonzero(~np.isfinite(numbers)), side="right"))
+        if len(numbers) and not (np.abs(numbers) <= MAX_NUMBER).all():
+            huge = np.flatnonzero(~(np.abs(numbers) <= MAX_NUMBER))
+            bad = np.unique(np.searchsorted(offsets + counts, huge, side="right"))
             ids = ids.copy()
             ids[bad] = _ALONE
         for number in np.unique(ids).tolist():

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 from lark import Token, Tree, UnexpectedInput
 
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.syntax.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Form, Word
 from gusjob.syntax.lines import misread, parser, subtrees, tokens
-from gusjob.syntax.shapes import MAX_LINE
+from gusjob.syntax.shapes import MAX_LINE, MAX_NUMBER
 from gusjob.units import UNITS, Kind, PowerUnit, spelling
 
 GRAMMAR = "job.lark"
@@ -18,142 +18,6 @@ _TERMINALS = {"QUANTITY": "a number", "PLUS": "a number", "MINUS": "a number"}
 LATER_WORDS = ("LET", "REPEAT", "FOR", "IF", "ELSE", "DEF", "CALL", "FRAME", "INCLUDE", "SKYWRITE")
 """Words of the language that come with later versions: named, so that nobody takes them for a misspelling."""
 
-
-class Field(IntEnum):
-    """Column of a word's number in the rows of a job."""
-
-    X = 0
-    Y = 1
-    I = 2  # noqa: E741  (the vendor's and G-code's name)
-    J = 3
-    R = 4
-    VEL = 5
-    ACC = 6
-    END = 7
-    VALUE = 8
-    LOW = 9
-    HIGH = 10
-    RATIO = 11
-    AT = 12
-    CHANNEL = 13
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Word:
-    """What a word's number is. `ms`: its canonical time is ms instead of us."""
-
-    field: Field
-    kind: Kind
-    ms: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
-    """The words a statement takes and the ones it needs. `name` is how messages call it."""
-
-    name: str
-    words: dict[str, Word] = field(default_factory=dict)
-    needs: tuple[str, ...] = ()
-    hints: dict[str, str] = field(default_factory=dict)
-
-
-def _w(column: Field, kind: Kind, *, ms: bool = False) -> Word:
-    return Word(field=column, kind=kind, ms=ms)
-
-
-_XY = {"X": _w(Field.X, Kind.LENGTH), "Y": _w(Field.Y, Kind.LENGTH)}
-_SPEED = {"VEL": _w(Field.VEL, Kind.VELOCITY), "ACC": _w(Field.ACC, Kind.ACCELERATION)}
-_FORCED = {"END": _w(Field.END, Kind.VELOCITY)}
-_LIMITS = {"MIN": _w(Field.LOW, Kind.POWER), "MAX": _w(Field.HIGH, Kind.POWER)}
-_CENTRE = {"I": _w(Field.I, Kind.LENGTH), "J": _w(Field.J, Kind.LENGTH), "R": _w(Field.R, Kind.LENGTH)}
-_ARC_ONLY = dict.fromkeys("IJR", "it belongs to ARC")
-_DUTY_LIMITS = {"MIN": _w(Field.LOW, Kind.SHARE), "MAX": _w(Field.HIGH, Kind.SHARE)}
-_CARRIER = {"CARRIER": _w(Field.VALUE, Kind.FREQUENCY), **_DUTY_LIMITS}
-_WIDTH = {"WIDTH": _w(Field.VALUE, Kind.TIME)}
-_AXES = {a: _w(c, Kind.LENGTH) for a, c in zip("XYZA", (Field.X, Field.Y, Field.I, Field.J), strict=True)}
-
-FORMS: dict[str, Form] = {
-    "units": Form(name="UNITS"),
-    "coords": Form(name="COORDS"),
-    "crd": Form(name="CRD", words={"": _w(Field.VALUE, Kind.PLAIN), "FIFO": _w(Field.LOW, Kind.PLAIN)}),
-    "channel": Form(name="CHANNEL", words={"": _w(Field.VALUE, Kind.PLAIN)}),
-    "VEL": Form(name="VEL", words={"": _w(Field.VALUE, Kind.VELOCITY)}),
-    "ACC": Form(name="ACC", words={"": _w(Field.VALUE, Kind.ACCELERATION)}),
-    "JUMPVEL": Form(name="JUMPVEL", words={"": _w(Field.VALUE, Kind.VELOCITY)}),
-    "JUMPACC": Form(name="JUMPACC", words={"": _w(Field.VALUE, Kind.ACCELERATION)}),
-    "line": Form(name="LINE", words={**_XY, **_SPEED, **_FORCED}, hints=_ARC_ONLY),
-    "jump": Form(
-        name="JUMP",
-        words=_XY,
-        hints={
-            **_ARC_ONLY,
-            "VEL": "write JUMPVEL before it",
-            "ACC": "write JUMPACC before it",
-            "END": "it belongs to LINE and ARC",
-        },
-    ),
-    "arc": Form(name="ARC", words={**_XY, **_CENTRE, **_SPEED, **_FORCED}),
-    "dwell": Form(name="DWELL", words={"": _w(Field.VALUE, Kind.TIME, ms=True)}),
-    "wait": Form(name="WAIT"),
-    "lookahead": Form(
-        name="LOOKAHEAD",
-        words={"TIME": _w(Field.VALUE, Kind.TIME, ms=True), "ACC": _w(Field.ACC, Kind.ACCELERATION)},
-    ),
-    "DUTY": Form(
-        name="LASER MODE DUTY",
-        words=_CARRIER,
-        needs=("CARRIER",),
-        hints={"WIDTH": "it belongs to LASER MODE FREQUENCY"},
-    ),
-    "DUTY2": Form(
-        name="LASER MODE DUTY2",
-        words=_CARRIER,
-        needs=("CARRIER",),
-        hints={"WIDTH": "it belongs to LASER MODE FREQUENCY"},
-    ),
-    "FREQUENCY": Form(
-        name="LASER MODE FREQUENCY",
-        words={**_WIDTH, "MIN": _w(Field.LOW, Kind.FREQUENCY), "MAX": _w(Field.HIGH, Kind.FREQUENCY)},
-        needs=("WIDTH",),
-        hints={"CARRIER": "in frequency mode the power is the frequency; a carrier belongs to LASER MODE DUTY"},
-    ),
-    "ANALOG": Form(
-        name="LASER MODE ANALOG",
-        words={"MIN": _w(Field.LOW, Kind.VOLTAGE), "MAX": _w(Field.HIGH, Kind.VOLTAGE)},
-        hints={
-            "CARRIER": "it belongs to LASER MODE DUTY and DUTY2",
-            "WIDTH": "it belongs to LASER MODE FREQUENCY",
-        },
-    ),
-    "laser_delay": Form(
-        name="LASER DELAY",
-        words={"ON": _w(Field.VALUE, Kind.TIME), "OFF": _w(Field.LOW, Kind.TIME)},
-        needs=("ON", "OFF"),
-    ),
-    "laser_standby": Form(
-        name="LASER STANDBY",
-        words={"FREQ": _w(Field.VALUE, Kind.FREQUENCY), "DUTY": _w(Field.LOW, Kind.SHARE)},
-        needs=("FREQ", "DUTY"),
-    ),
-    "laser_prevolt": Form(name="LASER PREVOLT", words={"": _w(Field.VALUE, Kind.VOLTAGE)}),
-    "laser_fpk": Form(
-        name="LASER FPK",
-        words={
-            "WIDTH": _w(Field.VALUE, Kind.TIME),
-            "GAP": _w(Field.LOW, Kind.TIME),
-            "OFFDELAY": _w(Field.HIGH, Kind.TIME),
-        },
-        needs=("WIDTH", "GAP", "OFFDELAY"),
-    ),
-    "laser_distance": Form(name="LASER DISTANCE", words=_LIMITS, needs=("REF", "RATIO", "MIN", "MAX")),
-    "laser_power": Form(name="LASER POWER", words={"": _w(Field.VALUE, Kind.POWER)}),
-    "laser_follow": Form(
-        name="LASER FOLLOW",
-        words={"RATIO": _w(Field.RATIO, Kind.PLAIN), **_LIMITS, "AT": _w(Field.AT, Kind.VELOCITY)},
-        needs=("MIN", "MAX"),
-    ),
-    "laser_switch": Form(name="LASER ON"),
-}
 
 _POWER_KINDS = {Kind.SHARE, Kind.FREQUENCY, Kind.VOLTAGE}
 _DEFAULT_UNITS = {
@@ -273,7 +137,7 @@ class _Reader:
         channel = None
         if tree.data == "laser":
             for tail in (t for t in subtrees(tree) if t.data == "tail"):
-                channel = self.quantity(subtrees(tail)[0], _w(Field.CHANNEL, Kind.PLAIN), "CHANNEL")
+                channel = self.quantity(subtrees(tail)[0], CHANNEL_WORD, "CHANNEL")
             tree = next(t for t in subtrees(tree) if t.data != "tail")
         heads = [t.type for t in tokens(tree)]
         form_key = str(tree.data)
@@ -323,10 +187,10 @@ class _Reader:
         found: dict[str, Quantity] = {}
         for word in subtrees(part):
             axis = tokens(word)[0]
-            kind = Kind.LENGTH if head.type == "REF" else Kind.PLAIN
+            kind = REF_WORD if head.type == "REF" else RATIO_WORD
             if axis.type in found:
                 self.twice(axis)
-            quantity = self.quantity(subtrees(word)[0], _w(_AXES[axis.type].field, kind), f"{head.type} {axis.type}")
+            quantity = self.quantity(subtrees(word)[0], kind, f"{head.type} {axis.type}")
             if quantity:
                 found[axis.type] = quantity
         for axis_name in "XY":
@@ -397,8 +261,9 @@ class _Reader:
                 return None
             times, over, system = unit.times, unit.over * (1000.0 if word.ms else 1.0), unit.system
         magnitude = float(number_text)
-        if magnitude == float("inf"):
-            self.faults.append(_at(d.TOO_BIG, self.line, start, end, value=f"{token[:20]}..."))
+        if magnitude > MAX_NUMBER or magnitude * times / over > MAX_NUMBER:
+            shown = f"{token[:20]}{'...' * (len(token) > 20)}"
+            self.faults.append(_at(d.TOO_BIG, self.line, start, end, value=shown, limit=MAX_NUMBER))
             return None
         signed = -magnitude if sign.type == "MINUS" else magnitude
         glued = sign is token or (sign.column or 0) + 1 == token.column
