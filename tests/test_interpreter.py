@@ -195,6 +195,32 @@ def test_a_stage_without_motion_is_light_of_no_segment() -> None:
     assert ran.report.totals["channels"][0]["emission_ms"] == 0
 
 
+def test_light_before_any_motion_follows_nothing() -> None:
+    ran = run_listing(
+        "GT_SetLevelDelay(700,0,0)\nGT_BufLaserPrfFollow(1,0.5,10,90,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\n" + LINE + "GT_CrdStart(1,0)\n"
+    )
+    (channel,) = ran.report.totals["channels"]
+    assert channel["before_motion_power_ms"] == pytest.approx(7)
+    assert ran.column("ch0_emission_ms") == [0]
+
+
+def test_a_distance_ratio_of_zero_still_has_its_limits() -> None:
+    ran = run_listing(
+        HEAD + "GT_SetLaserDisMode(1,0,{0,0,0,0},{1000,1000,1000,1000},0)\n"
+        + "GT_SetLaserDisRatio({0,0,0,0},10,20,0)\nGT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
+    )  # fmt: skip
+    assert ran.column("ch0_power_ms") == pytest.approx([20 * 2025])
+    assert ran.column("ch0_clamped_ms") == pytest.approx([2025])
+
+
+def test_length_of_an_arc_on_unequal_axes_is_an_ellipse() -> None:
+    # Half axes 10 mm and 20 mm: 96.884482205477 mm (complete elliptic integral, tables).
+    ran = run_listing("GT_ArcXYC(1,0,0,10000,0,1,50,2,0,0)\nGT_CrdStart(1,0)\n", Machine(pulses_per_mm=(1000, 500)))
+    assert ran.column("length_mm") == pytest.approx([96.88448220547674], rel=1e-12)
+
+
 def test_output_while_off() -> None:
     pwm = run_listing("GT_LaserPowerMode(0,100,0,0)\nGT_SetWaitPulse(1,5,10,0)\n")
     assert pwm.report.totals["channels"][0]["off_output"] == {"standby_khz": 5, "standby_pct": 10}

@@ -27,8 +27,10 @@ class Motion:
         profile, clock = self.clock.profile, self.clock
         since = time - clock.times[cell]
         left = clock.duration_ms[cell] - since
-        acc = profile.acc[cell]
-        return profile.start[cell] + acc * since, profile.end[cell] + acc * left, acc, profile.peak[cell]
+        moves = left > 0  # Light may shine on behind a stage's end, at rest.
+        acc, peak = np.where(moves, profile.acc[cell], 0.0), np.where(moves, profile.peak[cell], 0.0)
+        rise, fall = profile.start[cell] + acc * since, profile.end[cell] + acc * left
+        return np.where(moves, rise, 0.0), np.where(moves, fall, 0.0), acc, peak
 
     def slows_first(self, cell: Indices) -> bool:
         """Whether one of the cells starts above its velocity (then its velocity is no minimum of lines)."""

@@ -25,6 +25,9 @@ Bools = npt.NDArray[np.bool_]
 CLAMPED = 1e-9
 """Relative distance beyond a limit from which a power counts as held by it: rounding, not physics."""
 
+_ON_TICK = 1e-9
+"""Share of a period by which a moment may miss a tick and still lie on it: rounding."""
+
 _CHUNK_TICKS = 1 << 15
 _BLOCK_PIECES = 1 << 17
 
@@ -210,9 +213,10 @@ class _Integrator:
         self, cell: Indices, stage: Indices, event: Indices, start: Floats, end: Floats, time: Floats
     ) -> _Pieces:
         setting, unset = self.setting(event, stage)
-        far = np.array([laser.follows_distance for laser in self.lasers] or [False])
-        by_distance = far[stage] if len(stage) else np.zeros(0, dtype=np.bool_)
-        dynamic = (setting.ratio > 0) | by_distance
+        far = np.array([laser.follows_distance for laser in self.lasers], dtype=np.bool_)
+        # Before the first motion nothing moves and nothing is away from anywhere.
+        by_distance = far[stage] & (cell >= 0)
+        dynamic = ((setting.ratio > 0) & (cell >= 0)) | by_distance
         value, held = limited(setting, setting.low, None)
         result = _Pieces(
             time=time,
@@ -264,6 +268,12 @@ def _beyond(value: Floats, low: Floats, high: Floats) -> Bools:
     return np.asarray((value < low - slack) | (value > high + slack))
 
 
+def _ticks_before(time: Floats, period: float) -> Floats:
+    """How many ticks lie before a time; one that lies on it but for rounding does not."""
+    ticks = time / period
+    return np.asarray(np.ceil(ticks - _ON_TICK - ticks * 1e-15))
+
+
 @dataclass(slots=True, kw_only=True)
 class _Ticks:
     """Pieces whose power is sampled: at the moment of the power call, then at every tick, and held in between."""
@@ -281,15 +291,15 @@ class _Ticks:
         """(integral, lowest, highest, time held by a limit) per piece."""
         period = self.integrator.period_ms
         origin = self.integrator.motion.clock.stage_start()[self.stage]
-        first = np.ceil((self.start - origin) / period)
-        behind = np.ceil((self.end - origin) / period)
+        first = _ticks_before(self.start - origin, period)
+        behind = _ticks_before(self.end - origin, period)
         count = np.maximum(behind - first, 0).astype(np.intp)
         first_tick = origin + first * period
         # Up to the first tick inside: what was sampled at the last tick, or at the power call if that came later.
         head = np.where(count > 0, first_tick, self.end) - self.start
         sampled_at = np.maximum(np.maximum(origin + (first - 1) * period, self.moment), origin)
         value, held = self.sample(self.cell_at(sampled_at), sampled_at, self.setting, self.by_distance)
-        with_head = head > 0
+        with_head = head > _ON_TICK * period
         energy = np.where(with_head, value * head, 0.0)
         clamped = np.where(with_head & held, head, 0.0)
         lowest, highest = np.where(with_head, value, np.inf), np.where(with_head, value, -np.inf)
@@ -332,7 +342,8 @@ class _Ticks:
             ):
                 if ratio:
                     term[at] += ratio * np.abs(place - zero) / scale
-            low[at], high[at] = laser.distance_low, laser.distance_high
+            if laser.distance_limits is not None:
+                low[at], high[at] = laser.distance_limits
         return term, low, high
 
 

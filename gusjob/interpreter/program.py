@@ -138,7 +138,7 @@ class _Executor:
                 d.ACCEPTED_ODD, call.line, call=call.name,
                 reason="GT_SetAxisMode is not to be called in analog mode (M 三.1 (3), in its comment)",
             )  # fmt: skip
-        if self.lasers[channel].mode is not mode:
+        if self.lasers[channel].power_mode is not mode:
             self.act(Action(channel=channel, power=float("nan"), line=call.line))
         self.set(channel, mode=mode, low=low, high=high)
 
@@ -219,7 +219,7 @@ class _Executor:
         low, high = self.number(call, 1), self.number(call, 2)
         if not self.limits_fit(call, DISTANCE_LIMIT[laser.power_mode], ("minPower", low), ("maxPower", high)):
             return
-        self.set(channel, ratio_per_mm=call.args[0], distance_low=low, distance_high=high)
+        self.set(channel, ratio_per_mm=call.args[0], distance_limits=(low, high))
 
     def build_crd(self, call: Call) -> None:
         crd = int(self.number(call, 0))

@@ -35,8 +35,8 @@ class LaserState:
     reference_pulse: tuple[float, ...] = (0.0,) * 4
     scale_pulse_per_mm: tuple[float, ...] = (1.0,) * 4
     ratio_per_mm: tuple[float, ...] = (0.0,) * 4
-    distance_low: float = 0.0
-    distance_high: float = 0.0
+    distance_limits: tuple[float, float] | None = None
+    """None: GT_SetLaserDisRatio was never called."""
 
     @property
     def power_mode(self) -> PowerMode:
@@ -45,8 +45,8 @@ class LaserState:
 
     @property
     def follows_distance(self) -> bool:
-        """Whether a distance term is added."""
-        return self.distance and any(self.ratio_per_mm)
+        """Whether a distance term is added and clamped (a term of ratio 0 is clamped too)."""
+        return self.distance and self.distance_limits is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,11 +57,13 @@ def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int)
         closes = np.where(has_off, command_time[following] + off_delay[stage], np.inf)
     else:
         closes = np.empty(0)
-    opened = np.where(carried, starts[stage], command_time[opens] + on_delay[stage])
+    opened = np.where(carried, -np.inf, command_time[opens] + on_delay[stage])
     stage, opened, closes, carried, has_off = _merge(stage, opened, closes, carried, has_off)
     opened = np.where(carried, opened, opened + gap[stage])
     closes = np.where(has_off, closes + late[stage], ends[stage])
-    stage, opened, closes, _, _ = _merge(stage, opened, closes, carried, has_off)
+    stage, opened, closes, carried, has_off = _merge(stage, opened, closes, carried, has_off)
+    # Light that was on before its stage is counted from the stage's start.
+    stage, opened, closes, _, _ = _merge(stage, np.maximum(opened, starts[stage]), closes, carried, has_off)
     return Emission(stage=stage, start_ms=opened, end_ms=closes, lit_at_end=lit)
 
 

@@ -18,7 +18,7 @@ from gusjob.interpreter.switch import Emission
 class ChannelTrace:
     """One laser: its state in each stage and behind the last, when it shone, and what each timed call emitted.
 
-    `lost_power_ms`: light of stages without any motion, which belongs to no segment.
+    `lost_power_ms`: light before the first motion, which belongs to no segment.
     """
 
     channel: int

@@ -14,7 +14,7 @@ from gusjob.interpreter.state import LaserState
 from gusjob.machine import Machine
 
 Floats = npt.NDArray[np.float64]
-_ARC_CHORDS = 256
+_ARC_NODES = 64
 
 
 class SegmentKind(IntEnum):
@@ -93,17 +93,17 @@ def make_report(trace: Trace, machine: Machine) -> Report:
 
 
 def _length_mm(trace: Trace, machine: Machine) -> Floats:
-    """Length of each segment, mm; an arc on unequal axes is an ellipse, measured by chords."""
+    """Length of each segment, mm; an arc on unequal axes is an ellipse, integrated (Gauss-Legendre)."""
     laid = trace.clock.laid
     px, py = machine.pulses_per_mm
     if machine.equal_axes:
         return laid.length / px
     length = np.hypot((laid.x1 - laid.x0) / px, (laid.y1 - laid.y0) / py)
     if len(laid.arc_at):
-        shares = np.linspace(0, 1, _ARC_CHORDS + 1)[:, None]
-        angle = laid.arcs.angle + laid.arcs.sweep * shares
-        x, y = laid.arcs.radius * np.cos(angle) / px, laid.arcs.radius * np.sin(angle) / py
-        length[laid.arc_at] = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0)).sum(axis=0)
+        nodes, weights = np.polynomial.legendre.leggauss(_ARC_NODES)
+        angle = laid.arcs.angle + laid.arcs.sweep * (nodes[:, None] + 1) / 2
+        speed = laid.arcs.radius * np.hypot(np.sin(angle) / px, np.cos(angle) / py)
+        length[laid.arc_at] = np.abs(laid.arcs.sweep) / 2 * (weights @ speed)
     return length
 
 
@@ -157,6 +157,7 @@ def _channel_totals(channel: ChannelTrace, stages: npt.NDArray[np.intp], machine
                 "power_max": float(power_max.max()) if len(power_max) else None,
                 "joules": float(joules[mine].sum()) if known else None,
                 "clamped_ms": float(done.clamped_ms[mine].sum()),
+                "before_motion_power_ms": channel.lost_power_ms if number == 0 else 0.0,
                 "off_output": _off_output(last),
                 "lit_at_end": channel.lit_at_end,
             }
