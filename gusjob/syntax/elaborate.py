@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -139,12 +140,16 @@ class _Elaboration:
 
     def length(self, column: Field, axis: int) -> Floats:
         """A length column in pulse, NaN where absent."""
+        if column not in self.rows.columns:
+            return self.col(column)
         values, pulses = self.col(column), self.in_pulse(column)
         scaled = values * self.machine.pulses_per_mm[axis]
         return scaled if pulses is None else np.where(pulses, values, scaled)
 
     def rate(self, column: Field, *, acceleration: bool) -> tuple[Floats, Bools]:
         """A velocity or acceleration column in pulse/ms (2), and whether it was written in mm."""
+        if column not in self.rows.columns:
+            return self.col(column), np.broadcast_to(np.False_, len(self.rows.op))
         values, pulses = self.col(column), self.in_pulse(column)
         convert = acceleration_pulse_per_ms2 if acceleration else velocity_pulse_per_ms
         scaled = convert(values, self.machine.pulses_per_mm[0])
@@ -173,7 +178,7 @@ class _Elaboration:
         op = self.rows.op
         moves = op <= RowOp.ARC_RADIUS_CCW
         if column not in self.rows.columns:
-            return np.zeros(len(op))
+            return np.broadcast_to(np.float64(0.0), len(op))
         words = np.where(moves, self.length(column, axis), np.nan)
         if not (op == RowOp.COORDS_REL).any():
             return filled(words, 0.0)
@@ -187,6 +192,8 @@ class _Elaboration:
     def channel(self) -> Floats:
         """Channel of each row as written (checked later)."""
         op = self.rows.op
+        if Field.CHANNEL not in self.rows.columns and not (op == RowOp.CHANNEL).any():
+            return np.broadcast_to(np.float64(0.0), len(op))
         modal = np.where(op == RowOp.CHANNEL, self.col(Field.VALUE), np.nan)
         tail = self.col(Field.CHANNEL)
         carried = filled(modal, 0.0) if (op == RowOp.CHANNEL).any() else np.zeros(len(op))
@@ -245,7 +252,7 @@ class _Elaboration:
         return Path(
             op=cut(path_op),
             line=cut(rows.line),
-            channel=cut(np.clip(np.nan_to_num(self.channel()), 0, 1).astype(np.int8)),
+            channel=self._channel_column(cut),
             ccw=cut((op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if arcs.any() else false),
             arc_in_mm=cut(self._arc_in_mm() if unequal else false),
             x=cut(x),
@@ -272,6 +279,10 @@ class _Elaboration:
             high_unit=cut(self._written(Field.HIGH)),
         )
 
+    def _channel_column(self, cut: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> npt.NDArray[np.int8]:
+        """Channels as they are used: a wrong one is a fault already."""
+        return np.asarray(np.clip(np.nan_to_num(cut(self.channel())), 0, 1), dtype=np.int8)
+
     def _arc_in_mm(self) -> Bools:
         """Whether an arc's centre or radius was given in mm."""
         found = np.zeros(len(self.rows.op), dtype=np.bool_)
@@ -287,6 +298,8 @@ class _Elaboration:
 
     def _ratio(self) -> tuple[Floats, Bools]:
         """Follow ratio per pulse/ms, as written or the one that reaches MAX at AT; and whether it hangs on mm."""
+        if Field.RATIO not in self.rows.columns and Field.AT not in self.rows.columns:
+            return self.col(Field.RATIO), np.broadcast_to(np.False_, len(self.rows.op))
         given, pulses = self.col(Field.RATIO), self.units_pulse()
         in_mm = np.broadcast_to(np.True_, len(given)) if pulses is None else ~pulses
         ratio = np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given)

@@ -129,7 +129,8 @@ class _Scanner:
     shape_ids: dict[bytes, int] = field(default_factory=dict)
     templates: list[Template | None] = field(default_factory=lambda: [Template(op=_BLANK_OP), None])
     parts: list[Rows] = field(default_factory=list)
-    alone: list[tuple[int, Row]] = field(default_factory=list)
+    more: list[tuple[int, Row]] = field(default_factory=list)
+    """Rows behind the first one of their line."""
 
     def chunk(self, text: bytes, first_line: int) -> int:
         """Read one chunk of whole lines; returns how many lines it has."""
@@ -149,11 +150,13 @@ class _Scanner:
                     self.shape_ids[shape] = self._learn(shape, text[starts[i] : end])
         ids = np.fromiter(map(self.shape_ids.__getitem__, shapes), dtype=np.int32, count=len(shapes))
         numbers, offsets, ids = self._numbers(raw, comment, ids, starts, ends)
-        self._collect(ids, numbers, offsets, first_line)
+        alone: list[tuple[int, Row]] = []
         for i in np.flatnonzero(ids == _ALONE).tolist():
             line = text[starts[i] : ends[i]].decode("utf-8", "replace")
-            for row in self.read_line(first_line + i, line):
-                self.alone.append((first_line + i, row))
+            found = self.read_line(first_line + i, line)
+            alone += [(i, row) for row in found[:1]]
+            self.more += [(first_line + i, row) for row in found[1:]]
+        self._collect(ids, numbers, offsets, first_line, alone)
         return len(ends)
 
     def _comments(
@@ -251,12 +254,15 @@ class _Scanner:
         return numbers, offsets, ids
 
     def _collect(
-        self, ids: npt.NDArray[np.int32], numbers: Floats, offsets: npt.NDArray[np.int64], first_line: int
+        self,
+        ids: npt.NDArray[np.int32],
+        numbers: Floats,
+        offsets: npt.NDArray[np.int64],
+        first_line: int,
+        alone: list[tuple[int, Row]],
     ) -> None:
+        """Rows of one chunk: those of templates by columns, those that were read alone one by one."""
         op = np.array([_BLANK_OP if t is None else t.op for t in self.templates], dtype=np.uint8)[ids]
-        filled = op != _BLANK_OP
-        if not filled.any():
-            return
         system = np.array([0 if t is None else t.system for t in self.templates], dtype=np.int32)[ids]
         columns: dict[int, Floats] = {}
 
@@ -279,27 +285,27 @@ class _Scanner:
                 target(slot.column)[rows] = values if slot.over == 1 else values / slot.over
             for column, value in template.constants:
                 target(column)[rows] = value
+        for i, row in alone:
+            op[i], system[i] = row.op, row.system
+            for column, value in row.values.items():
+                target(column)[i] = value
+        filled = op != _BLANK_OP
         line = np.arange(first_line, first_line + len(ids), dtype=np.int32)
         part = Rows(op=op, line=line, system=system, columns=columns)
         self.parts.append(part if filled.all() else part.pick(filled))
 
     def rows(self) -> Rows:
         """Everything read, in file order."""
-        parts = self.parts
-        if self.alone:
-            used = sorted({c for _, row in self.alone for c in row.values})
-            parts = [
-                *parts,
-                Rows(
-                    op=np.array([row.op for _, row in self.alone], dtype=np.uint8),
-                    line=np.array([line for line, _ in self.alone], dtype=np.int32),
-                    system=np.array([row.system for _, row in self.alone], dtype=np.int32),
-                    columns={c: np.array([row.values.get(c, np.nan) for _, row in self.alone]) for c in used},
-                ),
-            ]
-        joined = _join(parts)
-        if not self.alone or not self.parts:
-            return joined
+        if not self.more:
+            return _join(self.parts)
+        used = sorted({c for _, row in self.more for c in row.values})
+        behind = Rows(
+            op=np.array([row.op for _, row in self.more], dtype=np.uint8),
+            line=np.array([line for line, _ in self.more], dtype=np.int32),
+            system=np.array([row.system for _, row in self.more], dtype=np.int32),
+            columns={c: np.array([row.values.get(c, np.nan) for _, row in self.more]) for c in used},
+        )
+        joined = _join([*self.parts, behind])
         return joined.pick(np.argsort(joined.line, kind="stable"))
 
 
