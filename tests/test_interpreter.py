@@ -205,6 +205,14 @@ def test_light_before_any_motion_follows_nothing() -> None:
     assert ran.column("ch0_emission_ms") == [0]
 
 
+def test_a_distance_ratio_before_its_mode_has_no_effect() -> None:
+    ratio = "GT_SetLaserDisRatio({1,0,0,0},0,100,0)\n"
+    mode = "GT_SetLaserDisMode(1,0,{0,0,0,0},{1000,1000,1000,1000},0)\n"
+    tail = "GT_BufLaserPrfCmd(1,10,0,0)\nGT_BufLaserOn(1,0,0)\n" + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
+    assert run_listing(HEAD + ratio + mode + tail).column("ch0_power_max") == [10]
+    assert run_listing(HEAD + mode + ratio + tail).column("ch0_power_max") == pytest.approx([100], abs=0.01)
+
+
 def test_a_distance_ratio_of_zero_still_has_its_limits() -> None:
     ran = run_listing(
         HEAD + "GT_SetLaserDisMode(1,0,{0,0,0,0},{1000,1000,1000,1000},0)\n"

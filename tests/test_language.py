@@ -116,6 +116,11 @@ def test_relative_coordinates_accumulate_nothing() -> None:
     assert ends[1001] == ["1100", "2000"]
 
 
+def test_relative_goes_on_from_the_last_absolute_place() -> None:
+    text = "COORDS REL\nLINE X 1\nLINE X 1\nCOORDS ABS\nLINE X 5\nCOORDS REL\nLINE X 1\nLINE X -0.5\n"
+    assert [c.split(",")[1] for c in body(text)] == ["1000", "2000", "5000", "6000", "5500"]
+
+
 def test_units_change_on_the_way() -> None:
     text = "UNITS PULSE\nVEL 200\nLINE X 100\nLINE X 0.2mm\nUNITS MM\nLINE X 0.3 Y 5pulse\n"
     assert [c.split(",")[1:4] for c in body(text)] == [["100", "0", "200"], ["200", "0", "200"], ["300", "5", "200"]]
@@ -192,6 +197,14 @@ def test_an_arc_on_unequal_axes_becomes_chords_within_the_tolerance() -> None:
         middle = ((x0 + x1) / 2, (y0 + y1) / 2)
         assert 5 - (middle[0] ** 2 + middle[1] ** 2) ** 0.5 < 0.001 + 0.0015
     assert ring[-1] == (-5, 0)
+
+
+def test_a_forced_end_on_an_arc_of_chords_is_that_of_the_last_chord() -> None:
+    machine = Machine(pulses_per_mm=(1000.0, 500.0))
+    text = MARK + "LOOKAHEAD OFF\nARC CCW X 0 Y 0 I 5 J 0 END 1pulse/ms\nLINE X -5\n"
+    ends = [c.rstrip(")").split(",")[-2] for c in path_calls(text, machine)]
+    assert set(ends[:-2]) == {"0"}
+    assert ends[-2:] == ["1", "0"]
 
 
 def test_spans_are_found_again() -> None:
