@@ -170,6 +170,13 @@ def test_a_line_of_many_shapes_is_read_by_its_own() -> None:
     assert faults_in(MARK + "VEL 5mm/s\nVEL 5mm/s2\nACC 5mm/s2\nACC 5mm/s3\n") == [(5, "GJ203"), (7, "GJ101")]
 
 
+def test_the_same_mode_again_keeps_the_power_and_another_does_not() -> None:
+    head = MARK + "LASER POWER 5\nLASER ON\nLINE X 1\nLASER OFF\n"
+    tail = "\nLASER ON\nLINE X 2\nLASER OFF\n"
+    assert faults_in(head + "LASER MODE DUTY CARRIER 20" + tail) == [(8, "GJ304")]
+    assert faults_in(head + "LASER MODE DUTY2 CARRIER 20" + tail) == [(8, "GJ304"), (9, "GJ403")]
+
+
 def test_a_fault_does_not_hide_the_rest() -> None:
     assert faults_in(MARK + "QQ\nLINE X 999\nLINE X\nLASER POWER 101\n") == [(4, "GJ102"), (6, "GJ101"), (5, "GJ503"), (7, "GJ201")]  # fmt: skip  # noqa: E501
 

@@ -34,12 +34,17 @@ def no_power(view: View, findings: Findings) -> None:
     for channel in CHANNELS:
         lit, on_line, _, _ = view.lit(channel)
         keys = view.power_keys(channel)
+        changed = None
         for span in view.modes(channel):
+            # A LASER MODE that says the same mode again keeps the power.
+            changed = span if changed is None or changed.mode.mode is not span.mode.mode else changed
             rows = timed[(timed >= span.first) & (timed < span.last)]
             rows = rows[lit[rows]]
             if not len(rows):
                 continue
             behind = np.searchsorted(keys, rows * 2, side="right") - 1
-            unset = (behind < 0) | (keys[behind] < span.first * 2) if len(keys) else np.ones(len(rows), dtype=np.bool_)
+            unset = (
+                (behind < 0) | (keys[behind] < changed.first * 2) if len(keys) else np.ones(len(rows), dtype=np.bool_)
+            )
             for line in np.unique(on_line[rows[unset]]).tolist():
-                findings.add(d.NO_POWER, line, channel=channel, mode_line=span.setup.line)
+                findings.add(d.NO_POWER, line, channel=channel, mode_line=changed.setup.line)
