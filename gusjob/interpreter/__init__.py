@@ -9,8 +9,9 @@ from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Span
 from gusjob.interpreter.clock import Clock, path_faults, run_clock
 from gusjob.interpreter.path import Motion
-from gusjob.interpreter.power import emitted, power_calls
+from gusjob.interpreter.power import emitted
 from gusjob.interpreter.program import run_program
+from gusjob.interpreter.settings import power_calls
 from gusjob.interpreter.state import Program
 from gusjob.interpreter.switch import emission
 from gusjob.interpreter.trace import ChannelTrace, Trace
