@@ -67,6 +67,11 @@ def number(value: float) -> str:
     return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else f"{value:.10g}"
 
 
+def printable(text: str) -> str:
+    """A user's text without control characters: a job must not steer the terminal that shows it."""
+    return "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)
+
+
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
     """Whether any of them is an error."""
     return any(d.severity is Severity.ERROR for d in diagnostics)

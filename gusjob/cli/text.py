@@ -6,16 +6,11 @@ import unicodedata
 
 import click
 
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Diagnostic, printable
 from gusjob.syntax import Source
 
 _MAX_SHOWN = 160
 _COLORS = {"error": "red", "warning": "yellow", "note": "cyan"}
-
-
-def printable(text: str) -> str:
-    """A user's text without control characters: a job must not steer the terminal that shows it."""
-    return "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)
 
 
 def width(text: str) -> int:

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.diagnostics import number
+from gusjob.diagnostics import number, printable
 from gusjob.report.rows import Report, SegmentKind
 
 MAX_ROWS = 40
@@ -48,7 +48,7 @@ def _figure(value: float | None, digits: int = 6) -> str:
 def _summary(report: Report) -> Text:
     totals = report.totals
     lines = [
-        f"{report.job}",
+        printable(report.job),
         f"  {totals['segments']} segments in {totals['stages']} stage{'s' if totals['stages'] != 1 else ''}, "
         f"{_figure(totals['duration_ms'])} ms; marks {_figure(totals['mark_mm'])} mm, jumps "
         f"{_figure(totals['jump_mm'])} mm; "
