@@ -52,7 +52,8 @@ class Diagnostic:
     @property
     def message(self) -> str:
         """The rule's text with the fields filled in."""
-        return self.rule.text.format_map({k: number(v) if isinstance(v, float) else v for k, v in self.fields.items()})
+        shown = {k: number(v) if isinstance(v, float) else v for k, v in self.fields.items()}
+        return self.rule.text.format_map(shown).replace("  ", " ")  # A number without a unit leaves two blanks.
 
     @property
     def severity(self) -> Severity:
@@ -106,7 +107,7 @@ MISSING = _rule("GJ104", _E, "word missing", "{statement} needs {word}{hint}")
 FOREIGN = _rule("GJ105", _E, "word of another form", "{word} does not belong to {statement}: {hint}")
 TOO_BIG = _rule("GJ106", _E, "number can't be held", "{value} is too large: numbers go up to {limit}")
 LATER = _rule(
-    "GJ107", _E, "statement of a later version", "{word} is a word of the job language that this version can't run yet"
+    "GJ107", _E, "statement of a later version", "{word} belongs to the job language, but this version can't run it yet"
 )
 CALL_SYNTAX = _rule(
     "GJ111", _E, "call can't be read", "this is no GT_ call, array or comment that gusjob reads: {found}"
@@ -207,6 +208,14 @@ CRD_LATE = _rule(
     "coordinate system after motion",
     "CRD stands after the first motion or laser statement of the path: put it before",
 )
+DISTANCE_STALE = _rule(
+    "GJ310",
+    _E,
+    "distance follow of another mode",
+    "the limits of LASER DISTANCE in line {distance_line} are in {unit}, this mode is in {mode_unit}: "
+    "set LASER DISTANCE again here, or OFF",
+    "五.2",
+)
 LASER_UNKNOWN = _rule(
     "GJ309",
     _E,
@@ -254,6 +263,12 @@ ARC_TOO_FAST = _rule(
     "arc too fast",
     "VEL {velocity} pulse/ms on a radius of {radius} pulse needs {value} pulse/ms2, above the machine's "
     "{limit}: the planner slows it down",
+)
+END_AT_STOP = _rule(
+    "GJ510",
+    _W,
+    "END where motion stops",
+    "motion stops behind this segment, at once from END {value} pulse/ms",
 )
 FOLLOW_SCALES = _rule(
     "GJ509",
@@ -322,6 +337,13 @@ LIT_UNPOWERED = _rule(
     _W,
     "light without a power",
     "the laser of channel {channel} is on, but no power was set: it is taken as the lowest that the mode allows",
+)
+LISTING_ARC = _rule("GJ714", _W, "arc that does not close", "{reason}; it is taken as the nearest arc that does")
+LISTING_NO_MODE = _rule(
+    "GJ715",
+    _W,
+    "light without a mode",
+    "the laser of channel {channel} is on, but GT_LaserPowerMode was never called: duty 0..100 % is assumed",
 )
 TOO_LONG = _rule(
     "GJ713",

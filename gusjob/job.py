@@ -216,6 +216,23 @@ class Setup:
     word: str
 
 
+SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Speeds:
+    """Every velocity and acceleration that was written, used or not, (n,): in pulse/ms (2) with X's pulses per mm.
+
+    `word`: index in SPEED_WORDS; `inline`: a word of LINE or ARC, not a statement.
+    """
+
+    line: npt.NDArray[np.int32]
+    word: npt.NDArray[np.int8]
+    value: Floats
+    in_mm: npt.NDArray[np.bool_]
+    inline: npt.NDArray[np.bool_]
+
+
 Locate = Callable[[int, str], Span]
 """Line and a word in it ('VEL', or '' for the whole statement) to its span."""
 
@@ -226,6 +243,7 @@ class Job:
 
     name: str
     path: Path
+    speeds: Speeds
     setups: tuple[Setup, ...]
     locate: Locate
     last_line: int

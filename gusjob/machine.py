@@ -145,11 +145,19 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
     if not isinstance(lasers, list):
         reader.fault(d.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
         lasers = []
-    sources = []
-    for entry in lasers:
+    sources: list[Laser] = []
+    for number, entry in enumerate(lasers):
+        reader.laser_table = number
         row = reader.table(reader.as_table(entry, "laser"), _LASER_KEYS, "laser")
         if "channel" not in row:
+            if isinstance(entry, dict) and "channel" in entry:
+                continue
             reader.fault(d.PROFILE_TYPE, "channel", "laser", wanted="0 or 1", found="missing")
+            continue
+        if any(source.channel == row["channel"] for source in sources):
+            reader.fault(
+                d.PROFILE_RANGE, "channel", "laser", value=d.number(row["channel"]), range="another: it is taken"
+            )
             continue
         sources.append(Laser(**{**row, "channel": int(row["channel"])}))
     for axis in ("field_x_mm", "field_y_mm"):
@@ -167,6 +175,8 @@ class _Reader:
 
     text: str
     path: str
+    laser_table: int = 0
+    """Which of the [[laser]] tables is read."""
     faults: list[Diagnostic] = field(default_factory=list)
 
     def fault(self, rule: d.Rule, key: str, table: str, **fields: Any) -> None:
@@ -205,7 +215,8 @@ class _Reader:
     def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
         items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value
         if not isinstance(items, list) or len(items) != 2:
-            self.fault(d.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=_kind(value))
+            found = f"a list of {len(items)}" if isinstance(items, list) else _kind(value)
+            self.fault(d.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=found)
             return None
         first = self._number(key, items[0], limits, table)
         second = None if first is None else self._number(key, items[1], limits, table)
@@ -235,16 +246,22 @@ class _Reader:
                 self.fault(d.PROFILE_RANGE, key, "", value=shown, range=f"in {limits}")
 
     def _find(self, key: str, table: str) -> Span:
-        inside = ""
+        """The line of an entry or table; the head of the entry's table, or the first line, where there is none."""
+        inside, lasers, head = "", -1, d.NOWHERE
         for index, line in enumerate(self.text.splitlines(), 1):
-            bare = line.strip()
-            if bare.startswith("["):
-                inside = bare.strip("[] ").split("]")[0].strip()
-            named = bare.split("=")[0].strip().strip("\"'")
-            if (inside == table and named == key) or (bare.startswith("[") and inside == key):
-                column = line.find(key) + 1
-                return Span(line=index, column=column, end_line=index, end_column=column + len(key))
-        return self._find(table, table) if key != table and table else d.NOWHERE
+            bare = line.split("#")[0].strip()
+            is_head = bare.startswith("[")
+            name = bare.strip("[] ") if is_head else bare.split("=")[0].strip(" \"'")
+            if is_head:
+                inside = name
+                lasers += name == "laser"
+            column = line.find(name) + 1
+            span = Span(line=index, column=column, end_line=index, end_column=column + len(name))
+            here = inside == table and (table != "laser" or lasers == self.laser_table)
+            if name == key and (here or is_head):
+                return span
+            head = span if here and is_head else head
+        return head
 
 
 def _kind(value: Any) -> str:

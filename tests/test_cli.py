@@ -195,7 +195,34 @@ def test_compile_forms(good: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.gts"
     gusjob("compile", good, "-o", out)
     assert report(out)["totals"] == report(good)["totals"]
-    assert gusjob("compile", good, "-o", tmp_path / "no" / "a.gts").exit_code != 0
+
+
+def test_what_can_not_be_written(good: Path, tmp_path: Path) -> None:
+    before = good.read_bytes()
+    for command in ("compile", "report"):
+        over = gusjob(command, good, "-o", good)
+        assert over.exit_code == 2
+        assert "name another" in over.output
+        nowhere = gusjob(command, good, "-o", tmp_path / "no" / "a.gts")
+        assert nowhere.exit_code == 2
+        assert "can't write" in nowhere.output
+    assert good.read_bytes() == before
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_a_full_disk_is_no_traceback(good: Path) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "gusjob", "report", str(good)], stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert b"can't write" in done.stderr
+
+
+def test_one_fault_is_said_once(tmp_path: Path) -> None:
+    path = write(tmp_path, MARK + "LASER POWER 100\nLASER ON\nLINE X 1\nLASER OFF\n")
+    assert gusjob("report", path).output.count("GJ202") == 1
 
 
 def test_a_wrong_profile_stops_with_its_own_place(good: Path, tmp_path: Path) -> None:

@@ -27,6 +27,8 @@ CHECKS: tuple[Check, ...] = (
     light.jumps,
     light.no_power,
     motion.speeds,
+    motion.given_speeds,
+    motion.speeds_along,
     motion.field,
     motion.arcs_close,
     motion.arc_speed,

@@ -8,44 +8,78 @@ from gusjob import diagnostics as d
 from gusjob import limits
 from gusjob.checks.view import Findings, Floats, Indices, View
 from gusjob.geometry import arcs_by_centre, arcs_by_radius
-from gusjob.job import Op, arcs_mm
-from gusjob.limits import Range
+from gusjob.job import SPEED_WORDS, Op, arcs_mm
 
 _CLOSES_MM = 0.005
 """How far the end of an arc may lie off its circle, mm."""
 
 
 def speeds(view: View, findings: Findings) -> None:
-    """Velocity and acceleration are given, positive, and within the machine's limits."""
-    path, machine = view.job.path, view.machine
-    rows = np.flatnonzero(path.moves)
-    scale = machine.pulses_per_mm[0]
-    velocity = (path.vel, path.vel_line, d.NO_VELOCITY, limits.VELOCITY, "VEL")
-    acceleration = (path.acc, path.acc_line, d.NO_ACCELERATION, limits.ACCELERATION, "ACC")
-    for (values, lines, missing, allowed, name), limit, factor, unit in (
-        (velocity, machine.max_velocity_mm_s, 1e3, "mm/s"),
-        (acceleration, machine.max_acceleration_mm_s2, 1e6, "mm/s2"),
-    ):
-        value = values[rows]
-        absent = np.isnan(value)
-        if absent.any():
-            findings.at_rows(missing, rows[absent][:1], "", word=Op(int(path.op[rows[absent][0]])).word)
-        rest, value = rows[~absent], value[~absent]
-        in_mm = value * factor / scale
-        bad = (allowed.judge(value) > 0) | (in_mm > limit * (1 + 1e-9))
-        # A modal value is one fault, where it was set.
-        _, first = np.unique(lines[rest[bad]], return_index=True)
-        for i in np.flatnonzero(bad)[first].tolist():
-            line = int(lines[rest[i]])
-            word = name if view.job.locate(line, name) != view.job.locate(line, "") else "value"
-            if allowed.judge(value[i]) > 0:
-                _outside(findings, line, word, name, float(value[i]), allowed)
+    """Every velocity and acceleration that is written is positive and within the machine's limits."""
+    machine, written = view.machine, view.job.speeds
+    for number, word in enumerate(SPEED_WORDS):
+        is_acc = bool(number % 2)
+        allowed = limits.ACCELERATION if is_acc else limits.VELOCITY
+        limit, unit = _machine_limit(view, acceleration=is_acc)
+        at = np.flatnonzero(written.word == number)
+        value, in_mm = written.value[at], written.in_mm[at]
+        mm = value * (1e6 if is_acc else 1e3) / machine.pulses_per_mm[0]
+        outside = allowed.judge(value) > 0
+        fast = ~outside & (mm > limit * (1 + 1e-9)) & (in_mm | machine.equal_axes)
+        for i in np.flatnonzero(outside | fast).tolist():
+            line, place = int(written.line[at[i]]), word if written.inline[at[i]] else "value"
+            if fast[i]:
+                findings.add(d.TOO_FAST, line, place, what=word, value=float(mm[i]), unit=unit, limit=limit)
             else:
-                findings.add(d.TOO_FAST, line, word, what=name, value=float(in_mm[i]), unit=unit, limit=limit)
+                findings.add(
+                    d.OUT_OF_RANGE, line, place, what=word, value=float(value[i]), unit=allowed.unit,
+                    range=str(allowed), hint="",
+                )  # fmt: skip
 
 
-def _outside(findings: Findings, line: int, word: str, what: str, value: float, allowed: Range) -> None:
-    findings.add(d.OUT_OF_RANGE, line, word, what=what, value=value, unit=allowed.unit, range=str(allowed), hint="")
+def given_speeds(view: View, findings: Findings) -> None:
+    """A move has a velocity and an acceleration."""
+    path = view.job.path
+    rows = np.flatnonzero(path.moves)
+    for values, missing in ((path.vel, d.NO_VELOCITY), (path.acc, d.NO_ACCELERATION)):
+        absent = rows[np.isnan(values[rows])]
+        if len(absent):
+            findings.at_rows(missing, absent[:1], "", word=Op(int(path.op[absent[0]])).word)
+
+
+def speeds_along(view: View, findings: Findings) -> None:
+    """Where the axes differ, a velocity in pulses is another one in mm for each direction."""
+    path, machine = view.job.path, view.machine
+    if machine.equal_axes:
+        return
+    px, py = machine.pulses_per_mm
+    rows = np.flatnonzero(path.moves)
+    dx = path.x[rows] - np.concatenate([[0.0], path.x])[rows]
+    dy = path.y[rows] - np.concatenate([[0.0], path.y])[rows]
+    chord = np.hypot(dx, dy)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mm_per_pulse = np.where(chord > 0, np.hypot(dx / px, dy / py) / chord, 0.0)
+    round_ = path.op[rows] != Op.LINE
+    round_ &= path.op[rows] != Op.JUMP
+    mm_per_pulse[round_] = 1 / min(px, py)  # An arc goes in many directions.
+    for values, in_mm, lines, word in (
+        (path.vel, path.vel_in_mm, path.vel_line, "VEL"),
+        (path.acc, path.acc_in_mm, path.acc_line, "ACC"),
+    ):
+        limit, unit = _machine_limit(view, acceleration=word == "ACC")
+        mm = values[rows] * mm_per_pulse * (1e6 if word == "ACC" else 1e3)
+        fast = np.flatnonzero(~in_mm[rows] & (mm > limit * (1 + 1e-9)))
+        # A modal value is one fault, where it was set.
+        _, first = np.unique(lines[rows[fast]], return_index=True)
+        for i in fast[first].tolist():
+            line = int(lines[rows[i]])
+            place = word if view.job.locate(line, word) != view.job.locate(line, "") else "value"
+            findings.add(d.TOO_FAST, line, place, what=word, value=float(mm[i]), unit=unit, limit=limit)
+
+
+def _machine_limit(view: View, *, acceleration: bool) -> tuple[float, str]:
+    machine = view.machine
+    return (machine.max_acceleration_mm_s2, "mm/s2") if acceleration else (machine.max_velocity_mm_s, "mm/s")
 
 
 def field(view: View, findings: Findings) -> None:
@@ -87,6 +121,8 @@ def arcs_close(view: View, findings: Findings) -> None:
         start = np.hypot(x0[rows] - cx, y0[rows] - cy)
         end = np.hypot(x0[rows + 1] - cx, y0[rows + 1] - cy)
         _bad_arc(findings, rows[start == 0], "the centre I J is the start point: the radius is 0")
+        for word, place in (("I", path.cx[rows] - x0[rows] * px), ("J", path.cy[rows] - y0[rows] * py)):
+            findings.ranged(rows, np.rint(place), limits.COORDINATE_PULSE, word, word)
         off = (np.abs(start - end) > _CLOSES_MM) & (start > 0)
         for row, a, b in zip(rows[off].tolist(), start[off].tolist(), end[off].tolist(), strict=True):
             reason = (
@@ -96,6 +132,7 @@ def arcs_close(view: View, findings: Findings) -> None:
             findings.add(d.BAD_ARC, int(path.line[row]), reason=reason)
     rows = view.rows(Op.ARC_RADIUS)
     if len(rows):
+        findings.ranged(rows, path.radius[rows], limits.RADIUS_PULSE, "R", "R")
         radius = np.abs(path.radius[rows]) / px
         chord = np.hypot(x0[rows + 1] - x0[rows], y0[rows + 1] - y0[rows])
         _bad_arc(findings, rows[radius == 0], "the radius R is 0")

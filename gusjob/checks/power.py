@@ -6,7 +6,7 @@ import numpy as np
 
 from gusjob import diagnostics as d
 from gusjob.checks.view import CHANNELS, Findings, ModeSpan, View
-from gusjob.job import Op, PowerNow
+from gusjob.job import Op, PowerNow, SwitchNow
 from gusjob.limits import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, PowerMode, Verdict
 from gusjob.units import PowerUnit
 
@@ -30,6 +30,10 @@ def before_a_mode(view: View, findings: Findings) -> None:
             findings.at_rows(d.NO_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
         on = early[path.op[early] == Op.ON]
         findings.at_rows(d.LASER_UNKNOWN, on[:1], "", channel=channel)
+        for setup in view.setups(SwitchNow):
+            turns_on = isinstance(setup.what, SwitchNow) and setup.what.on
+            if turns_on and setup.channel == channel and (not spans or setup.line < spans[0].setup.line):
+                findings.add(d.LASER_UNKNOWN, setup.line, channel=channel)
         for setup in view.setups(PowerNow):
             if setup.channel == channel and (not spans or setup.line < spans[0].setup.line):
                 findings.add(d.NO_MODE, setup.line, word=setup.word, channel=channel)
@@ -59,8 +63,13 @@ def direct_power(view: View, findings: Findings) -> None:
                     d.POWER_CLAMPED, setup.line, "value", what="LASER POWER NOW", value=what.power, low=mode.mode.low,
                     high=mode.mode.high, unit=wanted.text, mode_line=mode.setup.line,
                 )  # fmt: skip
+            highest = view.machine.laser(setup.channel).max_frequency_khz
+            if wanted is PowerUnit.KHZ and highest is not None and what.power > highest:
+                findings.add(
+                    d.CARRIER_TOO_FAST, setup.line, "value", what="LASER POWER NOW", value=what.power, limit=highest
+                )
             width = mode.mode.pulse_width_us
-            duty = what.power * (width or 0.0) / 10
+            duty = min(max(what.power, mode.mode.low), mode.mode.high) * (width or 0.0) / 10
             if width and what.power > 0 and PULSE_DUTY_PCT.verdict(duty) is not Verdict.INSIDE:
                 findings.add(
                     d.PULSE_TOO_WIDE, setup.line, "value", value=what.power, width=width, duty=duty,
@@ -158,7 +167,8 @@ def _frequency(
     mode = span.mode
     if mode.mode is not PowerMode.FREQUENCY or not mode.pulse_width_us:
         return
-    duty = values * mode.pulse_width_us / 10
+    # The frequency in force is what the mode's limits leave of it.
+    duty = np.clip(values, mode.low, mode.high) * mode.pulse_width_us / 10
     bad = (values > 0) & (PULSE_DUTY_PCT.judge(duty) != Verdict.INSIDE)
     if bad.any():
         findings.at_rows(

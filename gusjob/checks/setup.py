@@ -5,7 +5,7 @@ from __future__ import annotations
 from gusjob import diagnostics as d
 from gusjob import limits
 from gusjob.checks.power import UNIT_OF_MODE
-from gusjob.checks.view import Findings, View
+from gusjob.checks.view import Findings, ModeSpan, View
 from gusjob.job import (
     Crd,
     LaserDelay,
@@ -66,6 +66,11 @@ def output_when_off(view: View, findings: Findings) -> None:
         if standby.pulse is not None:
             findings.one(setup, standby.pulse[0], limits.STANDBY_KHZ, "standby FREQ", "FREQ")
             findings.one(setup, standby.pulse[1], limits.STANDBY_PCT, "standby DUTY", "DUTY")
+            highest = view.machine.laser(setup.channel).max_frequency_khz
+            if highest is not None and standby.pulse[0] > highest:
+                findings.add(
+                    d.CARRIER_TOO_FAST, setup.line, "FREQ", what="standby FREQ", value=standby.pulse[0], limit=highest
+                )
             _wants(view, findings, setup, pwm=True)
     for setup in view.setups(LaserPrevolt):
         prevolt = setup.what
@@ -118,8 +123,30 @@ def distance(view: View, findings: Findings) -> None:
             findings.add(
                 d.MIN_ABOVE_MAX, setup.line, "MIN", what="LASER DISTANCE", low=settings.low, high=settings.high
             )
+        for word, value in (("MIN", settings.low), ("MAX", settings.high)):
+            if good and not mode.mode.low <= value <= mode.mode.high:
+                findings.add(
+                    d.POWER_CLAMPED, setup.line, word, what=f"distance {word}", value=value, low=mode.mode.low,
+                    high=mode.mode.high, unit=mode.mode.mode.unit, mode_line=mode.setup.line,
+                )  # fmt: skip
+        for span in view.modes(setup.channel):
+            later = span.setup.line > setup.line and span.mode.mode.unit != mode.mode.mode.unit
+            if later and not _set_again(view, setup, span):
+                findings.add(
+                    d.DISTANCE_STALE, span.setup.line, distance_line=setup.line, unit=mode.mode.mode.unit,
+                    mode_unit=span.mode.mode.unit,
+                )  # fmt: skip
+                break
         for axis, place in zip("XYZA", settings.reference_pulse, strict=True):
             findings.one(setup, place, limits.COORDINATE_PULSE, f"REF {axis}", "REF")
+
+
+def _set_again(view: View, setup: Setup, span: ModeSpan) -> bool:
+    """Whether another LASER DISTANCE of the channel takes over before anything moves in a mode."""
+    return any(
+        other.channel == setup.channel and setup.line < other.line and other.at <= span.setup.at
+        for other in view.setups(LaserDistance)
+    )
 
 
 def coordinate_system(view: View, findings: Findings) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 import click
 
@@ -92,7 +93,10 @@ def compiled(loaded: Loaded) -> Stream | None:
 def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
     """Add what the interpreter found, with spans."""
     if loaded.source is not None:
-        found = [*loaded.faults, *locate_calls(faults, loaded.source)]
+        # What the check has said of a line already is not said again of the line's call.
+        said = {(f.rule.code, f.span.line) for f in loaded.faults}
+        fresh = [f for f in faults if loaded.foreign or (f.rule.code, f.span.line) not in said]
+        found = [*loaded.faults, *locate_calls(fresh, loaded.source)]
         loaded.faults = sorted(found, key=lambda f: (f.span.line, f.span.column))
 
 
@@ -111,23 +115,36 @@ def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
     from gusjob.cli.text import diagnostic_text
 
     stream = sys.stderr if err else sys.stdout
-    color = stream.isatty()
+    color = stream is not None and stream.isatty()  # A closed stream is None.
     for fault in loaded.faults:
         if notes or fault.severity is not Severity.NOTE:
             source = loaded.sources.get(fault.path)
             click.echo(diagnostic_text(fault, source, color=color), err=err, color=color)
 
 
-def write(pieces: Iterable[bytes], output: Path | None) -> None:
-    """Write bytes to a file or to standard output; exits with 2 if the file can't be written."""
-    if output is None:
-        _write_all(pieces, sys.stdout.buffer)
-        return
+def write(pieces: Iterable[bytes], output: Path | None, *, source: Path | None = None) -> None:
+    """Write bytes to a file or to standard output; exits with 2 if they can't be written.
+
+    `source` is never written over.
+    """
     try:
-        with output.open("wb") as file:
-            _write_all(pieces, file)
+        if output is None:
+            if sys.stdout is not None:
+                _write_all(pieces, sys.stdout.buffer)
+        elif source is not None and output.exists() and output.samefile(source):
+            _stop(f"{output}: this is the file that was read; name another one with -o")
+        else:
+            with output.open("wb") as file:
+                _write_all(pieces, file)
+    except BrokenPipeError:  # Whoever reads has seen enough.
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123  (for the interpreter's own flush)
     except OSError as error:
-        raise click.FileError(str(output), hint=error.strerror or "can't be written") from error
+        _stop(f"{output or 'standard output'}: can't write: {(error.strerror or 'unknown error').lower()}")
+
+
+def _stop(message: str) -> NoReturn:
+    click.echo(f"gusjob: {message}", err=True)
+    sys.exit(2)
 
 
 def _write_all(pieces: Iterable[bytes], file: BinaryIO) -> None:

@@ -27,5 +27,5 @@ def command(path: Path, machine_path: Path | None, form: str, output: Path | Non
     show(loaded, notes=False)
     if stream is not None:
         pieces = (text.encode() for text in listing(stream)) if form == "gts" else listing_json(stream)
-        write(pieces, output)
+        write(pieces, output, source=path)
     sys.exit(exit_code([loaded]))

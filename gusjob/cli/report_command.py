@@ -45,14 +45,14 @@ def command(path: Path, machine_path: Path | None, form: str, summary: bool, out
         if form == "table":
             from gusjob.report.table import report_table
 
-            write([report_table(report, summary=summary).encode()], output)
+            write([report_table(report, summary=summary).encode()], output, source=path)
         else:
             from gusjob.report.files import report_csv, report_json, summary_csv
 
             if form == "json":
-                write(report_json(report, loaded.faults, summary=summary), output)
+                write(report_json(report, loaded.faults, summary=summary), output, source=path)
             else:
-                write(summary_csv(report) if summary else report_csv(report), output)
+                write(summary_csv(report) if summary else report_csv(report), output, source=path)
     if form != "json" or report is None:
         show(loaded, notes=report is None)
     sys.exit(exit_code([loaded]))

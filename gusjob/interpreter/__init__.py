@@ -92,6 +92,8 @@ def _light_faults(
     lit = np.flatnonzero(trace.emitted.emission_ms > 0)
     if len(lit):
         laser = trace.lasers[int(clock.stage[lit[0]])]
+        if laser.mode is None:
+            add(d.LISTING_NO_MODE, int(lines[row[lit[0]]]))
         if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
             reason = "light in a duty mode without a carrier; GT_LaserOutFrq must be called (M 二.2)"
             faults.append(

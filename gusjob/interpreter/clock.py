@@ -24,6 +24,8 @@ from gusjob.stream import Buffered, BufferedCalls
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
+_ARC_SLACK_PULSE = 3.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clock:
@@ -179,6 +181,7 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     jump = end[:-1] * np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
     jump = np.append(np.where(np.diff(clock.stage) == 0, jump, 0.0), 0.0)
     reporter.add(d.SHARP_CORNER, jump > limit * (1 + 1e-6), value=end, jump=jump, limit=np.full(len(jump), limit))
+    _arc_faults(calls, clock, reporter)
     x_low, x_high = np.minimum(laid.x0, laid.x1), np.maximum(laid.x0, laid.x1)
     y_low, y_high = np.minimum(laid.y0, laid.y1), np.maximum(laid.y0, laid.y1)
     if len(laid.arc_at):
@@ -192,3 +195,26 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
         reporter.add(d.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
         reporter.add(d.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)
     return reporter.collector.done()
+
+
+def _arc_faults(calls: BufferedCalls, clock: Clock, reporter: _Reporter) -> None:
+    """Arcs whose radius or centre does not fit their ends (sister: no full circle by radius)."""
+    laid, at = clock.laid, clock.laid.arc_at
+    if not len(at):
+        return
+    kind, p = calls.kind[clock.row[at]], calls.p[clock.row[at]]
+    x0, y0, x1, y1 = laid.x0[at], laid.y0[at], laid.x1[at], laid.y1[at]
+    chord = np.hypot(x1 - x0, y1 - y0)
+    by_radius = kind == Buffered.ARC_RADIUS
+    to_end = np.hypot(x1 - laid.arcs.cx, y1 - laid.arcs.cy)
+    # Ends and centre are whole pulses: each may be off by less than one.
+    off_circle = ~by_radius & (np.abs(laid.arcs.radius - to_end) > _ARC_SLACK_PULSE)
+    for bad, reason in (
+        (by_radius & (chord == 0), "an arc by radius that ends where it starts could be any circle"),
+        (by_radius & (chord > 0) & (2 * np.abs(p) < chord - _ARC_SLACK_PULSE), "the radius is below half the chord"),
+        (~by_radius & (laid.arcs.radius == 0), "the centre is the start point"),
+        (off_circle & (laid.arcs.radius > 0), "the end does not lie on the circle about this centre"),
+    ):
+        where = np.zeros(len(clock.row), dtype=np.bool_)
+        where[at[bad]] = True
+        reporter.add(d.LISTING_ARC, where, reason=reason)

@@ -45,6 +45,8 @@ class _Executor:
     lasers: list[LaserState] = field(default_factory=lambda: [LaserState(), LaserState()])
     switch: list[bool] = field(default_factory=lambda: [False, False])
     axis_called: list[bool] = field(default_factory=lambda: [False, False])
+    """GT_SetAxisMode since the last GT_LaserPowerMode, per channel."""
+    axis_ever: list[bool] = field(default_factory=lambda: [False, False])
     named: set[int] = field(default_factory=set)
     queues: dict[tuple[int, int], list[Rows]] = field(default_factory=dict)
     running: StageRun | None = None
@@ -121,7 +123,7 @@ class _Executor:
         if axis == 8 and mode == 0:
             self.refuse(call.name, call.line, PARAMETER_ERROR, "axis 8 takes mode 1 only")
             return
-        self.axis_called[axis - 7] = mode == 1
+        self.axis_called[axis - 7] = self.axis_ever[axis - 7] = mode == 1
 
     def power_mode(self, call: Call) -> None:
         if self.running is not None:
@@ -133,6 +135,9 @@ class _Executor:
         high, low = self.number(call, 1), self.number(call, 2)
         if not self.limits_fit(call, MODE_LIMIT[mode], ("minValue", low), ("maxValue", high)):
             return
+        if mode.is_pwm and not self.axis_ever[channel]:
+            reason = f"GT_SetAxisMode({7 + channel},1) comes first in the PWM modes (M 三.1)"
+            self.fault(d.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
             self.fault(
                 d.ACCEPTED_ODD, call.line, call=call.name,
@@ -140,6 +145,7 @@ class _Executor:
             )  # fmt: skip
         if self.lasers[channel].power_mode is not mode:
             self.act(Action(channel=channel, power=float("nan"), line=call.line))
+        self.axis_called[channel] = False
         self.set(channel, mode=mode, low=low, high=high)
 
     def limits_fit(self, call: Call, allowed: Range, low: tuple[str, float], high: tuple[str, float]) -> bool:

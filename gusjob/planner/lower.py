@@ -154,7 +154,7 @@ def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
         )
         q[arcs] = np.where(by_radius, 0.0, np.rint(path.cy[arcs]) - laid.y0[laid.arc_at] + 0.0)
         r[arcs] = path.ccw[arcs]
-        # An arc whose ends fall on one pulse is a line of no length, never a full circle.
+        # An arc that is none in whole pulses is a line.
         lost = (kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS)
         lost[arcs] = False
         kind[lost] = Buffered.LINE

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Collector, Rule
 from gusjob.job import LookAhead, Op
 from gusjob.motion import corner_velocity, look_ahead
 from gusjob.planner.plan import Plan
@@ -35,6 +35,7 @@ def velocities(state: Plan) -> Plan:
     breaks = np.zeros(n, dtype=np.bool_)
     breaks[starts[starts < n]] = True
     breaks[1:] |= dwell[:-1]
+    breaks |= dwell
     limit = np.zeros(n)
     corner = corner_velocity(
         laid.end_x[:-1], laid.end_y[:-1], laid.start_x[1:], laid.start_y[1:], np.where(ahead, jump, 0.0)[:-1]
@@ -47,12 +48,14 @@ def velocities(state: Plan) -> Plan:
         vel_end = limit
     else:
         vel_end = np.minimum(look_ahead(laid.length, acc, limit, breaks), limit)
-    missed = forced & (vel_end < state.vel_end * (1 - 1e-9))
+    collector = Collector(state.job.name)
+    _report(state, collector, d.END_UNREACHABLE, forced & (vel_end < state.vel_end * (1 - 1e-9)), vel_end)
+    _report(state, collector, d.END_AT_STOP, forced & (state.vel_end > 0) & np.append(breaks[1:], True), vel_end)
     return replace(
         state,
         vel=vel,
         vel_end=np.where(forced, state.vel_end, vel_end),
-        diagnostics=tuple(_unreachable(state, int(i), float(vel_end[i])) for i in np.flatnonzero(missed)[:1000]),
+        diagnostics=tuple(collector.done()),
     )
 
 
@@ -89,11 +92,12 @@ def _slowed_on_arcs(state: Plan, vel: Floats) -> Floats:
     return slowed
 
 
-def _unreachable(state: Plan, i: int, reached: float) -> Diagnostic:
-    line = int(state.path.line[state.timed[i]])
-    return Diagnostic(
-        rule=d.END_UNREACHABLE,
-        span=state.job.locate(line, "END"),
-        fields={"value": float(state.vel_end[i]), "high": reached},
-        path=state.job.name,
-    )
+def _report(state: Plan, collector: Collector, rule: Rule, where: npt.NDArray[np.bool_], reached: Floats) -> None:
+    """A fault at the END of every segment in `where`."""
+    at = np.flatnonzero(where)
+    listed = at[: collector.room(rule)].tolist()
+    for i in listed:
+        line = int(state.path.line[state.timed[i]])
+        fields = {"value": float(state.vel_end[i]), "high": float(reached[i])}
+        collector.add(rule, state.job.locate(line, "END"), fields)
+    collector.uncounted(rule, len(at) - len(listed))

@@ -28,6 +28,7 @@ from gusjob.job import (
     PowerNow,
     Setup,
     SetupStatement,
+    Speeds,
     SwitchNow,
     Wait,
 )
@@ -67,6 +68,7 @@ def elaborate(text: JobText, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     job = Job(
         name=text.source.name,
         path=path,
+        speeds=reader.speeds(),
         setups=reader.setups(),
         locate=locate_in(text.source),
         last_line=int(text.rows.line[-1]) if len(text.rows.line) else 1,
@@ -172,6 +174,27 @@ class _Elaboration:
             return _Modal(np.broadcast_to(np.nan, n), np.broadcast_to(np.False_, n), np.broadcast_to(np.int32(0), n))
         at = last_set(is_set)
         return _Modal(np.where(at >= 0, value[at], np.nan), in_mm[at], self.rows.line[at])
+
+    def speeds(self) -> Speeds:
+        """Every velocity and acceleration that was written."""
+        op = self.rows.op
+        parts: list[tuple[Any, ...]] = []
+        for number, statement in enumerate((RowOp.VEL, RowOp.ACC, RowOp.JUMPVEL, RowOp.JUMPACC)):
+            found = np.flatnonzero(op == statement)
+            value, in_mm = self.rate(Field.VALUE, acceleration=bool(number % 2))
+            parts.append((found, number, value[found], in_mm[found], False))
+        for number, word in enumerate((Field.VEL, Field.ACC)):
+            if word in self.rows.columns:
+                value, in_mm = self.rate(word, acceleration=bool(number))
+                found = np.flatnonzero(~np.isnan(value) & (op <= RowOp.ARC_RADIUS_CCW))
+                parts.append((found, number, value[found], in_mm[found], True))
+        return Speeds(
+            line=np.concatenate([self.rows.line[p[0]] for p in parts]),
+            word=np.concatenate([np.full(len(p[0]), p[1], dtype=np.int8) for p in parts]),
+            value=np.concatenate([p[2] for p in parts]),
+            in_mm=np.concatenate([p[3] for p in parts]),
+            inline=np.concatenate([np.full(len(p[0]), p[4]) for p in parts]),
+        )
 
     def position(self, column: Field, axis: int) -> Floats:
         """Absolute position on an axis behind each row, pulse."""

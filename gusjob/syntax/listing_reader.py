@@ -53,11 +53,14 @@ _COLUMNS = ("crd", "fifo", "channel", "x", "y", "p", "q", "r", "vel", "acc", "ve
 _SHORT_COLUMNS = _COLUMNS[:3]
 _CALL_OP = 100
 """Row op of a call that is not buffered; column 0 holds its index."""
+_CODE = re.compile(r"GT_|[;={}#]|[A-Za-z_][A-Za-z0-9_]*\s*\(")
+"""What no comment of M's has and most code does."""
 _JOINED_LINES = 20
+_LONGEST_ARRAY = 64
 _LOOK_BACK = 50
 _BLOCK_COMMENT = re.compile(rb"/\*.*?\*/", re.DOTALL)
 _ZEROS = re.compile(rb"(?<![0-9A-Za-z_.])0+(?=0(?![0-9.xX]))")
-_OCTAL = re.compile(rb"(?<![0-9A-Za-z_.])0(?=[0-9]+(?![0-9.]))")
+_OCTAL = re.compile(rb"(?<![0-9A-Za-z_.])[+-]?0(?=[0-9]+(?![0-9.]))")
 _CRD_FIELDS = ("dimension", "profile", "synVelMax", "synAccMax", "evenTime", "setOriginFlag", "originPos")
 
 
@@ -73,7 +76,7 @@ def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
         data = _BLOCK_COMMENT.sub(lambda m: re.sub(rb"[^\n]", b" ", m[0]), data)
     if _ZEROS.search(data) or _OCTAL.search(data):
         # 00 is 0 in C as well; any other number with a leading zero is octal: as a name, o10, no template reads it.
-        data = _OCTAL.sub(b"o", _ZEROS.sub(lambda m: b" " * len(m[0]), data))
+        data = _OCTAL.sub(lambda m: b"o" * len(m[0]), _ZEROS.sub(lambda m: b" " * len(m[0]), data))
     reader = _ListingReader(source=source, text=Source(name=source.name, data=data))
     rows = scan(data, semicolon_comments=False, learn=reader.learn, read_line=reader.read_line)
     reader.finish()
@@ -129,6 +132,7 @@ class _ListingReader:
     run_ons: set[int] = field(default_factory=set)
     pending: list[str] = field(default_factory=list)
     pending_line: int = 0
+    not_listed: int = 0
 
     def learn(self, line: str) -> Template | None:
         """The template of a line with one buffered call whose arguments are all plain numbers."""
@@ -162,6 +166,7 @@ class _ListingReader:
     def read_line(self, number: int, text: str) -> Sequence[Row]:
         """One line through the grammar, joined to the lines before it where a call goes on."""
         if len(self.diagnostics) >= MAX_FAULTS:
+            self.not_listed += 1
             return ()
         if len(text) > MAX_LINE:
             self.fault(d.NO_END, number, 1, 2, size=len(text), limit=MAX_LINE)
@@ -183,7 +188,7 @@ class _ListingReader:
     def unreadable(self, error: UnexpectedInput, code: str, line: int, number: int) -> Sequence[Row]:
         """A line that is no code: the rest of a comment, the first part of a call, or a fault."""
         ends_early = isinstance(error, UnexpectedToken) and error.token.type == "$END"
-        if ends_early and code.count("(") > code.count(")") and len(self.pending) < _JOINED_LINES:
+        if ends_early and code.count("(") > code.count(")") and number - line < _JOINED_LINES:
             self.pending, self.pending_line = [code], line
             return ()
         self.pending = []
@@ -196,7 +201,7 @@ class _ListingReader:
 
     def is_run_on(self, number: int, code: str) -> bool:
         """Whether a line goes on with the comment of the line above, as M's do (四.3): no code stands in it."""
-        if "GT_" in code or ";" in code or "=" in code:
+        if _CODE.search(code):
             return False
         for above in range(number - 1, max(number - _LOOK_BACK, 0), -1):
             text = self.text.line(above)
@@ -208,6 +213,9 @@ class _ListingReader:
         """A call that never ended is a fault."""
         if self.pending:
             self.fault(d.CALL_SYNTAX, self.pending_line, 1, 2, found="the end of the file inside a call")
+        if self.not_listed:
+            fields = {"count": self.not_listed, "code": "the lines", "shown": len(self.diagnostics)}
+            self.diagnostics.append(Diagnostic(rule=d.MORE, span=d.NOWHERE, fields=fields, path=self.source.name))
 
     def fault(self, rule: Rule, line: int, column: int, end_column: int, **fields: object) -> None:
         span = Span(line=line, column=column, end_line=line, end_column=end_column)
@@ -222,7 +230,7 @@ class _ListingReader:
             case "call":
                 return self.call(item, line)
             case "array":
-                self.arrays[str(tokens(item)[0])] = self.value(subtrees(item)[-1])
+                self.array(item)
             case "declare":
                 for name in (t for t in subtrees(item) if t.data == "pointer_name"):
                     values = [v for v in subtrees(name) if v.data == "number"]
@@ -233,6 +241,15 @@ class _ListingReader:
             case _:
                 pass
         return []
+
+    def array(self, item: Tree[Token]) -> None:
+        """long pos[4] = {0}; the rest is 0, as in C."""
+        parts = [part for part in subtrees(item) if part.data != "type"]
+        value = self.value(parts[-1])
+        size = self.value(parts[0]) if len(parts) > 1 else 0.0
+        if isinstance(value, tuple) and isinstance(size, float) and len(value) < size <= _LONGEST_ARRAY:
+            value = (*value, *(0.0,) * (int(size) - len(value)))
+        self.arrays[str(tokens(item)[0])] = value
 
     def assign(self, item: Tree[Token]) -> None:
         """name = value; crdPrm.synVelMax = 500; crdPrm.profile[0] = 1."""
@@ -273,7 +290,7 @@ class _ListingReader:
             if name in PASSED_OVER or not name.startswith("GT_"):
                 self.at(d.CALL_IGNORED, token, line, call=name)
             else:
-                near = get_close_matches(name, SIGNATURES, 1)
+                near = get_close_matches(name, SIGNATURES, 1, cutoff=0.8)
                 self.at(d.CALL_UNKNOWN, token, line, call=name, hint=f"; did you mean {near[0]}?" if near else "")
             return []
         if len(args) != len(signature.args):
@@ -292,8 +309,9 @@ class _ListingReader:
     def argument(self, signature: Signature, arg: Arg, tree: Tree[Token], line: int) -> Value | None:
         """One argument's value, or None with a diagnostic."""
         first = next((t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)), None)
-        if first is not None and (octal := re.fullmatch("o([0-7]+)", first)):
-            self.at(d.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=int(octal[1], 8))
+        if first is not None and (octal := re.fullmatch("oo?([0-9]+)", first)):
+            worth = "nothing (8 and 9 are no octal digits)" if set(octal[1]) & set("89") else str(int(octal[1], 8))
+            self.at(d.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=worth)
             return None
         if arg.kind is Kind.POINTER and tree.data == "pointer":
             return str(first)

@@ -41,10 +41,12 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
     """The text of a file, or why it is none."""
     name = name or str(path)
     try:
-        size = path.stat().st_size
-        if size > MAX_FILE_MB * 1_000_000:
-            return None, [_fault(d.TOO_LARGE, name, size=str(size // 1_000_000), limit=str(MAX_FILE_MB))]
-        data = path.read_bytes()
+        limit = int(MAX_FILE_MB * 1_000_000)
+        with path.open("rb") as file:
+            data = file.read(limit + 1)  # A pipe or a device tells no size before.
+        if len(data) > limit:
+            size = max(path.stat().st_size, len(data)) // 1_000_000
+            return None, [_fault(d.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
     except OSError as error:
         return None, [_fault(d.UNREADABLE, name, reason=(error.strerror or type(error).__name__).lower())]
     except ValueError:  # A NUL in the name.

@@ -15,7 +15,7 @@ from gusjob.units import UNITS, Kind, PowerUnit, spelling
 
 GRAMMAR = "job.lark"
 _TERMINALS = {"QUANTITY": "a number", "PLUS": "a number", "MINUS": "a number"}
-LATER_WORDS = ("LET", "REPEAT", "FOR", "IF", "ELSE", "DEF", "CALL", "FRAME", "INCLUDE", "SKYWRITE")
+LATER_WORDS = ("LET", "REPEAT", "FOR", "IF", "ELSE", "END", "DEF", "CALL", "FRAME", "INCLUDE", "SKYWRITE")
 """Words of the language that come with later versions: named, so that nobody takes them for a misspelling."""
 
 
@@ -111,6 +111,8 @@ def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     if first in LATER_WORDS or first.partition("(")[0] in LATER_WORDS:
         start = len(text) - len(text.lstrip()) + 1
         return _at(d.LATER, line, start, start + len(first), word=first)
+    if fault.found == "'('":
+        return _at(d.LATER, line, fault.column, fault.end_column, word="an expression in parentheses")
     if not text[: fault.column - 1].strip():
         return _at(d.UNKNOWN_STATEMENT, line, fault.column, fault.end_column, found=fault.found, hint=fault.hint)
     return _at(
