@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +128,8 @@ def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
 
 def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]:
     """A profile from TOML text, with a diagnostic for every entry that is wrong."""
+    import tomllib  # Most jobs have no profile: start-up time is part of the tool.
+
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -203,6 +203,8 @@ class _Reader:
                 else:
                     self.fault(d.PROFILE_TYPE, key, table, wanted="a text", found=_kind(value))
             elif key not in keys:
+                from difflib import get_close_matches
+
                 near = get_close_matches(key, known, 1)
                 self.fault(d.PROFILE_UNKNOWN, key, table, hint=f"; did you mean {near[0]}?" if near else "")
             elif key in _PAIR:

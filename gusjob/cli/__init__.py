@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 
 import click
 
 from gusjob import __version__
+
+# No command multiplies matrices: numpy's pool of threads would only cost start-up.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _COMMANDS = ("check", "compile", "run", "report")
 

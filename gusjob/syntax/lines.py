@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
@@ -88,6 +87,8 @@ def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: d
     readable = [*keywords, *dict.fromkeys(names[a] for a in accepted if a in names)]
     if "$END" in accepted:
         readable.append("the end of the line")
+    from difflib import get_close_matches  # Faults only: start-up time is part of the tool.
+
     near = get_close_matches(found.upper(), keywords, 1, cutoff=0.6) if len(found) < 40 else []
     shown = f"'{found[:40]}'" if found != "the end of the line" else found
     return Misread(found=shown, column=start, end_column=end, expected=tuple(readable), near=near[0] if near else "")
