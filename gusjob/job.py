@@ -246,7 +246,6 @@ class Job:
     speeds: Speeds
     setups: tuple[Setup, ...]
     locate: Locate
-    last_line: int
 
     @property
     def has_forced_ends(self) -> bool:

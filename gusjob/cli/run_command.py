@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from gusjob.backend import Backend
 from gusjob.backend.sim import SimBackend
 from gusjob.cli.common import (
     compiled,
@@ -40,7 +41,8 @@ def command(path: Path, machine_path: Path | None, backend: str) -> None:
             from gusjob.report.rows import make_report
 
             say(f"running {len(stream.buffered):,} buffered calls on {backend}")
-            trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
+            runner: Backend = SimBackend()
+            trace, faults = runner.run(stream, loaded.machine, foreign=loaded.foreign)
             interpreted_faults(loaded, faults)
             report = None if trace is None else make_report(trace, loaded.machine)
     if report is not None:

@@ -24,7 +24,7 @@ from gusjob.interpreter.state import (
     Rows,
     StageRun,
 )
-from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT, POWER_NOW, PowerMode, Range
+from gusjob.limits import DIMENSION, DISTANCE_LIMIT, EVEN_TIME_MS, MODE_LIMIT, POWER_NOW, PowerMode, Range
 from gusjob.stream import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
 
 
@@ -208,10 +208,12 @@ class _Executor:
         self.set(self.channel(call), fpk_us=None)
 
     def distance_mode(self, call: Call) -> None:
+        if self.number(call, 0) == 1 and self.number(call, 1) == 1:
+            reason = "no scanner is modelled: the planned position stands in for the actual one"
+            self.fault(d.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         self.set(
             self.channel(call),
             distance=self.number(call, 0) == 1,
-            source_actual=self.number(call, 1) == 1,
             reference_pulse=call.args[2],
             scale_pulse_per_mm=call.args[3],
         )
@@ -232,7 +234,16 @@ class _Executor:
         if self.running is not None and self.running.crd == crd:
             self.refuse(call.name, call.line, EXECUTION_ERROR, "the coordinate system is moving")
             return
-        self.crd_built[crd] = call.args[1]
+        parameters = call.args[1]
+        if isinstance(parameters, tuple):
+            for name, allowed, value in (
+                ("dimension", DIMENSION, parameters[0]),
+                ("evenTime", EVEN_TIME_MS, parameters[4]),
+            ):
+                if isinstance(value, float) and (reason := out_of(allowed, name, value)):
+                    self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
+                    return
+        self.crd_built[crd] = parameters
 
     def clear(self, call: Call) -> None:
         crd, fifo = int(self.number(call, 0)), int(self.number(call, 1))

@@ -31,7 +31,6 @@ class LaserState:
     prevoltage_v: float | None = None
     fpk_us: tuple[float, float, float] | None = None
     distance: bool = False
-    source_actual: bool = False
     reference_pulse: tuple[float, ...] = (0.0,) * 4
     scale_pulse_per_mm: tuple[float, ...] = (1.0,) * 4
     ratio_per_mm: tuple[float, ...] = (0.0,) * 4

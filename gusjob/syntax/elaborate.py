@@ -71,7 +71,6 @@ def elaborate(text: JobText, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         speeds=reader.speeds(),
         setups=reader.setups(),
         locate=locate_in(text.source),
-        last_line=int(text.rows.line[-1]) if len(text.rows.line) else 1,
     )
     return job, reader.channel_faults()
 
