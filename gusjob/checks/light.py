@@ -46,5 +46,5 @@ def no_power(view: View, findings: Findings) -> None:
             unset = (
                 (behind < 0) | (keys[behind] < changed.first * 2) if len(keys) else np.ones(len(rows), dtype=np.bool_)
             )
-            for line in np.unique(on_line[rows[unset]]).tolist():
+            for line in sorted(set(on_line[rows[unset]].tolist())):
                 findings.add(d.NO_POWER, line, channel=channel, mode_line=changed.setup.line)

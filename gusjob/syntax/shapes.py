@@ -240,7 +240,7 @@ class _Scanner:
             bad = np.unique(np.searchsorted(offsets + counts, huge, side="right"))
             ids = ids.copy()
             ids[bad] = _ALONE
-        for number in np.unique(ids).tolist():
+        for number in np.flatnonzero(np.bincount(ids)).tolist():
             template = self.templates[number]
             if template is None or not template.fixed:
                 continue
