@@ -365,15 +365,17 @@ class Collector:
     path: str
     found: list[Diagnostic] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
+    listed: dict[str, int] = field(default_factory=dict)
 
     def room(self, rule: Rule) -> int:
         """How many more faults of a rule will be listed."""
-        return max(MAX_PER_RULE - self.counts.get(rule.code, 0), 0)
+        return MAX_PER_RULE - self.listed.get(rule.code, 0)
 
     def add(self, rule: Rule, span: Span, fields: dict[str, Any]) -> None:
         """One fault."""
         if self.room(rule):
             self.found.append(Diagnostic(rule=rule, span=span, fields=fields, path=self.path))
+            self.listed[rule.code] = self.listed.get(rule.code, 0) + 1
         self.uncounted(rule, 1)
 
     def uncounted(self, rule: Rule, more: int) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Span
-from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, VELOCITY, PowerMode, Range
+from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, POWER_NOW, VELOCITY, PowerMode, Range
 from gusjob.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 PROFILE_NAME = "gusjob.toml"
@@ -35,9 +35,9 @@ class Laser:
             return None
         match mode:
             case PowerMode.DUTY | PowerMode.DUTY2:
-                return self.rated_w / 100
+                return self.rated_w / POWER_NOW[mode].high
             case PowerMode.ANALOG:
-                return self.rated_w / 10
+                return self.rated_w / POWER_NOW[mode].high
             case PowerMode.FREQUENCY:
                 return self.rated_w * pulse_width_us / 1000
 

@@ -94,6 +94,23 @@ def test_many_faults_are_counted_not_listed() -> None:
     assert [f.fields["count"] for f in judged_faults if f.rule is d.MORE] == [4000]
 
 
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [("LASER POWER 5V", "GJ203"), ("VEL 0", "GJ201"), ("VEL 20000", "GJ504")],
+)
+def test_every_rule_counts_what_it_does_not_list(line: str, code: str) -> None:
+    from gusjob.checks import check
+    from gusjob.machine import Machine
+
+    source, _ = check_text(f"LASER MODE DUTY CARRIER 10\nVEL 1\nACC 1\n{(line + chr(10)) * 1500}".encode(), "a.job")
+    assert source is not None
+    found = check(read_job(source, Machine())[0], Machine())
+    listed = sum(f.rule.code == code for f in found)
+    more = sum(f.fields["count"] for f in found if f.rule is d.MORE and f.fields["code"] == code)
+    assert listed == 1000
+    assert listed + more == 1500
+
+
 def test_a_line_without_end_is_refused() -> None:
     source, _ = check_text(b"LINE X 1" + b" " * 20_000 + b"Y 2\nQQ\n", "a.job")
     assert source is not None

@@ -26,7 +26,8 @@ def speeds(view: View, findings: Findings) -> None:
         mm = value * (1e6 if is_acc else 1e3) / machine.pulses_per_mm[0]
         outside = allowed.judge(value) > 0
         fast = ~outside & (mm > limit * (1 + 1e-9)) & (in_mm | machine.equal_axes)
-        for i in np.flatnonzero(outside | fast).tolist():
+        too_fast = findings.listed(d.TOO_FAST, np.flatnonzero(fast))
+        for i in sorted([*too_fast, *findings.listed(d.OUT_OF_RANGE, np.flatnonzero(outside))]):
             line, place = int(written.line[at[i]]), word if written.inline[at[i]] else "value"
             if fast[i]:
                 findings.add(d.TOO_FAST, line, place, what=word, value=float(mm[i]), unit=unit, limit=limit)
@@ -124,7 +125,8 @@ def arcs_close(view: View, findings: Findings) -> None:
         for word, place in (("I", path.cx[rows] - x0[rows] * px), ("J", path.cy[rows] - y0[rows] * py)):
             findings.ranged(rows, np.rint(place), limits.COORDINATE_PULSE, word, word)
         off = (np.abs(start - end) > _CLOSES_MM) & (start > 0)
-        for row, a, b in zip(rows[off].tolist(), start[off].tolist(), end[off].tolist(), strict=True):
+        for i in findings.listed(d.BAD_ARC, np.flatnonzero(off)):
+            row, a, b = int(rows[i]), float(start[i]), float(end[i])
             reason = (
                 f"the end is {d.number(b)} mm from the centre, the start {d.number(a)} mm: they must be the same "
                 f"within {d.number(_CLOSES_MM)} mm"
@@ -142,7 +144,8 @@ def arcs_close(view: View, findings: Findings) -> None:
             "an arc with R that ends where it starts could be any circle: write it with I J",
         )
         short = (2 * radius < chord - _CLOSES_MM) & (radius > 0)
-        for row, r, c in zip(rows[short].tolist(), radius[short].tolist(), chord[short].tolist(), strict=True):
+        for i in findings.listed(d.BAD_ARC, np.flatnonzero(short)):
+            row, r, c = int(rows[i]), float(radius[i]), float(chord[i])
             reason = (
                 f"the radius {d.number(r)} mm is too small: the end is {d.number(c)} mm away, "
                 f"R must be at least {d.number(c / 2)} mm"

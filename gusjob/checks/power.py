@@ -123,13 +123,12 @@ def saturation(view: View, findings: Findings) -> None:
         over = (path.op[source] == Op.FOLLOW) & (asked > path.high[source] * (1 + 1e-9))
         rows, first = np.unique(source[over], return_index=True)
         which = np.flatnonzero(over)[first]
-        for row, value, velocity in zip(
-            rows.tolist(), asked[which].tolist(), path.vel[marks[which]].tolist(), strict=True
-        ):
+        for i in findings.listed(d.SATURATES, np.arange(len(rows))):
+            row, mark = int(rows[i]), int(which[i])
             unit = next((s.mode.mode.unit for s in view.modes(channel) if s.first <= row < s.last), "")
             findings.add(
-                d.SATURATES, int(path.line[row]), "", value=value, velocity=velocity, high=float(path.high[row]),
-                unit=unit,
+                d.SATURATES, int(path.line[row]), "", value=float(asked[mark]), velocity=float(path.vel[marks[mark]]),
+                high=float(path.high[row]), unit=unit,
             )  # fmt: skip
 
 
@@ -145,8 +144,9 @@ def _units(
     wanted = UNIT_OF_MODE[span.mode.mode]
     good: np.ndarray = (written == PowerUnit.NONE) | (written == wanted)
     if not good.all():
-        for row, unit in zip(rows[~good].tolist(), written[~good].tolist(), strict=True):
-            findings.unit(int(findings.job.path.line[row]), word, what, unit, wanted, span.setup.line)
+        for i in findings.listed(d.WRONG_UNIT, np.flatnonzero(~good)):
+            line = int(findings.job.path.line[rows[i]])
+            findings.unit(line, word, what, int(written[i]), wanted, span.setup.line)
     return good
 
 

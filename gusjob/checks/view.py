@@ -45,6 +45,12 @@ class Findings:
             self.add(rule, int(lines[i]), word, **fields)
         self.collector.uncounted(rule, len(rows) - listed)
 
+    def listed(self, rule: Rule, found: Indices) -> list[int]:
+        """As many of the places found as will be listed; the rest is counted, not looped over."""
+        listed: list[int] = found[: self.collector.room(rule)].tolist()
+        self.collector.uncounted(rule, len(found) - len(listed))
+        return listed
+
     def ranged(self, rows: Indices, values: Floats, allowed: Range, what: str, word: str, hint: str = "") -> Bools:
         """Judge values (one a row) against a range; returns which are good."""
         verdict = allowed.judge(values)

@@ -289,11 +289,15 @@ class _Executor:
     def follow_switch(self, parts: list[Rows]) -> None:
         """The switch as GT_GetHSIOOpt would find it: behind the buffered calls before the first motion."""
         calls = self.stream.buffered
-        for row in (int(r) for part in parts for r in part[:64]):
-            if calls.kind[row] <= Buffered.DELAY:
-                return
-            if calls.kind[row] in (Buffered.ON, Buffered.OFF):
-                self.switch[int(calls.channel[row])] = calls.kind[row] == Buffered.ON
+        rows = np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
+        timed = np.flatnonzero(calls.kind[rows] <= Buffered.DELAY)
+        early = rows[: timed[0]] if len(timed) else rows
+        for channel in (0, 1):
+            switched = early[
+                np.isin(calls.kind[early], (Buffered.ON, Buffered.OFF)) & (calls.channel[early] == channel)
+            ]
+            if len(switched):
+                self.switch[channel] = bool(calls.kind[switched[-1]] == Buffered.ON)
 
     def wait(self, call: Call) -> None:
         """GT_CrdStatus: the program waited for the end of the motion."""
