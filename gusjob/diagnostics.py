@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
@@ -18,12 +18,16 @@ class Severity(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """A place in a text: lines and columns from 1, in characters; `end_column` is the first column behind."""
+    """A place in a text: lines and columns from 1, in characters; `end_column` is the first column behind.
+
+    `path` is '' in the text that a diagnostic is about, else the file that it includes.
+    """
 
     line: int
     column: int = 1
     end_line: int = 0
     end_column: int = 0
+    path: str = ""
 
 
 NOWHERE = Span(line=1)
@@ -41,24 +45,53 @@ class Rule:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Remark:
+    """Another place that matters for a fault. `text` is a template of REMARKS."""
+
+    text: str
+    span: Span
+    fields: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def message(self) -> str:
+        """The text with the fields filled in."""
+        return _filled(self.text, self.fields)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
-    """One fault found: a rule, the fields of its text, and where."""
+    """One fault found: a rule, the fields of its text, and where.
+
+    `path`: the text that it is about; `span.path`, where it is set, the file in which the place is. `count`: in how
+    many rounds and calls of the same statement. `remarks`: other places, the nearest first.
+    """
 
     rule: Rule
     span: Span
     fields: dict[str, Any] = field(default_factory=dict)
     path: str = ""
+    count: int = 1
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def message(self) -> str:
         """The rule's text with the fields filled in."""
-        shown = {k: number(v) if isinstance(v, float) else v for k, v in self.fields.items()}
-        return self.rule.text.format_map(shown).replace("  ", " ")  # A number without a unit leaves two blanks.
+        return _filled(self.rule.text, self.fields)
+
+    @property
+    def file(self) -> str:
+        """The file in which the place is."""
+        return self.span.path or self.path
 
     @property
     def severity(self) -> Severity:
         """The rule's severity."""
         return self.rule.severity
+
+
+def _filled(text: str, fields: dict[str, Any]) -> str:
+    shown = {k: number(v) if isinstance(v, float) else v for k, v in fields.items()}
+    return text.format_map(shown).replace("  ", " ")  # A number without a unit leaves two blanks.
 
 
 def number(value: float) -> str:
@@ -89,6 +122,15 @@ def _rule(code: str, severity: Severity, title: str, text: str, section: str = "
     return RULES[code]
 
 
+VARIANTS: list[Rule] = []
+"""Rules with another text for another cause of the same fault."""
+
+
+def _also(rule: Rule, text: str) -> Rule:
+    VARIANTS.append(replace(rule, text=text))
+    return VARIANTS[-1]
+
+
 _E, _W, _N = Severity.ERROR, Severity.WARNING, Severity.NOTE
 
 # GJ0: the file as such.
@@ -108,6 +150,57 @@ FOREIGN = _rule("GJ105", _E, "word of another form", "{word} does not belong to 
 TOO_BIG = _rule("GJ106", _E, "number can't be held", "{value} is too large: numbers go up to {limit}")
 LATER = _rule(
     "GJ107", _E, "statement of a later version", "{word} belongs to the job language, but this version can't run it yet"
+)
+RESERVED = _rule("GJ108", _E, "name is taken", "{word} is a word of the language and can't be a name: {hint}")
+NO_FUNCTION = _rule("GJ109", _E, "unknown function", "there is no function {word}{hint}")
+ARITY = _rule("GJ110", _E, "wrong number of operands", "{word} takes {wanted}, not {found}")
+UNKNOWN_NAME = _rule("GJ121", _E, "unknown name", "{name} has no value here{hint}")
+MISMATCH = _rule("GJ122", _E, "kinds that do not fit", "{operator} {wants}; here it has {given}")
+NO_VALUE = _rule("GJ123", _E, "expression without a value", "this has no value: it comes to {value}")
+COUNT = _rule("GJ124", _E, "loop that can't be counted", "{what} {value}: {hint}")
+NOT_A_NUMBER = _rule("GJ125", _E, "comparison in place of a number", "{what} needs a number, not a comparison")
+NOT_A_CONDITION = _rule(
+    "GJ126", _E, "number in place of a condition", "IF needs a comparison, such as a > 0, not a number"
+)
+TOO_MANY = _rule(
+    "GJ127",
+    _E,
+    "too much to carry out",
+    "loops and routines make more than {limit} {what} here: a machine profile may allow more ([expansion] {key})",
+)
+TOO_SLOW = _rule(
+    "GJ129",
+    _E,
+    "too much to carry out one by one",
+    "more than {limit} statements are carried out one by one, in loops that carry a value from round to round: "
+    "let the value hang on the loop's variable instead",
+)
+TOO_MANY_SETUPS = _rule(
+    "GJ130", _E, "too many setup statements", "loops and routines make more than {limit} setup statements"
+)
+TOO_DEEP = _rule(
+    "GJ128",
+    _E,
+    "too deep",
+    "blocks, calls and includes stand more than {limit} deep inside each other here: a machine profile may allow more "
+    "([expansion] {key})",
+)
+UNCLOSED = _rule("GJ131", _E, "block without END", "this {word} has no END")
+STRAY = _rule(
+    "GJ132", _E, "END or ELSE without a block", "{word} stands here without a block that it could belong to ({begins})"
+)
+DEF_INSIDE = _rule("GJ133", _E, "routine inside a block", "DEF stands in the open, not inside another block")
+NESTED = _rule("GJ134", _E, "blocks too deep", "blocks stand at most {limit} deep inside each other")
+DEF_TWICE = _rule("GJ135", _E, "routine defined twice", "{name} is defined already, in {where}")
+NO_ROUTINE = _rule("GJ136", _E, "unknown routine", "there is no routine {name}{hint}")
+CALL_VALUES = _rule("GJ137", _E, "wrong number of values", "{name}{takes} takes {wanted} values, not {found}")
+INCLUDE = _rule("GJ138", _E, "file can't be included", 'can\'t include "{file}": {reason}')
+FRAME_SCALE = _rule("GJ139", _E, "frame without a size", "SCALE {value} must be above 0")
+FRAME_ARC = _rule(
+    "GJ140",
+    _E,
+    "arc bent by a frame",
+    "a turned FRAME makes an ellipse of an ARC in pulses, since the axes have different pulses per mm: write it in mm",
 )
 CALL_SYNTAX = _rule(
     "GJ111", _E, "call can't be read", "this is no GT_ call, array or comment that gusjob reads: {found}"
@@ -143,8 +236,7 @@ POWER_CLAMPED = _rule(
     "GJ206",
     _W,
     "power outside the mode's limits",
-    "{what} {value} {unit} is outside the mode's {low}..{high} {unit} (LASER MODE in line {mode_line}): "
-    "the controller clamps it",
+    "{what} {value} {unit} is outside the mode's {low}..{high} {unit}: the controller clamps it",
     "二.2",
 )
 PULSE_TOO_WIDE = _rule(
@@ -178,7 +270,7 @@ WRONG_MODE = _rule(
     "GJ302",
     _E,
     "not in this mode",
-    "{word} is for {wanted}; channel {channel} is in {mode} mode (line {mode_line})",
+    "{word} is for {wanted}; channel {channel} is in {mode} mode",
     "二.2",
 )
 DISTANCE_NEEDS_MODE = _rule(
@@ -231,13 +323,13 @@ JUMP_LIT = _rule(
     "GJ402",
     _E,
     "jump with light",
-    "JUMP with the laser of channel {channel} on (since line {on_line}): put LASER OFF before it",
+    "JUMP with the laser of channel {channel} on: put LASER OFF before it",
 )
 NO_POWER = _rule(
     "GJ403",
     _E,
     "light without a power",
-    "the laser of channel {channel} is on here, but no power was set since its LASER MODE (line {mode_line})",
+    "the laser of channel {channel} is on here, but no power was set since its LASER MODE",
 )
 
 # GJ5: motion.
@@ -248,6 +340,13 @@ OUTSIDE_FIELD = _rule(
 )
 TOO_FAST = _rule("GJ504", _E, "too fast", "{what} {value} {unit} is above the machine's {limit} {unit}")
 BAD_ARC = _rule("GJ505", _E, "arc that does not close", "{reason}")
+ARC_OFF = _also(
+    BAD_ARC,
+    "the end is {end} mm from the centre, the start {start} mm: they must be the same within {limit} mm",
+)
+ARC_SHORT = _also(
+    BAD_ARC, "the radius {value} mm is too small: the end is {chord} mm away, R must be at least {least} mm"
+)
 END_UNREACHABLE = _rule(
     "GJ506",
     _E,
@@ -354,6 +453,18 @@ TOO_LONG = _rule(
 )
 
 
+# What is said of other places.
+CALLED = "called here{values}"
+ROUND = "in the round where {values}"
+INCLUDED = "included here"
+SET_HERE = "{name} is set here"
+MODE_HERE = "the mode is set here: {mode}"
+ON_HERE = "the laser is switched on here"
+FIRST_HERE = "the first one is here"
+REMARKS = (CALLED, ROUND, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
+"""Every text of a Remark."""
+
+
 MAX_PER_RULE = 1000
 """So many faults of one rule are listed; the rest is counted."""
 
@@ -371,12 +482,20 @@ class Collector:
         """How many more faults of a rule will be listed."""
         return MAX_PER_RULE - self.listed.get(rule.code, 0)
 
-    def add(self, rule: Rule, span: Span, fields: dict[str, Any]) -> None:
-        """One fault."""
+    def add(
+        self, rule: Rule, span: Span, fields: dict[str, Any], count: int = 1, remarks: tuple[Remark, ...] = ()
+    ) -> None:
+        """One fault, perhaps of many rounds."""
         if self.room(rule):
-            self.found.append(Diagnostic(rule=rule, span=span, fields=fields, path=self.path))
+            self.found.append(
+                Diagnostic(rule=rule, span=span, fields=fields, path=self.path, count=count, remarks=remarks)
+            )
             self.listed[rule.code] = self.listed.get(rule.code, 0) + 1
         self.uncounted(rule, 1)
+
+    def again(self, index: int, count: int) -> None:
+        """The fault at an index of `found` was met so many times more."""
+        self.found[index] = replace(self.found[index], count=self.found[index].count + count)
 
     def uncounted(self, rule: Rule, more: int) -> None:
         """Faults that were found and are not worth making, since they would not be listed."""

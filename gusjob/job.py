@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import Span
+from gusjob.diagnostics import CALLED, INCLUDED, ROUND, Remark, Span, number
 from gusjob.geometry import Arcs, arcs_by_centre, arcs_by_radius
 from gusjob.limits import PowerMode
 from gusjob.machine import Machine
@@ -50,6 +52,8 @@ class Path:
 
     power: direct power; low, high, ratio: follow limits, and ratio per pulse/ms; follow_in_mm: the ratio hangs on
     mm; power_unit, low_unit, high_unit: PowerUnit as written.
+
+    trail: by which calls and rounds the row came about, a number of the job's Trails.
     """
 
     op: npt.NDArray[np.uint8]
@@ -79,6 +83,7 @@ class Path:
     power_unit: npt.NDArray[np.int8]
     low_unit: npt.NDArray[np.int8]
     high_unit: npt.NDArray[np.int8]
+    trail: npt.NDArray[np.int32]
 
     def __len__(self) -> int:
         return len(self.op)
@@ -207,13 +212,18 @@ SetupStatement = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """A setup statement: it stands before row `at` of the path; `word` is how a user calls it."""
+    """A setup statement: it stands before row `at` of the path; `word` is how a user calls it.
+
+    `order`: its place among the setup statements; `trail` as in Path.
+    """
 
     what: SetupStatement
+    order: int
     at: int
     line: int
     channel: int
     word: str
+    trail: int = 0
 
 
 SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")
@@ -231,6 +241,7 @@ class Speeds:
     value: Floats
     in_mm: npt.NDArray[np.bool_]
     inline: npt.NDArray[np.bool_]
+    trail: npt.NDArray[np.int32]
 
 
 Locate = Callable[[int, str], Span]
@@ -238,14 +249,98 @@ Locate = Callable[[int, str], Span]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One step on the way to a statement, with the values of its names. `kind`: 'call', 'round' or 'include'."""
+
+    line: int
+    kind: str
+    values: dict[str, float]
+
+
+@dataclass(slots=True)
+class Trails:
+    """By which calls and rounds statements came about, as a tree: each trail is a step and the trail before it.
+
+    Kept in batches, since a loop of a million rounds makes a million trails. Number 0 is the open road.
+    """
+
+    firsts: list[int] = field(default_factory=list)
+    batches: list[tuple[int, str, tuple[str, ...], Any, tuple[Any, ...]]] = field(default_factory=list)
+    count: int = 1
+
+    def add(
+        self, line: int, names: tuple[str, ...], before: Any, values: tuple[Any, ...], *, kind: str, count: int
+    ) -> int:
+        """`count` trails; `before` and each of the values are one for all, or one each. Returns the first's number."""
+        first = self.count
+        self.firsts.append(first)
+        self.batches.append((line, kind, names, before, values))
+        self.count += count
+        return first
+
+    def steps(self, trail: int) -> list[Step]:
+        """The steps of a trail, the innermost first."""
+        found = []
+        while trail > 0:
+            at = bisect_right(self.firsts, trail) - 1
+            line, kind, names, before, values = self.batches[at]
+            own = trail - self.firsts[at]
+            found.append(
+                Step(line=line, kind=kind, values={n: float(_one(v, own)) for n, v in zip(names, values, strict=True)})
+            )
+            trail = int(_one(before, own))
+        return found
+
+
+def _one(values: Any, at: int) -> Any:
+    return values[at] if isinstance(values, np.ndarray) else values
+
+
+def trail_remarks(trails: Trails, trail: int, locate: Locate) -> tuple[Remark, ...]:
+    """How a statement came about: the calls and rounds, the innermost first."""
+    remarks = []
+    for step in trails.steps(trail):
+        values = ", ".join(f"{name} = {number(value)}" for name, value in step.values.items())
+        match step.kind:
+            case "call":
+                text, fields = CALLED, {"values": f": {values}" if values else ""}
+            case "include":
+                text, fields = INCLUDED, {}
+            case _:
+                text, fields = ROUND, {"values": values}
+        remarks.append(Remark(text=text, span=locate(step.line, ""), fields=fields))
+    return tuple(remarks[:MAX_REMARKS])
+
+
+MAX_REMARKS = 8
+"""So many steps of a trail are shown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A whole job. `setups` in job order. `locate` finds the columns of a fault in the source, when one is reported."""
+    """A whole job. `setups` in job order. `locate` finds the columns of a fault in the source, when one is reported.
+
+    Lines are numbered through all files of a job; `file_of` tells a line's file ('' for the job's own) and its number
+    there, `text_of` the text of the line of a span. `trails` is None for a job without loops, routines and includes.
+    """
 
     name: str
     path: Path
     speeds: Speeds
     setups: tuple[Setup, ...]
     locate: Locate
+    file_of: Callable[[int], tuple[str, int]]
+    text_of: Callable[[Span], str]
+    trails: Trails | None = None
+
+    def remarks(self, trail: int) -> tuple[Remark, ...]:
+        """How a statement came about."""
+        return trail_remarks(self.trails, trail, self.locate) if self.trails is not None and trail else ()
+
+    def shown_line(self, line: int) -> str:
+        """A line as a message names it: '3', or '3 of setup.job' in an included file."""
+        name, number_there = self.file_of(line)
+        return f"{number_there} of {name}" if name else str(number_there)
 
     @property
     def has_forced_ends(self) -> bool:

@@ -56,6 +56,9 @@ class Machine:
     lookahead_time_ms: float = 5.0
     lookahead_acc_pulse_per_ms2: float = 1.0
     chord_tolerance_um: float = 1.0
+    expansion_max_statements: int = 3_000_000
+    expansion_max_depth: int = 64
+    expansion_max_includes: int = 16
     lasers: tuple[Laser, ...] = field(default=())
 
     @property
@@ -97,6 +100,11 @@ _LOOKAHEAD_KEYS: dict[str, Range] = {
     "time_ms": LOOKAHEAD_TIME_MS,
     "acc_pulse_per_ms2": ACCELERATION,
 }
+_EXPANSION_KEYS: dict[str, Range] = {
+    "max_statements": Range(name="statements", unit="", low=1, high=1e8, whole=True, section="profile"),
+    "max_depth": Range(name="depth", unit="", low=1, high=150, whole=True, section="profile"),
+    "max_includes": Range(name="includes", unit="", low=0, high=32, whole=True, section="profile"),
+}
 _LASER_KEYS: dict[str, Range] = {
     "channel": CHANNEL,
     "rated_w": _positive("rated power", "W", 1e6),
@@ -137,10 +145,13 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
         return Machine(), [Diagnostic(rule=d.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
     reader = _Reader(text=text, path=path)
     machine = Machine()
-    top = {k: v for k, v in data.items() if k not in ("lookahead", "laser")}
-    values = reader.table(top, _MACHINE_KEYS, "", extra=("lookahead", "laser"))
+    tables = ("lookahead", "expansion", "laser")
+    top = {k: v for k, v in data.items() if k not in tables}
+    values = reader.table(top, _MACHINE_KEYS, "", extra=tables)
     ahead = reader.table(reader.as_table(data.get("lookahead", {}), "lookahead"), _LOOKAHEAD_KEYS, "lookahead")
     values.update({f"lookahead_{k}": v for k, v in ahead.items()})
+    limits = reader.table(reader.as_table(data.get("expansion", {}), "expansion"), _EXPANSION_KEYS, "expansion")
+    values.update({f"expansion_{k}": int(v) for k, v in limits.items()})
     lasers = data.get("laser", [])
     if not isinstance(lasers, list):
         reader.fault(d.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
@@ -197,7 +208,7 @@ class _Reader:
         values: dict[str, Any] = {}
         known = [*keys, *_TEXTS, *extra]
         for key, value in data.items():
-            if key in _TEXTS and table != "lookahead":
+            if key in _TEXTS and table not in ("lookahead", "expansion"):
                 if isinstance(value, str):
                     values[key] = value
                 else:

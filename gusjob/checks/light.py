@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob import diagnostics as d
-from gusjob.checks.view import CHANNELS, Findings, View
+from gusjob.checks.view import CHANNELS, Findings, Indices, Remarks, View
+from gusjob.diagnostics import Remark
 from gusjob.job import Op
 
 
@@ -24,7 +25,16 @@ def jumps(view: View, findings: Findings) -> None:
     for channel in CHANNELS:
         lit, on_line, _, _ = view.lit(channel)
         bad = rows[lit[rows]]
-        findings.at_rows(d.JUMP_LIT, bad, "", channel=channel, on_line=on_line[bad])
+        findings.at_rows(d.JUMP_LIT, bad, "", channel=channel, remarks=switched_on(view, on_line[bad]))
+
+
+def switched_on(view: View, lines: Indices) -> Remarks:
+    """Where the laser was switched on, for each of several faults."""
+
+    def remarks(index: int) -> tuple[Remark, ...]:
+        return (Remark(text=d.ON_HERE, span=view.job.locate(int(lines[index]), "")),)
+
+    return remarks
 
 
 def no_power(view: View, findings: Findings) -> None:
@@ -47,4 +57,4 @@ def no_power(view: View, findings: Findings) -> None:
                 (behind < 0) | (keys[behind] < changed.first * 2) if len(keys) else np.ones(len(rows), dtype=np.bool_)
             )
             for line in sorted(set(on_line[rows[unset]].tolist())):
-                findings.add(d.NO_POWER, line, channel=channel, mode_line=changed.setup.line)
+                findings.add(d.NO_POWER, line, channel=channel, remarks=findings.mode_remark(changed.setup))

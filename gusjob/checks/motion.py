@@ -26,16 +26,12 @@ def speeds(view: View, findings: Findings) -> None:
         mm = value * (1e6 if is_acc else 1e3) / machine.pulses_per_mm[0]
         outside = allowed.judge(value) > 0
         fast = ~outside & (mm > limit * (1 + 1e-9)) & (in_mm | machine.equal_axes)
-        too_fast = findings.listed(d.TOO_FAST, np.flatnonzero(fast))
-        for i in sorted([*too_fast, *findings.listed(d.OUT_OF_RANGE, np.flatnonzero(outside))]):
-            line, place = int(written.line[at[i]]), word if written.inline[at[i]] else "value"
-            if fast[i]:
-                findings.add(d.TOO_FAST, line, place, what=word, value=float(mm[i]), unit=unit, limit=limit)
-            else:
-                findings.add(
-                    d.OUT_OF_RANGE, line, place, what=word, value=float(value[i]), unit=allowed.unit,
-                    range=str(allowed), hint="",
-                )  # fmt: skip
+        places = written.line[at], written.trail[at], np.where(written.inline[at], word, "value")
+        for rule, bad, values, fields in (
+            (d.TOO_FAST, fast, mm, {"unit": unit, "limit": limit}),
+            (d.OUT_OF_RANGE, outside, value, {"unit": allowed.unit, "range": str(allowed), "hint": ""}),
+        ):
+            findings.at_places(rule, *(p[bad] for p in places), what=word, value=values[bad], **fields)
 
 
 def given_speeds(view: View, findings: Findings) -> None:
@@ -75,7 +71,10 @@ def speeds_along(view: View, findings: Findings) -> None:
         for i in fast[first].tolist():
             line = int(lines[rows[i]])
             place = word if view.job.locate(line, word) != view.job.locate(line, "") else "value"
-            findings.add(d.TOO_FAST, line, place, what=word, value=float(mm[i]), unit=unit, limit=limit)
+            findings.add(
+                d.TOO_FAST, line, place, trail=int(path.trail[rows[i]]), what=word, value=float(mm[i]), unit=unit,
+                limit=limit,
+            )  # fmt: skip
 
 
 def _machine_limit(view: View, *, acceleration: bool) -> tuple[float, str]:
@@ -125,13 +124,7 @@ def arcs_close(view: View, findings: Findings) -> None:
         for word, place in (("I", path.cx[rows] - x0[rows] * px), ("J", path.cy[rows] - y0[rows] * py)):
             findings.ranged(rows, np.rint(place), limits.COORDINATE_PULSE, word, word)
         off = (np.abs(start - end) > _CLOSES_MM) & (start > 0)
-        for i in findings.listed(d.BAD_ARC, np.flatnonzero(off)):
-            row, a, b = int(rows[i]), float(start[i]), float(end[i])
-            reason = (
-                f"the end is {d.number(b)} mm from the centre, the start {d.number(a)} mm: they must be the same "
-                f"within {d.number(_CLOSES_MM)} mm"
-            )
-            findings.add(d.BAD_ARC, int(path.line[row]), reason=reason)
+        findings.at_rows(d.ARC_OFF, rows[off], "", end=end[off], start=start[off], limit=_CLOSES_MM)
     rows = view.rows(Op.ARC_RADIUS)
     if len(rows):
         findings.ranged(rows, path.radius[rows], limits.RADIUS_PULSE, "R", "R")
@@ -144,13 +137,8 @@ def arcs_close(view: View, findings: Findings) -> None:
             "an arc with R that ends where it starts could be any circle: write it with I J",
         )
         short = (2 * radius < chord - _CLOSES_MM) & (radius > 0)
-        for i in findings.listed(d.BAD_ARC, np.flatnonzero(short)):
-            row, r, c = int(rows[i]), float(radius[i]), float(chord[i])
-            reason = (
-                f"the radius {d.number(r)} mm is too small: the end is {d.number(c)} mm away, "
-                f"R must be at least {d.number(c / 2)} mm"
-            )
-            findings.add(d.BAD_ARC, int(path.line[row]), "R", reason=reason)
+        least = chord[short] / 2
+        findings.at_rows(d.ARC_SHORT, rows[short], "R", value=radius[short], chord=chord[short], least=least)
 
 
 def _bad_arc(findings: Findings, rows: Indices, reason: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob import diagnostics as d
-from gusjob.checks.view import CHANNELS, Findings, ModeSpan, View
+from gusjob.checks.view import CHANNELS, Findings, ModeSpan, View, unit_fields
 from gusjob.job import Op, PowerNow, SwitchNow
 from gusjob.limits import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, PowerMode, Verdict
 from gusjob.units import PowerUnit
@@ -32,11 +32,11 @@ def before_a_mode(view: View, findings: Findings) -> None:
         findings.at_rows(d.LASER_UNKNOWN, on[:1], "", channel=channel)
         for setup in view.setups(SwitchNow):
             turns_on = isinstance(setup.what, SwitchNow) and setup.what.on
-            if turns_on and setup.channel == channel and (not spans or setup.line < spans[0].setup.line):
-                findings.add(d.LASER_UNKNOWN, setup.line, channel=channel)
+            if turns_on and setup.channel == channel and (not spans or setup.order < spans[0].setup.order):
+                findings.at(d.LASER_UNKNOWN, setup, channel=channel)
         for setup in view.setups(PowerNow):
-            if setup.channel == channel and (not spans or setup.line < spans[0].setup.line):
-                findings.add(d.NO_MODE, setup.line, word=setup.word, channel=channel)
+            if setup.channel == channel and (not spans or setup.order < spans[0].setup.order):
+                findings.at(d.NO_MODE, setup, word=setup.word, channel=channel)
 
 
 def direct_power(view: View, findings: Findings) -> None:
@@ -56,23 +56,21 @@ def direct_power(view: View, findings: Findings) -> None:
         if mode is None or not isinstance(what, PowerNow):
             continue
         wanted = UNIT_OF_MODE[mode.mode.mode]
-        good_unit = findings.unit(setup.line, "value", "LASER POWER NOW", what.unit, wanted, mode.setup.line)
+        good_unit = findings.unit(setup, "value", "LASER POWER NOW", what.unit, wanted, mode.setup)
         if good_unit and findings.one(setup, what.power, POWER_NOW[mode.mode.mode], "LASER POWER NOW"):
             if not mode.mode.low <= what.power <= mode.mode.high:
-                findings.add(
-                    d.POWER_CLAMPED, setup.line, "value", what="LASER POWER NOW", value=what.power, low=mode.mode.low,
-                    high=mode.mode.high, unit=wanted.text, mode_line=mode.setup.line,
+                findings.at(
+                    d.POWER_CLAMPED, setup, "value", what="LASER POWER NOW", value=what.power, low=mode.mode.low,
+                    high=mode.mode.high, unit=wanted.text, remarks=findings.mode_remark(mode.setup),
                 )  # fmt: skip
             highest = view.machine.laser(setup.channel).max_frequency_khz
             if wanted is PowerUnit.KHZ and highest is not None and what.power > highest:
-                findings.add(
-                    d.CARRIER_TOO_FAST, setup.line, "value", what="LASER POWER NOW", value=what.power, limit=highest
-                )
+                findings.at(d.CARRIER_TOO_FAST, setup, "value", what="LASER POWER NOW", value=what.power, limit=highest)
             width = mode.mode.pulse_width_us
             duty = min(max(what.power, mode.mode.low), mode.mode.high) * (width or 0.0) / 10
             if width and what.power > 0 and PULSE_DUTY_PCT.verdict(duty) is not Verdict.INSIDE:
-                findings.add(
-                    d.PULSE_TOO_WIDE, setup.line, "value", value=what.power, width=width, duty=duty,
+                findings.at(
+                    d.PULSE_TOO_WIDE, setup, "value", value=what.power, width=width, duty=duty,
                     range=str(PULSE_DUTY_PCT),
                 )  # fmt: skip
 
@@ -123,13 +121,18 @@ def saturation(view: View, findings: Findings) -> None:
         over = (path.op[source] == Op.FOLLOW) & (asked > path.high[source] * (1 + 1e-9))
         rows, first = np.unique(source[over], return_index=True)
         which = np.flatnonzero(over)[first]
-        for i in findings.listed(d.SATURATES, np.arange(len(rows))):
-            row, mark = int(rows[i]), int(which[i])
-            unit = next((s.mode.mode.unit for s in view.modes(channel) if s.first <= row < s.last), "")
-            findings.add(
-                d.SATURATES, int(path.line[row]), "", value=float(asked[mark]), velocity=float(path.vel[marks[mark]]),
-                high=float(path.high[row]), unit=unit,
-            )  # fmt: skip
+        findings.at_rows(
+            d.SATURATES, rows, "", value=asked[which], velocity=path.vel[marks[which]], high=path.high[rows],
+            unit=_unit_at(view, channel, rows),
+        )  # fmt: skip
+
+
+def _unit_at(view: View, channel: int, rows: np.ndarray) -> np.ndarray:
+    """The power unit in force at rows."""
+    units = np.full(len(rows), "", dtype=object)
+    for span in view.modes(channel):
+        units[(rows >= span.first) & (rows < span.last)] = span.mode.mode.unit
+    return np.array(units, dtype=str)
 
 
 def _rows_in(view: View, op: Op, span: ModeSpan) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -143,10 +146,11 @@ def _units(
 ) -> np.ndarray:
     wanted = UNIT_OF_MODE[span.mode.mode]
     good: np.ndarray = (written == PowerUnit.NONE) | (written == wanted)
-    if not good.all():
-        for i in findings.listed(d.WRONG_UNIT, np.flatnonzero(~good)):
-            line = int(findings.job.path.line[rows[i]])
-            findings.unit(line, word, what, int(written[i]), wanted, span.setup.line)
+    for unit in set(written[~good].tolist()):
+        findings.at_rows(
+            d.WRONG_UNIT, rows[written == unit], word, remarks=lambda _: findings.mode_remark(span.setup),
+            **unit_fields(what, unit, wanted),
+        )  # fmt: skip
     return good
 
 
@@ -156,7 +160,7 @@ def _clamped(findings: Findings, span: ModeSpan, rows: np.ndarray, values: np.nd
     if out.any():
         findings.at_rows(
             d.POWER_CLAMPED, rows[out], word, what=what, value=values[out], low=float(mode.low),
-            high=float(mode.high), unit=mode.mode.unit, mode_line=span.setup.line,
+            high=float(mode.high), unit=mode.mode.unit, remarks=lambda _: findings.mode_remark(span.setup),
         )  # fmt: skip
 
 

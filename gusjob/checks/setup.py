@@ -31,9 +31,7 @@ def laser_mode(view: View, findings: Findings) -> None:
         good = findings.one(setup, mode.low, allowed, "mode MIN", "MIN")
         good &= findings.one(setup, mode.high, allowed, "mode MAX", "MAX")
         if good and mode.low >= mode.high:
-            findings.add(
-                d.MIN_ABOVE_MAX, setup.line, "MIN", what=setup.word, low=float(mode.low), high=float(mode.high)
-            )
+            findings.at(d.MIN_ABOVE_MAX, setup, "MIN", what=setup.word, low=float(mode.low), high=float(mode.high))
         if mode.pulse_width_us is not None:
             findings.one(setup, mode.pulse_width_us, limits.PULSE_WIDTH_US, "pulse WIDTH", "WIDTH")
         if mode.carrier_khz is None or not findings.one(
@@ -42,9 +40,7 @@ def laser_mode(view: View, findings: Findings) -> None:
             continue
         highest = view.machine.laser(setup.channel).max_frequency_khz
         if highest is not None and mode.carrier_khz > highest:
-            findings.add(
-                d.CARRIER_TOO_FAST, setup.line, "CARRIER", what="CARRIER", value=mode.carrier_khz, limit=highest
-            )
+            findings.at(d.CARRIER_TOO_FAST, setup, "CARRIER", what="CARRIER", value=mode.carrier_khz, limit=highest)
 
 
 def delays(view: View, findings: Findings) -> None:
@@ -55,7 +51,7 @@ def delays(view: View, findings: Findings) -> None:
         good = findings.one(setup, delay.on_delay_us, limits.SWITCH_DELAY_US, "on delay", "ON")
         good &= findings.one(setup, delay.off_delay_us, limits.SWITCH_DELAY_US, "off delay", "OFF")
         if good and delay.off_delay_us < delay.on_delay_us:
-            findings.add(d.OFF_BELOW_ON, setup.line, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
+            findings.at(d.OFF_BELOW_ON, setup, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
 
 
 def output_when_off(view: View, findings: Findings) -> None:
@@ -68,8 +64,8 @@ def output_when_off(view: View, findings: Findings) -> None:
             findings.one(setup, standby.pulse[1], limits.STANDBY_PCT, "standby DUTY", "DUTY")
             highest = view.machine.laser(setup.channel).max_frequency_khz
             if highest is not None and standby.pulse[0] > highest:
-                findings.add(
-                    d.CARRIER_TOO_FAST, setup.line, "FREQ", what="standby FREQ", value=standby.pulse[0], limit=highest
+                findings.at(
+                    d.CARRIER_TOO_FAST, setup, "FREQ", what="standby FREQ", value=standby.pulse[0], limit=highest
                 )
             _wants(view, findings, setup, pwm=True)
     for setup in view.setups(LaserPrevolt):
@@ -95,9 +91,9 @@ def output_when_off(view: View, findings: Findings) -> None:
 def _wants(view: View, findings: Findings, setup: Setup, *, pwm: bool) -> None:
     span = view.mode_of(setup)
     if span is not None and span.mode.mode.is_pwm != pwm:
-        findings.add(
-            d.WRONG_MODE, setup.line, word=setup.word, wanted="the PWM modes (DUTY, DUTY2, FREQUENCY)" if pwm else
-            "analog mode", channel=setup.channel, mode=span.mode.mode.name, mode_line=span.setup.line,
+        findings.at(
+            d.WRONG_MODE, setup, word=setup.word, wanted="the PWM modes (DUTY, DUTY2, FREQUENCY)" if pwm else
+            "analog mode", channel=setup.channel, mode=span.mode.mode.name, remarks=findings.mode_remark(span.setup),
         )  # fmt: skip
 
 
@@ -108,33 +104,31 @@ def distance(view: View, findings: Findings) -> None:
         assert isinstance(what, LaserDistance)
         if what.settings is None:
             continue
-        spans = [s for s in view.modes(setup.channel) if s.setup.line < setup.line]
+        spans = [s for s in view.modes(setup.channel) if s.setup.order < setup.order]
         if not spans:
-            findings.add(d.DISTANCE_NEEDS_MODE, setup.line, channel=setup.channel)
+            findings.at(d.DISTANCE_NEEDS_MODE, setup, channel=setup.channel)
             continue
         mode, settings = spans[-1], what.settings
         allowed, wanted = DISTANCE_LIMIT[mode.mode.mode], UNIT_OF_MODE[mode.mode.mode]
         good = True
         for word, value, unit in (("MIN", settings.low, settings.low_unit), ("MAX", settings.high, settings.high_unit)):
             name = f"distance {word}"
-            fits = findings.unit(setup.line, word, name, unit, wanted, mode.setup.line)
+            fits = findings.unit(setup, word, name, unit, wanted, mode.setup)
             good &= fits and findings.one(setup, value, allowed, name, word)
         if good and settings.low >= settings.high:
-            findings.add(
-                d.MIN_ABOVE_MAX, setup.line, "MIN", what="LASER DISTANCE", low=settings.low, high=settings.high
-            )
+            findings.at(d.MIN_ABOVE_MAX, setup, "MIN", what="LASER DISTANCE", low=settings.low, high=settings.high)
         for word, value in (("MIN", settings.low), ("MAX", settings.high)):
             if good and not mode.mode.low <= value <= mode.mode.high:
-                findings.add(
-                    d.POWER_CLAMPED, setup.line, word, what=f"distance {word}", value=value, low=mode.mode.low,
-                    high=mode.mode.high, unit=mode.mode.mode.unit, mode_line=mode.setup.line,
+                findings.at(
+                    d.POWER_CLAMPED, setup, word, what=f"distance {word}", value=value, low=mode.mode.low,
+                    high=mode.mode.high, unit=mode.mode.mode.unit, remarks=findings.mode_remark(mode.setup),
                 )  # fmt: skip
         for span in view.modes(setup.channel):
-            later = span.setup.line > setup.line and span.mode.mode.unit != mode.mode.mode.unit
+            later = span.setup.order > setup.order and span.mode.mode.unit != mode.mode.mode.unit
             if later and not _set_again(view, setup, span):
-                findings.add(
-                    d.DISTANCE_STALE, span.setup.line, distance_line=setup.line, unit=mode.mode.mode.unit,
-                    mode_unit=span.mode.mode.unit,
+                findings.at(
+                    d.DISTANCE_STALE, span.setup, distance_line=view.job.shown_line(setup.line),
+                    unit=mode.mode.mode.unit, mode_unit=span.mode.mode.unit,
                 )  # fmt: skip
                 break
         for axis, place in zip("XYZA", settings.reference_pulse, strict=True):
@@ -144,7 +138,7 @@ def distance(view: View, findings: Findings) -> None:
 def _set_again(view: View, setup: Setup, span: ModeSpan) -> bool:
     """Whether another LASER DISTANCE of the channel takes over before anything moves in a mode."""
     return any(
-        other.channel == setup.channel and setup.line < other.line and other.at <= span.setup.at
+        other.channel == setup.channel and setup.order < other.order and other.at <= span.setup.at
         for other in view.setups(LaserDistance)
     )
 
@@ -157,7 +151,7 @@ def coordinate_system(view: View, findings: Findings) -> None:
                 findings.one(setup, crd, limits.CRD, "CRD")
                 findings.one(setup, fifo, limits.FIFO, "FIFO", "FIFO")
                 if setup.at:
-                    findings.add(d.CRD_LATE, setup.line)
+                    findings.at(d.CRD_LATE, setup)
             case LookAhead(corner=(time, acc)):
                 if time == time:
                     findings.one(setup, time, limits.LOOKAHEAD_TIME_MS, "LOOKAHEAD TIME", "TIME")
@@ -171,4 +165,4 @@ def new_stages(view: View, findings: Findings) -> None:
     """A setup statement behind motion stops it."""
     for setup, opens in zip(view.job.setups, opens_stage(view.job), strict=True):
         if opens and not isinstance(setup.what, Wait):
-            findings.add(d.NEW_STAGE, setup.line, word=setup.word)
+            findings.at(d.NEW_STAGE, setup, word=setup.word)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
-from gusjob.diagnostics import Collector, Rule
+from gusjob.diagnostics import Collector, Remark, Rule
 from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, SwitchNow
 from gusjob.limits import Range, Verdict
 from gusjob.machine import Machine
@@ -23,6 +23,14 @@ Indices = npt.NDArray[np.intp]
 
 CHANNELS = (0, 1)
 
+Remarks = Callable[[int], tuple[Remark, ...]]
+"""Other places that matter for the fault at an index."""
+
+
+def no_remarks(index: int) -> tuple[Remark, ...]:
+    """Nothing more to say."""
+    return ()
+
 
 @dataclass(slots=True)
 class Findings:
@@ -30,26 +38,53 @@ class Findings:
 
     job: Job
     collector: Collector
+    seen: dict[tuple[Any, ...], int] = field(default_factory=dict)
+    """Faults of a job with loops: a statement is said once of what it does wrong, however often it comes."""
 
-    def add(self, rule: Rule, line: int, word: str = "", /, **fields: Any) -> None:
+    def add(
+        self, rule: Rule, line: int, word: str = "", /, *, trail: int = 0, count: int = 1,
+        remarks: tuple[Remark, ...] = (), **fields: Any,
+    ) -> None:  # fmt: skip
         """One fault at a word of a line ('' for the statement, 'value' for its number)."""
-        span = self.job.locate(line, word) if self.collector.room(rule) else d.NOWHERE
-        self.collector.add(rule, span, fields)
+        key = (rule.code, line, word, fields.get("what"), fields.get("axis"), fields.get("channel"))
+        if self.job.trails is not None and key in self.seen:
+            self.collector.again(self.seen[key], count)
+            return
+        if not self.collector.room(rule):
+            self.collector.uncounted(rule, 1)
+            return
+        self.seen[key] = len(self.collector.found)
+        span = self.job.locate(line, word)
+        self.collector.add(rule, span, fields, count, (*remarks, *self.job.remarks(trail)))
 
-    def at_rows(self, rule: Rule, rows: Indices, word: str, /, **columns: Any) -> None:
+    def at(
+        self, rule: Rule, setup: Setup, word: str = "", /, *, remarks: tuple[Remark, ...] = (), **fields: Any
+    ) -> None:
+        """One fault at a word of a setup statement."""
+        self.add(rule, setup.line, word, trail=setup.trail, remarks=remarks, **fields)
+
+    def at_rows(
+        self, rule: Rule, rows: Indices, word: str, /, *, remarks: Remarks = no_remarks, **columns: Any
+    ) -> None:
         """One fault a row; a field that is an array (one entry a row of `rows`) gives each its own."""
-        lines = self.job.path.line[rows]
-        listed = min(len(rows), self.collector.room(rule))
-        for i in range(listed):
-            fields = {k: v[i].item() if isinstance(v, np.ndarray) else v for k, v in columns.items()}
-            self.add(rule, int(lines[i]), word, **fields)
-        self.collector.uncounted(rule, len(rows) - listed)
+        path = self.job.path
+        words = np.broadcast_to(word, len(rows))
+        self.at_places(rule, path.line[rows], path.trail[rows], words, remarks=remarks, **columns)
 
-    def listed(self, rule: Rule, found: Indices) -> list[int]:
-        """As many of the places found as will be listed; the rest is counted, not looped over."""
-        listed: list[int] = found[: self.collector.room(rule)].tolist()
-        self.collector.uncounted(rule, len(found) - len(listed))
-        return listed
+    def at_places(
+        self, rule: Rule, lines: npt.NDArray[Any], trails: npt.NDArray[Any], words: npt.NDArray[Any], /, *,
+        remarks: Remarks = no_remarks, **columns: Any,
+    ) -> None:  # fmt: skip
+        """One fault a place; rounds of the same statement are one fault with a count."""
+        places, counts = np.arange(len(lines)), np.ones(len(lines), dtype=np.intp)
+        if self.job.trails is not None:
+            _, places, counts = np.unique(lines, return_index=True, return_counts=True)
+        listed = min(len(places), self.collector.room(rule))
+        for i, count in zip(places[:listed].tolist(), counts[:listed].tolist(), strict=True):
+            fields = {k: v[i].item() if isinstance(v, np.ndarray) else v for k, v in columns.items()}
+            line, trail = int(lines[i]), int(trails[i])
+            self.add(rule, line, str(words[i]), trail=trail, count=count, remarks=remarks(i), **fields)
+        self.collector.uncounted(rule, len(places) - listed)
 
     def ranged(self, rows: Indices, values: Floats, allowed: Range, what: str, word: str, hint: str = "") -> Bools:
         """Judge values (one a row) against a range; returns which are good."""
@@ -58,7 +93,7 @@ class Findings:
         if not verdict.any() and whole.all():
             return np.ones(len(values), dtype=np.bool_)
         outside = verdict == Verdict.OUTSIDE
-        fields = {"what": what, "unit": allowed.unit, "range": str(allowed), "hint": hint}
+        fields: dict[str, Any] = {"what": what, "unit": allowed.unit, "range": str(allowed), "hint": hint}
         self.at_rows(d.OUT_OF_RANGE, rows[outside], word, value=values[outside], **fields)
         ends = (verdict == Verdict.ON_TOLERATED_END) & whole
         self.at_rows(d.ON_OPEN_END, rows[ends], word, value=values[ends], **fields)
@@ -76,20 +111,32 @@ class Findings:
             rule = d.ON_OPEN_END
         else:
             return True
-        self.add(rule, setup.line, word, what=what, value=value, unit=allowed.unit, range=str(allowed), hint="")
+        self.at(rule, setup, word, what=what, value=value, unit=allowed.unit, range=str(allowed), hint="")
         return rule is d.ON_OPEN_END
 
-    def unit(self, line: int, word: str, what: str, written: int, wanted: PowerUnit, mode_line: int) -> bool:
-        """Judge the unit that a power was written in; returns whether it is good."""
+    def unit(self, setup: Setup, word: str, what: str, written: int, wanted: PowerUnit, mode: Setup) -> bool:
+        """Judge the unit that a power of a setup statement was written in; returns whether it is good."""
         if written in (PowerUnit.NONE, wanted):
             return True
-        unit = PowerUnit(written)
-        kinds = {PowerUnit.PERCENT: "a share", PowerUnit.KHZ: "a frequency", PowerUnit.VOLT: "a voltage"}
-        self.add(
-            d.WRONG_UNIT, line, word, what=what, wanted=f"in {wanted.text} here (LASER MODE in line {mode_line})",
-            unit=unit.text, kind=kinds[unit], hint="",
-        )  # fmt: skip
+        self.at(d.WRONG_UNIT, setup, word, remarks=self.mode_remark(mode), **unit_fields(what, written, wanted))
         return False
+
+    def mode_remark(self, mode: Setup) -> tuple[Remark, ...]:
+        """Where the mode was set."""
+        return (Remark(text=d.MODE_HERE, span=self.job.locate(mode.line, ""), fields={"mode": mode.word}),)
+
+
+def unit_fields(what: str, written: int, wanted: PowerUnit) -> dict[str, Any]:
+    """Fields of WRONG_UNIT for a power."""
+    kinds = {PowerUnit.PERCENT: "a share", PowerUnit.KHZ: "a frequency", PowerUnit.VOLT: "a voltage"}
+    unit = PowerUnit(written)
+    return {
+        "what": what,
+        "wanted": f"in {wanted.text} in this mode",
+        "unit": unit.text,
+        "kind": kinds[unit],
+        "hint": "",
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,10 +177,10 @@ class View:
     def mode_of(self, setup: Setup) -> ModeSpan | None:
         """The mode in force for a setup statement.
 
-        That is the last LASER MODE of its channel above it, else the first below.
+        That is the last LASER MODE of its channel before it, else the first behind.
         """
         spans = self.modes(setup.channel)
-        above = bisect_right(spans, setup.line, key=lambda span: span.setup.line)
+        above = bisect_right(spans, setup.order, key=lambda span: span.setup.order)
         return spans[max(above - 1, 0)] if spans else None
 
     def lit(self, channel: int) -> tuple[Bools, Indices, bool, int]:

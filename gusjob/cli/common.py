@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 import click
 
 from gusjob.checks import check as check_job
-from gusjob.diagnostics import Diagnostic, Severity, has_errors
+from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors
 from gusjob.job import Job
 from gusjob.machine import Machine, find_profile, read_machine
 from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
@@ -50,6 +50,13 @@ class Loaded:
         """Whether the calls come from a listing."""
         return self.stream is not None and self.job is None
 
+    def text_of(self, span: Span, path: str) -> str:
+        """The source line of a span in this file, in its profile, or in a file that it includes."""
+        if span.path and self.job is not None:
+            return self.job.text_of(span)
+        source = self.sources.get(path)
+        return source.line(span.line) if source is not None else ""
+
 
 def load(path: Path, machine_path: Path | None) -> Loaded:
     """Read a job or listing with its machine profile; a job is checked, a listing is read."""
@@ -73,10 +80,13 @@ def load(path: Path, machine_path: Path | None) -> Loaded:
         return loaded
     loaded.job, loaded.faults = read_job(source, loaded.machine)
     # After a line that can't be read the state of what follows is unknown, but most of it can still be judged.
-    loaded.faults = sorted(
-        [*loaded.faults, *check_job(loaded.job, loaded.machine)], key=lambda f: (f.span.line, f.span.column)
-    )
+    loaded.faults = in_order([*loaded.faults, *check_job(loaded.job, loaded.machine)])
     return loaded
+
+
+def in_order(faults: list[Diagnostic]) -> list[Diagnostic]:
+    """By place: the file's own first, then those of the files that it includes."""
+    return sorted(faults, key=lambda f: (f.span.path, f.span.line, f.span.column))
 
 
 def compiled(loaded: Loaded) -> Stream | None:
@@ -93,11 +103,14 @@ def compiled(loaded: Loaded) -> Stream | None:
 def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
     """Add what the interpreter found, with spans."""
     if loaded.source is not None:
-        # What the check has said of a line already is not said again of the line's call.
-        said = {(f.rule.code, f.span.line) for f in loaded.faults}
-        fresh = [f for f in faults if loaded.foreign or (f.rule.code, f.span.line) not in said]
-        found = [*loaded.faults, *locate_calls(fresh, loaded.source)]
-        loaded.faults = sorted(found, key=lambda f: (f.span.line, f.span.column))
+        if loaded.job is None:
+            found = locate_calls(faults, loaded.source)
+        else:
+            # What the check has said of a line already is not said again of the line's calls.
+            found = [replace(f, span=loaded.job.locate(f.span.line, "")) for f in faults]
+            said = {(f.rule.code, f.file, f.span.line) for f in loaded.faults}
+            found = [f for f in found if (f.rule.code, f.file, f.span.line) not in said]
+        loaded.faults = in_order([*loaded.faults, *found])
 
 
 def exit_code(loaded: Iterable[Loaded], *, strict: bool = False) -> int:
@@ -118,8 +131,7 @@ def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
     color = stream is not None and stream.isatty()  # A closed stream is None.
     for fault in loaded.faults:
         if notes or fault.severity is not Severity.NOTE:
-            source = loaded.sources.get(fault.path)
-            click.echo(diagnostic_text(fault, source, color=color), err=err, color=color)
+            click.echo(diagnostic_text(fault, loaded.text_of, color=color), err=err, color=color)
 
 
 def write(pieces: Iterable[bytes], output: Path | None, *, source: Path | None = None) -> None:

@@ -95,9 +95,12 @@ def _slowed_on_arcs(state: Plan, vel: Floats) -> Floats:
 def _report(state: Plan, collector: Collector, rule: Rule, where: npt.NDArray[np.bool_], reached: Floats) -> None:
     """A fault at the END of every segment in `where`."""
     at = np.flatnonzero(where)
-    listed = at[: collector.room(rule)].tolist()
-    for i in listed:
-        line = int(state.path.line[state.timed[i]])
+    path, timed = state.path, state.timed
+    _, first, counts = np.unique(path.line[timed[at]], return_index=True, return_counts=True)
+    listed = collector.room(rule)
+    for i, count in zip(at[first[:listed]].tolist(), counts[:listed].tolist(), strict=True):
+        row = int(timed[i])
+        span, remarks = state.job.locate(int(path.line[row]), "END"), state.job.remarks(int(path.trail[row]))
         fields = {"value": float(state.vel_end[i]), "high": float(reached[i])}
-        collector.add(rule, state.job.locate(line, "END"), fields)
-    collector.uncounted(rule, len(at) - len(listed))
+        collector.add(rule, span, fields, count, remarks)
+    collector.uncounted(rule, max(len(first) - listed, 0))

@@ -19,10 +19,10 @@ _CSV_CHUNK = 1 << 15
 
 
 def diagnostic_object(fault: Diagnostic) -> dict[str, Any]:
-    """One diagnostic as in the JSON."""
+    """One diagnostic as in the JSON; `count` and `notes` only where they say something."""
     span = fault.span
-    return {
-        "path": fault.path,
+    found: dict[str, Any] = {
+        "path": fault.file,
         "line": span.line,
         "column": span.column,
         "end_line": max(span.end_line, span.line),
@@ -31,6 +31,21 @@ def diagnostic_object(fault: Diagnostic) -> dict[str, Any]:
         "code": fault.rule.code,
         "message": fault.message,
     }
+    if fault.count > 1:
+        found["count"] = fault.count
+    if fault.remarks:
+        found["notes"] = [
+            {
+                "path": r.span.path or fault.path,
+                "line": r.span.line,
+                "column": r.span.column,
+                "end_line": max(r.span.end_line, r.span.line),
+                "end_column": max(r.span.end_column, r.span.column),
+                "message": r.message,
+            }
+            for r in fault.remarks
+        ]
+    return found
 
 
 def check_json(faults: Iterable[Diagnostic]) -> bytes:

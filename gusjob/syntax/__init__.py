@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic
 from gusjob.job import Job
 from gusjob.machine import Machine
-from gusjob.syntax.elaborate import elaborate
-from gusjob.syntax.job_reader import read_job_text
+from gusjob.syntax.elaborate import Told, elaborate
+from gusjob.syntax.files import SourceMap
+from gusjob.syntax.job_reader import JobText, read_job_text
+from gusjob.syntax.program import more_faults, plain, read_program
 from gusjob.syntax.source import Source, check_text, read_source
 
 if TYPE_CHECKING:
@@ -35,14 +40,39 @@ def is_listing(source: Source) -> bool:
 def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     """A job text on a machine; all faults of the text in one go."""
     text = read_job_text(source)
-    job, faults = elaborate(text, machine)
-    found = [*text.diagnostics, *faults]
+    found = list(text.diagnostics)
+    if plain(text):
+        sources = SourceMap()
+        sources.add(source)
+        nothing = np.zeros(1, dtype=np.int64)
+        told = Told(name=source.name, rows=text.rows, setups=text.setups, sources=sources, frame_parent=nothing)
+    else:
+        told, more = _carried_out(text, machine)
+        found += more
+    job, faults = elaborate(told, machine)
+    found += faults
     if text.faults_not_listed:
-        fields = {"count": text.faults_not_listed, "code": "the lines", "shown": len(text.diagnostics)}
-        found.append(Diagnostic(rule=d.MORE, span=d.NOWHERE, fields=fields))
-    if not len(text.rows.op) and not found:
+        found.append(more_faults(text))
+    if not len(told.rows.op) and not found:
         found.append(Diagnostic(rule=d.EMPTY, span=d.NOWHERE, fields={"what": "statements"}))
     return job, [_named(f, source.name) for f in found]
+
+
+def _carried_out(text: JobText, machine: Machine) -> tuple[Told, list[Diagnostic]]:
+    """A text with loops, names, routines, frames or includes, carried out."""
+    from gusjob.syntax.expand import expand  # Start-up time is part of the tool.
+
+    program, faults = read_program(text, machine)
+    done = expand(program, machine)
+    told = Told(
+        name=text.source.name,
+        rows=done.rows,
+        setups=done.setups,
+        sources=program.sources,
+        frame_parent=done.frame_parent,
+        trails=done.trails,
+    )
+    return told, [*faults, *done.diagnostics]
 
 
 def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
@@ -66,9 +96,9 @@ def locate_calls(faults: list[Diagnostic], source: Source) -> list[Diagnostic]:
         start = len(text) - len(text.lstrip()) + 1
         line = fault.span.line
         span = d.Span(line=line, column=start, end_line=line, end_column=max(len(text.rstrip()) + 1, start + 1))
-        placed.append(Diagnostic(rule=fault.rule, span=span, fields=fault.fields, path=fault.path))
+        placed.append(replace(fault, span=span))
     return placed
 
 
 def _named(fault: Diagnostic, name: str) -> Diagnostic:
-    return fault if fault.path else Diagnostic(rule=fault.rule, span=fault.span, fields=fault.fields, path=name)
+    return fault if fault.path else replace(fault, path=name)

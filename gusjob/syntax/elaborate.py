@@ -30,13 +30,16 @@ from gusjob.job import (
     SetupStatement,
     Speeds,
     SwitchNow,
+    Trails,
     Wait,
 )
 from gusjob.limits import CHANNEL, MODE_LIMIT, PowerMode
 from gusjob.machine import Machine
 from gusjob.motion import running_sum
+from gusjob.syntax.files import SourceMap
 from gusjob.syntax.forms import Field
-from gusjob.syntax.job_reader import JobText, RowOp, locate_in
+from gusjob.syntax.frames import Frames, frames_of, positions_in_frames
+from gusjob.syntax.job_reader import RowOp
 from gusjob.syntax.shapes import Rows
 from gusjob.syntax.statements import Quantity, Statement, unit_of
 from gusjob.units import System, acceleration_pulse_per_ms2, velocity_pulse_per_ms
@@ -61,18 +64,37 @@ _NONE = 255
 _OP_TABLE = np.array([_OPS.get(op, _NONE) for op in RowOp], dtype=np.uint8)
 
 
-def elaborate(text: JobText, machine: Machine) -> tuple[Job, list[Diagnostic]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """All that a job says, in the order in which it is carried out.
+
+    `rows` point into `setups`. `frame_parent`: for each frame (from 1) the frame around it, 0 for none. `trails`:
+    None where every statement stands in the open.
+    """
+
+    name: str
+    rows: Rows
+    setups: tuple[Statement, ...]
+    sources: SourceMap
+    frame_parent: npt.NDArray[np.int64]
+    trails: Trails | None = None
+
+
+def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     """The job that a text says on a machine."""
-    reader = _Elaboration(text=text, machine=machine)
+    reader = _Elaboration(told=told, machine=machine)
     path = reader.path()
     job = Job(
-        name=text.source.name,
+        name=told.name,
         path=path,
         speeds=reader.speeds(),
         setups=reader.setups(),
-        locate=locate_in(text.source),
+        locate=told.sources.locate,
+        file_of=told.sources.file_of,
+        text_of=told.sources.text_of,
+        trails=told.trails,
     )
-    return job, reader.channel_faults()
+    return job, reader.faults(job)
 
 
 def last_set(is_set: Bools) -> npt.NDArray[np.int64]:
@@ -110,13 +132,13 @@ class _Modal:
 
 @dataclass(slots=True)
 class _Elaboration:
-    text: JobText
+    told: Told
     machine: Machine
 
     @property
     def rows(self) -> Rows:
         """The rows read."""
-        return self.text.rows
+        return self.told.rows
 
     def col(self, column: Field) -> Floats:
         found: Floats = self.rows.column(column)
@@ -193,23 +215,104 @@ class _Elaboration:
             value=np.concatenate([p[2] for p in parts]),
             in_mm=np.concatenate([p[3] for p in parts]),
             inline=np.concatenate([np.full(len(p[0]), p[4]) for p in parts]),
+            trail=np.concatenate([self.trail()[p[0]] for p in parts]),
         )
 
-    def position(self, column: Field, axis: int) -> Floats:
-        """Absolute position on an axis behind each row, pulse."""
-        op = self.rows.op
-        moves = op <= RowOp.ARC_RADIUS_CCW
+    def trail(self) -> npt.NDArray[np.int32]:
+        """The trail of each row."""
+        if Field.TRAIL not in self.rows.columns:
+            return np.broadcast_to(np.int32(0), len(self.rows.op))
+        return np.nan_to_num(self.col(Field.TRAIL)).astype(np.int32)
+
+    def positions(self) -> tuple[Floats, Floats]:
+        """Absolute position behind each row, pulse."""
+        rows, op = self.rows, self.rows.op
+        x, y = (self.words(column, axis) for axis, column in enumerate((Field.X, Field.Y)))
+        relative = self.relative()
+        if Field.FRAME not in rows.columns:
+            return self.position(x, relative), self.position(y, relative)
+        moves = np.flatnonzero(op <= RowOp.ARC_RADIUS_CCW)
+        frame = np.nan_to_num(self.col(Field.FRAME)[moves]).astype(np.int64)
+        here = relative[moves] if relative is not None else np.zeros(len(moves), dtype=np.bool_)
+        px, py = positions_in_frames(x[moves], y[moves], here, frame, self.frames())
+        found = []
+        for values in (px, py):
+            spread = np.full(len(op), np.nan)
+            spread[moves] = values
+            found.append(filled(spread, 0.0))
+        return found[0], found[1]
+
+    def words(self, column: Field, axis: int) -> Floats:
+        """X or Y of moves, pulse; NaN where an axis is left out."""
         if column not in self.rows.columns:
-            return np.broadcast_to(np.float64(0.0), len(op))
-        words = np.where(moves, self.length(column, axis), np.nan)
+            return np.broadcast_to(np.float64(np.nan), len(self.rows.op))
+        return np.where(self.rows.op <= RowOp.ARC_RADIUS_CCW, self.length(column, axis), np.nan)
+
+    def relative(self) -> Bools | None:
+        """Whether COORDS REL is in force, per row; None if never."""
+        op = self.rows.op
         if not (op == RowOp.COORDS_REL).any():
-            return filled(words, 0.0)
+            return None
         switch = last_set((op == RowOp.COORDS_REL) | (op == RowOp.COORDS_ABS))
-        relative = (switch >= 0) & (op[switch] == RowOp.COORDS_REL)
+        return np.asarray((switch >= 0) & (op[switch] == RowOp.COORDS_REL))
+
+    def position(self, words: Floats, relative: Bools | None) -> Floats:
+        """Absolute position on an axis behind each row, pulse, where there is no frame."""
+        if len(words) and words.strides == (0,):
+            return np.broadcast_to(np.float64(0.0), len(words))
+        if relative is None:
+            return filled(words, 0.0)
         given = ~np.isnan(words)
         sums = running_sum(np.where(relative & given, words, 0.0))[1:]
         base = last_set(given & ~relative)
         return np.where(base >= 0, words[base] - sums[base], 0.0) + sums
+
+    def frames(self) -> Frames:
+        """Every frame as a map from its pulses to the machine's, those around it included."""
+        at = np.flatnonzero(self.rows.op == RowOp.FRAME)
+        number = self.col(Field.FRAME)[at].astype(np.int64)
+        shift_x, shift_y = self.length(Field.X, 0)[at], self.length(Field.Y, 1)[at]
+        angle, scale = self.col(Field.VALUE)[at], self.col(Field.RATIO)[at]
+        return frames_of(
+            number, np.nan_to_num(shift_x), np.nan_to_num(shift_y), np.nan_to_num(angle),
+            np.where(np.isnan(scale) | ~(scale > 0), 1.0, scale), self.told.frame_parent, self.machine.pulses_per_mm,
+        )  # fmt: skip
+
+    def faults(self, job: Job) -> list[Diagnostic]:
+        """What only the whole job shows: channels that are none, frames without a size, arcs that a frame bends."""
+        op, value = self.rows.op, self.channel()
+        written = op == RowOp.CHANNEL
+        if Field.CHANNEL in self.rows.columns:
+            written = written | ~np.isnan(self.col(Field.CHANNEL))
+        bad = np.flatnonzero(written & ((CHANNEL.judge(value) > 0) | ~CHANNEL.carries(value)))
+        found = []
+        for at, count in self.once(bad):
+            word = "value" if op[at] == RowOp.CHANNEL else "CHANNEL"
+            fields = {"what": "CHANNEL", "value": float(value[at]), "unit": "", "range": str(CHANNEL), "hint": ""}
+            found.append(self.fault(job, d.OUT_OF_RANGE, at, word, count, fields))
+        if not (op == RowOp.FRAME).any():
+            return found
+        scale = self.col(Field.RATIO)
+        for at, count in self.once(np.flatnonzero((op == RowOp.FRAME) & ~(scale > 0) & ~np.isnan(scale))):
+            found.append(self.fault(job, d.FRAME_SCALE, at, "SCALE", count, {"value": float(scale[at])}))
+        if not self.machine.equal_axes:
+            frames = self.frames()
+            inside = np.nan_to_num(self.col(Field.FRAME)).astype(np.int64)
+            turned = (frames.b[inside] != 0) | (frames.c[inside] != 0)
+            arcs = (op >= RowOp.ARC_CENTRE_CW) & (op <= RowOp.ARC_RADIUS_CCW)
+            for at, count in self.once(np.flatnonzero(arcs & turned & ~self._arc_in_mm())):
+                found.append(self.fault(job, d.FRAME_ARC, at, "", count, {}))
+        return found
+
+    def once(self, rows: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
+        """Of rows that came from one line the first, and how many there are."""
+        _, first, count = np.unique(self.rows.line[rows], return_index=True, return_counts=True)
+        return list(zip(rows[first].tolist(), count.tolist(), strict=True))
+
+    def fault(self, job: Job, rule: d.Rule, at: int, word: str, count: int, fields: dict[str, Any]) -> Diagnostic:
+        """A fault in a row."""
+        span = job.locate(int(self.rows.line[at]), word)
+        return Diagnostic(rule=rule, span=span, fields=fields, count=count, remarks=job.remarks(int(self.trail()[at])))
 
     def channel(self) -> Floats:
         """Channel of each row as written (checked later)."""
@@ -221,29 +324,12 @@ class _Elaboration:
         carried = filled(modal, 0.0) if (op == RowOp.CHANNEL).any() else np.zeros(len(op))
         return np.where(np.isnan(tail), carried, tail) if Field.CHANNEL in self.rows.columns else carried
 
-    def channel_faults(self) -> list[Diagnostic]:
-        """Channels that are none."""
-        op, value = self.rows.op, self.channel()
-        written = op == RowOp.CHANNEL
-        if Field.CHANNEL in self.rows.columns:
-            written = written | ~np.isnan(self.col(Field.CHANNEL))
-        bad = np.flatnonzero(written & ((CHANNEL.judge(value) > 0) | ~CHANNEL.carries(value)))
-        locate = locate_in(self.text.source)
-        return [
-            Diagnostic(
-                rule=d.OUT_OF_RANGE,
-                span=locate(line, "CHANNEL" if op[i] != RowOp.CHANNEL else "value"),
-                fields={"what": "CHANNEL", "value": float(value[i]), "unit": "", "range": str(CHANNEL), "hint": ""},
-            )
-            for i, line in zip(bad.tolist(), self.rows.line[bad].tolist(), strict=True)
-        ]
-
     def path(self) -> Path:
         """All path statements as columns."""
         rows, op = self.rows, self.rows.op
         path_op = _OP_TABLE[op]
         keep = path_op != _NONE
-        x, y = self.position(Field.X, 0), self.position(Field.Y, 1)
+        x, y = self.positions()
         vel = self.modal(RowOp.VEL, Field.VEL, acceleration=False)
         acc = self.modal(RowOp.ACC, Field.ACC, acceleration=True)
         jump = op == RowOp.JUMP
@@ -256,9 +342,12 @@ class _Elaboration:
         cx, cy, radius = nothing, nothing, nothing
         if arcs.any():
             i, j = self.length(Field.I, 0), self.length(Field.J, 1)
-            cx = np.concatenate([[0.0], x[:-1]]) + np.where(np.isnan(i), 0.0, i)
-            cy = np.concatenate([[0.0], y[:-1]]) + np.where(np.isnan(j), 0.0, j)
-            radius = self.length(Field.R, 0)
+            i, j, radius = np.where(np.isnan(i), 0.0, i), np.where(np.isnan(j), 0.0, j), self.length(Field.R, 0)
+            if Field.FRAME in rows.columns:
+                frames, inside = self.frames(), np.nan_to_num(self.col(Field.FRAME)).astype(np.int64)
+                i, j = frames.a[inside] * i + frames.b[inside] * j, frames.c[inside] * i + frames.d[inside] * j
+                radius = radius * frames.scale[inside]
+            cx, cy = np.concatenate([[0.0], x[:-1]]) + i, np.concatenate([[0.0], y[:-1]]) + j
         ratio, follow_mm = self._ratio()
         value = self.col(Field.VALUE)
 
@@ -299,6 +388,7 @@ class _Elaboration:
             power_unit=cut(self._written(Field.VALUE)),
             low_unit=cut(self._written(Field.LOW)),
             high_unit=cut(self._written(Field.HIGH)),
+            trail=cut(self.trail()),
         )
 
     def _channel_column(self, cut: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> npt.NDArray[np.int8]:
@@ -339,18 +429,20 @@ class _Elaboration:
         at = np.flatnonzero(op == RowOp.SETUP)
         before = np.cumsum(_OP_TABLE[op] != _NONE)
         channel, pulses = self.channel(), self.units_pulse()
-        index = self.col(Field.VALUE)
+        index, trail = self.col(Field.VALUE), self.trail()
         found = []
-        for i in at.tolist():
-            statement = self.text.setups[int(index[i])]
+        for order, i in enumerate(at.tolist()):
+            statement = self.told.setups[int(index[i])]
             in_pulse = pulses is not None and bool(pulses[i])
             found.append(
                 Setup(
                     what=self.setup(statement, in_pulse),
+                    order=order,
                     at=int(before[i]),
                     line=int(self.rows.line[i]),
                     channel=int(min(max(np.nan_to_num(channel[i]), 0), 1)),
                     word=_called(statement),
+                    trail=int(trail[i]),
                 )
             )
         return tuple(found)

@@ -25,6 +25,14 @@ class Field(IntEnum):
     RATIO = 11
     AT = 12
     CHANNEL = 13
+    NODE = 14
+    """Which of the statements with expressions, or of those that steer (LET, FOR ...), the row is."""
+    FRAME = 15
+    """The frame that a row stands in, a number of syntax/expand.py; absent: none."""
+    TRAIL = 16
+    """By which calls and rounds a row came about, a number of job.Trails; absent: it stands in the open."""
+    CONSTANT = 17
+    """The first of the numbers in the expressions of a row; the others follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +149,19 @@ FORMS: dict[str, Form] = {
         needs=("MIN", "MAX"),
     ),
     "laser_switch": Form(name="LASER ON"),
+    "let": Form(name="LET"),
+    "repeat": Form(name="REPEAT"),
+    "for": Form(name="FOR"),
+    "if": Form(name="IF"),
+    "else": Form(name="ELSE"),
+    "end": Form(name="END"),
+    "def": Form(name="DEF"),
+    "call": Form(name="CALL"),
+    "include": Form(name="INCLUDE"),
+    "frame": Form(
+        name="FRAME",
+        words={**_XY, "ROTATE": _w(Field.VALUE, Kind.ANGLE), "SCALE": _w(Field.RATIO, Kind.PLAIN)},
+    ),
 }
 
 

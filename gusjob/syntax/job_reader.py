@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from gusjob.diagnostics import Diagnostic, Span
-from gusjob.job import Locate
+from gusjob.diagnostics import Diagnostic
+from gusjob.syntax.expressions import Apply, Literal
 from gusjob.syntax.forms import FORMS, Field
 from gusjob.syntax.shapes import MAX_FAULTS, Row, Rows, Slot, Template, number_runs, scan
 from gusjob.syntax.source import Source
-from gusjob.syntax.statements import Quantity, Statement, read_statement
+from gusjob.syntax.statements import CONTROLS, Quantity, Statement, read_statement
 
 
 class RowOp(IntEnum):
@@ -39,37 +40,37 @@ class RowOp(IntEnum):
     COORDS_REL = 19
     SETUP = 20
     """A setup statement; its VALUE is the index in JobText.setups."""
+    FRAME = 21
+    """A FRAME begins: its words are the row's."""
+    CALL = 22
+    CONTROL = 23
+    """LET, REPEAT, FOR, IF, ELSE, END, DEF, INCLUDE: its NODE is the index in JobText.nodes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobText:
-    """A job as read: rows in file order, the setup statements they point to, and what could not be read."""
+    """A job file as read: rows in file order, the statements that they point to, and what could not be read.
+
+    `nodes`: statements with expressions and those that steer; a row's NODE is an index in it.
+    """
 
     source: Source
     rows: Rows
     setups: tuple[Statement, ...]
+    nodes: tuple[Statement, ...]
     diagnostics: tuple[Diagnostic, ...]
     faults_not_listed: int
 
 
-def locate_in(source: Source) -> Locate:
-    """How to find the span of a word (or '' for the statement) in a line: the line is read again."""
-
-    def locate(line: int, word: str) -> Span:
-        statement, _ = read_statement(source.line(line), line)
-        return statement.span(line, word) if statement else Span(line=line)
-
-    return locate
-
-
 def read_job_text(source: Source) -> JobText:
     """All statements of a job text; after a fault the rest is still read."""
-    reader = _JobReader()
+    reader = _JobReader(data=source.data)
     rows = scan(source.data, semicolon_comments=True, learn=reader.learn, read_line=reader.read_line)
     return JobText(
         source=source,
         rows=rows,
         setups=tuple(reader.setups),
+        nodes=tuple(reader.nodes),
         diagnostics=tuple(reader.diagnostics),
         faults_not_listed=reader.not_listed,
     )
@@ -77,27 +78,57 @@ def read_job_text(source: Source) -> JobText:
 
 @dataclass(slots=True)
 class _JobReader:
+    data: bytes
+    leading_zeros: bool | None = None
+    """Whether a name or word is followed by digits with a leading zero; None: not yet looked."""
     setups: list[Statement] = field(default_factory=list)
+    nodes: list[Statement] = field(default_factory=list)
     diagnostics: list[Diagnostic] = field(default_factory=list)
     not_listed: int = 0
 
     def learn(self, line: str) -> Template | None:
-        """The template of a path or modal statement; None for all others."""
+        """The template of a path, modal or steering statement; None for all others."""
         statement, _ = read_statement(line, 1)
-        op = _row_op(statement) if statement else RowOp.SETUP
+        op = row_op(statement) if statement else RowOp.SETUP
         runs = number_runs(line.encode()) if line.isascii() else None
         if statement is None or op is RowOp.SETUP or runs is None:
             return None
         run_at = {start: i for i, (start, _) in enumerate(runs)}
         slots, system = [], 0
-        for column, quantity in _quantities(statement):
+        for column, quantity in quantities(statement):
+            if quantity.expression is not None:
+                continue
             run = run_at.pop(quantity.column - 1, None)
             if run is None or not quantity.plain:
                 return None
             slots.append(Slot(column=column, run=run, times=quantity.times, over=quantity.over))
             system |= quantity.system << (2 * column)
+        for number, literal in enumerate(literals(statement)):
+            run = run_at.pop(literal.column - 1, None)
+            if run is None or not literal.plain or number >= _MAX_CONSTANTS:
+                return None
+            slots.append(Slot(column=Field.CONSTANT + number, run=run, times=literal.times, over=literal.over))
+        constants: tuple[tuple[int, float], ...] = ()
+        if is_node(statement):
+            if not self.told_apart(_names(statement)):
+                return None
+            constants = ((Field.NODE, self.node(statement)),)
         fixed = tuple((i, float(line[start : runs[i][1]])) for start, i in run_at.items())
-        return Template(op=op, system=system, slots=tuple(slots), fixed=fixed)
+        return Template(op=op, system=system, slots=tuple(slots), constants=constants, fixed=fixed)
+
+    def told_apart(self, names: list[str]) -> bool:
+        """Whether shapes tell these names from others: x1 and x01 have one shape, and their digits one value."""
+        digits = [run for name in names for run in _DIGITS.findall(name)]
+        if not digits:
+            return True
+        if self.leading_zeros is None:
+            self.leading_zeros = _LEADING_ZERO.search(self.data) is not None
+        return not self.leading_zeros and max(map(len, digits)) <= _EXACT_DIGITS
+
+    def node(self, statement: Statement) -> float:
+        """The NODE of a statement that is carried out."""
+        self.nodes.append(statement)
+        return float(len(self.nodes) - 1)
 
     def read_line(self, number: int, text: str) -> Sequence[Row]:
         """One line through the grammar."""
@@ -107,30 +138,70 @@ class _JobReader:
         statement, faults = read_statement(text, number)
         self.diagnostics += faults
         if statement is None:
-            return ()
-        op = _row_op(statement)
+            word = text.split(maxsplit=1)[0].upper() if faults and text.strip() else ""
+            if word not in BLOCK_WORDS:
+                return ()
+            statement = Statement(form=BROKEN, name=word)
+        op = row_op(statement)
+        values: dict[int, float] = {Field.NODE: self.node(statement)} if is_node(statement) else {}
         if op is RowOp.SETUP:
             self.setups.append(statement)
-            return (Row(op=op, values={Field.VALUE: float(len(self.setups) - 1)} | _channel(statement)),)
-        values: dict[int, float] = {}
+            values[Field.VALUE] = float(len(self.setups) - 1)
+            if statement.channel and statement.channel.expression is None:
+                values[Field.CHANNEL] = statement.channel.value
+            return (Row(op=op, values=values),)
         system = 0
-        for column, quantity in _quantities(statement):
-            values[column] = quantity.value
-            system |= quantity.system << (2 * column)
+        for column, quantity in quantities(statement):
+            if quantity.expression is None:
+                values[column] = quantity.value
+                system |= quantity.system << (2 * column)
+        for index, literal in enumerate(literals(statement)[:_MAX_CONSTANTS]):
+            values[Field.CONSTANT + index] = literal.value
         return (Row(op=op, system=system, values=values),)
 
 
-def _channel(statement: Statement) -> dict[int, float]:
-    return {Field.CHANNEL: statement.channel.value} if statement.channel else {}
+BLOCK_WORDS = ("REPEAT", "FOR", "IF", "DEF", "FRAME")
+BROKEN = "broken"
+"""Form of a line that can't be read but surely begins a block: its END is not another fault."""
+_DIGITS = re.compile(r"[0-9]+")
+_LEADING_ZERO = re.compile(rb"[A-Za-z_]0[0-9]")
+_EXACT_DIGITS = 15
+_MAX_CONSTANTS = 16
+"""So many numbers in the expressions of a line are read by column; longer ones are looked up in the statement."""
 
 
-def _quantities(statement: Statement) -> list[tuple[int, Quantity]]:
-    words = FORMS[statement.form].words
+def is_node(statement: Statement) -> bool:
+    """Whether a statement is carried out by itself: it has expressions, or it steers."""
+    return (
+        statement.has_expressions
+        or (statement.form in CONTROLS and statement.form != "frame")
+        or (statement.form == BROKEN)
+    )
+
+
+def literals(statement: Statement) -> list[Literal]:
+    """The numbers in the expressions of a statement, in the order in which rows hold them."""
+    expressions = [q.expression for _, q in quantities(statement) if q.expression is not None]
+    return [literal for e in (*expressions, *statement.arguments) for literal in e.constants]
+
+
+def _names(statement: Statement) -> list[str]:
+    """Every name in a statement, of functions too."""
+    expressions = [q.expression for _, q in quantities(statement) if q.expression is not None]
+    code = [step for e in (*expressions, *statement.arguments) for step in e.code]
+    functions = [step.function.name for step in code if isinstance(step, Apply)]
+    return [*statement.names, *functions, *(step for step in code if isinstance(step, str))]
+
+
+def quantities(statement: Statement) -> list[tuple[int, Quantity]]:
+    """Each number of a path or modal statement with its column."""
+    words = FORMS[statement.form].words if statement.form in FORMS else {}
     found: list[tuple[int, Quantity]] = [(words[name].field, q) for name, q in statement.words.items()]
     return [*found, (Field.CHANNEL, statement.channel)] if statement.channel else found
 
 
-def _row_op(statement: Statement) -> RowOp:
+def row_op(statement: Statement) -> RowOp:
+    """What row a statement becomes."""
     match statement.form, statement.options:
         case "arc", options:
             kind = "RADIUS" if "R" in statement.words else "CENTRE"
@@ -141,11 +212,15 @@ def _row_op(statement: Statement) -> RowOp:
             return RowOp[options[0]]
         case ("units" | "coords") as form, options:
             return RowOp[f"{form.upper()}_{options[0]}"]
-        case ("line" | "jump" | "dwell" | "channel" | "VEL" | "ACC" | "JUMPVEL" | "JUMPACC") as form, _:
+        case ("line" | "jump" | "dwell" | "channel" | "frame" | "call") as form, _:
             return RowOp[form.upper()]
+        case ("VEL" | "ACC" | "JUMPVEL" | "JUMPACC") as form, _:
+            return RowOp[form]
         case "laser_power", _:
             return RowOp.POWER
         case "laser_follow", _:
             return RowOp.FOLLOW
+        case form, _ if form in CONTROLS or form == BROKEN:
+            return RowOp.CONTROL
         case _:
             return RowOp.SETUP

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -24,7 +24,13 @@ def grammar_path(name: str) -> Path:
 def parser(name: str) -> Lark:
     """The line parser of a grammar (LALR, one scanner)."""
     text = grammar_path(name).read_text(encoding="utf-8")
-    return Lark(text, parser="lalr", lexer="basic", maybe_placeholders=False)
+    return Lark(text, parser="lalr", lexer="contextual", maybe_placeholders=False)
+
+
+@cache
+def keywords(name: str) -> frozenset[str]:
+    """The keywords of a grammar: terminals that spell their own name."""
+    return frozenset(t.name for t in parser(name).terminals if t.pattern.value.startswith(t.name))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,11 +93,17 @@ def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: d
     readable = [*keywords, *dict.fromkeys(names[a] for a in accepted if a in names)]
     if "$END" in accepted:
         readable.append("the end of the line")
+    shown = f"'{found[:40]}'" if found != "the end of the line" else found
+    near = nearest(found.upper(), keywords)
+    return Misread(found=shown, column=start, end_column=end, expected=tuple(readable), near=near)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word that is spelled most like this one; '' if none is like it."""
     from difflib import get_close_matches  # Faults only: start-up time is part of the tool.
 
-    near = get_close_matches(found.upper(), keywords, 1, cutoff=0.6) if len(found) < 40 else []
-    shown = f"'{found[:40]}'" if found != "the end of the line" else found
-    return Misread(found=shown, column=start, end_column=end, expected=tuple(readable), near=near[0] if near else "")
+    near = get_close_matches(word, list(known), 1, cutoff=0.6) if len(word) < 40 else []
+    return near[0] if near else ""
 
 
 def tokens(tree: Tree[Token]) -> list[Token]:

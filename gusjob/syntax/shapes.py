@@ -80,8 +80,8 @@ class Rows:
         found = self.columns.get(number)
         return np.broadcast_to(np.float64(np.nan), len(self.op)) if found is None else found
 
-    def pick(self, where: npt.NDArray[Any]) -> Rows:
-        """The rows at a mask or at indices."""
+    def pick(self, where: npt.NDArray[Any] | slice) -> Rows:
+        """The rows at a mask, at indices or in a slice."""
         columns = {k: v[where] for k, v in self.columns.items()}
         return Rows(op=self.op[where], line=self.line[where], system=self.system[where], columns=columns)
 
@@ -297,7 +297,7 @@ class _Scanner:
     def rows(self) -> Rows:
         """Everything read, in file order."""
         if not self.more:
-            return _join(self.parts)
+            return join(self.parts)
         used = sorted({c for _, row in self.more for c in row.values})
         behind = Rows(
             op=np.array([row.op for _, row in self.more], dtype=np.uint8),
@@ -305,7 +305,7 @@ class _Scanner:
             system=np.array([row.system for _, row in self.more], dtype=np.int32),
             columns={c: np.array([row.values.get(c, np.nan) for _, row in self.more]) for c in used},
         )
-        joined = _join([*self.parts, behind])
+        joined = join([*self.parts, behind])
         return joined.pick(np.argsort(joined.line, kind="stable"))
 
 
@@ -318,7 +318,8 @@ def _decimal(text: bytes) -> Floats:
         return np.array([float(word) for word in words], dtype=np.float64)
 
 
-def _join(parts: list[Rows]) -> Rows:
+def join(parts: list[Rows]) -> Rows:
+    """Rows one behind the other."""
     if len(parts) == 1:
         return parts[0]
     used = sorted({c for part in parts for c in part.columns})

@@ -18,12 +18,18 @@ MAX_FILE_MB = 1000
 class Source:
     """A text: UTF-8 bytes without BOM, lines ended by LF.
 
-    `line(n)` gives one line; the index is made when first asked for.
+    `line(n)` gives one line; the index is made when first asked for. `path` is where it was read, None for a text
+    that came from no file.
     """
 
     name: str
     data: bytes
+    path: Path | None = None
     _ends: npt.NDArray[np.intp] | None = field(default=None, repr=False)
+
+    def count_lines(self) -> int:
+        """How many lines there are."""
+        return self.data.count(b"\n") + 1
 
     def line(self, number: int) -> str:
         """Line `number` (from 1), without its end; '' outside the text."""
@@ -51,10 +57,10 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
         return None, [_fault(d.UNREADABLE, name, reason=(error.strerror or type(error).__name__).lower())]
     except ValueError:  # A NUL in the name.
         return None, [_fault(d.UNREADABLE, name, reason="no such name")]
-    return check_text(data, name)
+    return check_text(data, name, path)
 
 
-def check_text(data: bytes, name: str) -> tuple[Source | None, list[Diagnostic]]:
+def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source | None, list[Diagnostic]]:
     """Bytes as text: UTF-8 with or without BOM, no NUL."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -69,7 +75,7 @@ def check_text(data: bytes, name: str) -> tuple[Source | None, list[Diagnostic]]
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         return None, [_fault(d.NOT_TEXT, name, line, reason=f"byte 0x{data[error.start]:02x} in line {line}")]
-    return Source(name=name, data=data), []
+    return Source(name=name, data=data, path=path), []
 
 
 def _fault(rule: d.Rule, name: str, line: int = 1, **fields: object) -> Diagnostic:

@@ -2,25 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 from lark import Token, Tree, UnexpectedInput
 
 from gusjob import diagnostics as d
 from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.syntax.expressions import (
+    FUNCTIONS,
+    NAMED_NUMBERS,
+    NEGATE,
+    Apply,
+    Constant,
+    Expression,
+    Function,
+    Literal,
+    Named,
+    Step,
+    postfix,
+)
 from gusjob.syntax.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Form, Word
-from gusjob.syntax.lines import misread, parser, subtrees, tokens
+from gusjob.syntax.lines import keywords, misread, nearest, parser, subtrees, tokens
 from gusjob.syntax.shapes import MAX_LINE, MAX_NUMBER
 from gusjob.units import UNITS, Kind, PowerUnit, spelling
 
 GRAMMAR = "job.lark"
-_TERMINALS = {"QUANTITY": "a number", "PLUS": "a number", "MINUS": "a number"}
-LATER_WORDS = ("LET", "REPEAT", "FOR", "IF", "ELSE", "END", "DEF", "CALL", "FRAME", "INCLUDE", "SKYWRITE")
+_TERMINALS = {
+    **dict.fromkeys(("QUANTITY", "PLUS", "MINUS", "LPAR"), "a number"),
+    **dict.fromkeys(("STAR", "SLASH", "MODULO", "POWER_OF"), "an operator"),
+    **dict.fromkeys(("LT", "LE", "GT", "GE", "EQ", "NE"), "a comparison"),
+    "RPAR": "')'",
+    "COMMA": "','",
+    "NAME": "a name",
+    "STRING": 'a file in quotes, "setup.job"',
+}
+LATER_WORDS = ("SKYWRITE",)
 """Words of the language that come with later versions: named, so that nobody takes them for a misspelling."""
+CONTROLS = {"let", "repeat", "for", "if", "else", "end", "def", "call", "frame", "include"}
+"""Forms that steer which statements are carried out, and how often."""
 
-
-_POWER_KINDS = {Kind.SHARE, Kind.FREQUENCY, Kind.VOLTAGE}
-_DEFAULT_UNITS = {
+POWER_KINDS = {Kind.SHARE, Kind.FREQUENCY, Kind.VOLTAGE}
+_WANTED = {
     Kind.LENGTH: "a length (um, mm, pulse)",
     Kind.VELOCITY: "a velocity (mm/s, m/s, mm/min, pulse/ms)",
     Kind.ACCELERATION: "an acceleration (mm/s2, m/s2, pulse/ms2)",
@@ -50,6 +73,8 @@ class Quantity:
     end_column: int
     plain: bool
     """Sign and digits are one run and nothing else but a unit follows: a template may read it."""
+    expression: Expression | None = None
+    """Stands in parentheses: the value is found when the statement is carried out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +83,9 @@ class Statement:
 
     `form` is the key in FORMS; `options` the keywords that are no words with numbers (CW, OFF, NOW ...); `words` by
     keyword, '' for a positional number; `axes` of REF and RATIO of LASER DISTANCE; `channel` of CHANNEL at the end.
+
+    Of those that steer: `names` (of a routine and its parameters, of a LET, of a loop's variable), `arguments` (bare
+    expressions in their order), `text` of INCLUDE.
     """
 
     form: str
@@ -66,15 +94,38 @@ class Statement:
     words: dict[str, Quantity] = field(default_factory=dict)
     axes: dict[str, dict[str, Quantity]] = field(default_factory=dict)
     channel: Quantity | None = None
+    names: tuple[str, ...] = ()
+    arguments: tuple[Expression, ...] = ()
+    text: str = ""
     column: int = 1
     end_column: int = 1
 
-    def span(self, line: int, word: str) -> Span:
-        """Where `word` stands; the whole statement if it has no such word."""
-        found = self.channel if word == "CHANNEL" and self.channel else self.words.get(word) if word else None
-        found = found or (self.words.get("") if word == "value" else None)
+    def span(self, line: int, word: str, path: str = "") -> Span:
+        """Where `word` stands ('#0': the first argument); the whole statement if it has no such word."""
+        found: Quantity | Expression | None = self.words.get(word) if word else None
+        head, _, axis = word.partition(" ")
+        if axis:
+            found = self.axes.get(head, {}).get(axis)
+        if word == "CHANNEL" and self.channel:
+            found = self.channel
+        elif word == "value":
+            found = self.words.get("")
+        elif word.startswith("#"):
+            found = self.arguments[int(word[1:])] if int(word[1:]) < len(self.arguments) else None
         start, end = (found.column, found.end_column) if found else (self.column, self.end_column)
-        return Span(line=line, column=start, end_line=line, end_column=end)
+        return Span(line=line, column=start, end_line=line, end_column=end, path=path)
+
+    @property
+    def has_expressions(self) -> bool:
+        """Whether a number of it is found when it is carried out."""
+        quantities = [*self.words.values(), *(q for places in self.axes.values() for q in places.values())]
+        quantities += [self.channel] if self.channel else []
+        return any(q.expression is not None for q in quantities)
+
+
+def wanted(kind: Kind) -> str:
+    """What a word of a kind takes, for messages."""
+    return _WANTED[kind]
 
 
 def strip_comment(line: str) -> str:
@@ -111,8 +162,6 @@ def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     if first in LATER_WORDS or first.partition("(")[0] in LATER_WORDS:
         start = len(text) - len(text.lstrip()) + 1
         return _at(d.LATER, line, start, start + len(first), word=first)
-    if fault.found == "'('":
-        return _at(d.LATER, line, fault.column, fault.end_column, word="an expression in parentheses")
     if not text[: fault.column - 1].strip():
         return _at(d.UNKNOWN_STATEMENT, line, fault.column, fault.end_column, found=fault.found, hint=fault.hint)
     return _at(
@@ -133,8 +182,7 @@ class _Reader:
     faults: list[Diagnostic] = field(default_factory=list)
 
     def statement(self, tree: Tree[Token]) -> tuple[Statement | None, list[Diagnostic]]:
-        all_tokens = [t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)]
-        column = all_tokens[0].column or 1
+        column = len(self.text) - len(self.text.lstrip()) + 1
         end_column = len(self.text.rstrip()) + 1
         channel = None
         if tree.data == "laser":
@@ -148,6 +196,8 @@ class _Reader:
         elif form_key == "laser_mode":
             form_key = heads[1]
         form = FORMS[form_key]
+        if form_key in CONTROLS and form_key != "frame":
+            return self.control(tree, form_key, form, column, end_column)
         words: dict[str, Quantity] = {}
         axes: dict[str, dict[str, Quantity]] = {}
         options = [h for h in heads if h not in form.name.split() or form_key in ("modal", "laser_switch")]
@@ -160,6 +210,8 @@ class _Reader:
                 if {"PLANNED", "ACTUAL"} & set(options):
                     self.twice(tokens(part)[0])
                 options.append(tokens(part)[1].type)
+            elif form_key == "frame":
+                self.shift(tokens(part)[0], part, form, words)
             else:
                 self.axes(tokens(part)[0], part, axes)
         self.needs(form, {**words, **axes}, options, column, end_column)
@@ -175,6 +227,124 @@ class _Reader:
             column=column,
             end_column=end_column,
         ), []
+
+    def control(
+        self, tree: Tree[Token], form_key: str, form: Form, column: int, end_column: int
+    ) -> tuple[Statement | None, list[Diagnostic]]:
+        """A statement that steers: bare expressions, names, a text."""
+        names: list[Token] = []
+        arguments: list[Expression] = []
+        text = ""
+        for child in tree.children:
+            if isinstance(child, Tree) and child.data == "given":
+                names += tokens(child)
+            elif isinstance(child, Tree) or child.type in ("NAME", "QUANTITY"):
+                expression = self.expression(child)
+                arguments += [expression] if expression else []
+            elif child.type == "STRING":
+                text = child[1:-1]
+        for i, name in enumerate(names):
+            if form_key != "call":
+                self.name(name)
+            if form_key == "def" and name in names[1:i]:
+                self.twice(name)
+        if self.faults:
+            return None, self.faults
+        return Statement(
+            form=form_key,
+            name=form.name,
+            names=tuple(map(str, names)),
+            arguments=tuple(arguments),
+            text=text,
+            column=column,
+            end_column=end_column,
+        ), []
+
+    def name(self, token: Token) -> None:
+        """A name that a user gives to a number or a routine: no keyword, save those of one letter."""
+        is_keyword = len(token) > 1 and token.upper() in keywords(GRAMMAR)
+        if is_keyword or token in FUNCTIONS or token in NAMED_NUMBERS:
+            self.faults.append(
+                self.token_fault(d.RESERVED, token, word=str(token), hint=f"write {token}_1 or another name")
+            )
+
+    def expression(self, root: Tree[Token] | Token, start: int = 0, end: int = 0) -> Expression | None:
+        """A parsed expression as postfix code; it spans its own numbers and names, unless columns are given."""
+        code: list[Step] = []
+        constants: list[Literal] = []
+        faults_before = len(self.faults)
+        first, last = MAX_LINE, 0
+        for part in postfix(root):
+            if isinstance(part, Apply):
+                code.append(part)
+                continue
+            if isinstance(part, Named):
+                function = self.function(part.token, part.count)
+                code += [Apply(function, part.count)] if function else []
+                part = part.token
+            elif part.type == "QUANTITY":
+                literal = self.literal(part)
+                code.append(Constant(len(constants)))
+                constants += [literal] if literal else []
+            else:
+                code.append(str(part))
+            first, last = min(first, part.column or 1), max(last, (part.column or 1) + len(part))
+        if len(self.faults) > faults_before:
+            return None
+        names = dict.fromkeys(step for step in code if isinstance(step, str) and step not in NAMED_NUMBERS)
+        return Expression(
+            code=tuple(code),
+            constants=tuple(constants),
+            names=tuple(names),
+            column=start or first,
+            end_column=end or last,
+        )
+
+    def function(self, token: Token, count: int) -> Function | None:
+        """A function by its name, if it takes so many numbers."""
+        found = FUNCTIONS.get(token)
+        if found is None:
+            near = nearest(token, FUNCTIONS)
+            hint = f"; did you mean {near}?" if near else f"; there are {', '.join(FUNCTIONS)}"
+            self.faults.append(self.token_fault(d.NO_FUNCTION, token, word=str(token), hint=hint))
+        elif count != (found.arity or max(count, 1)):
+            wanted = "at least one number" if found.arity is None else f"{found.arity} number{'s' * (found.arity > 1)}"
+            self.faults.append(self.token_fault(d.ARITY, token, word=str(token), wanted=wanted, found=count))
+        return found
+
+    def literal(self, token: Token) -> Literal | None:
+        """A number in an expression."""
+        number_text, unit = _split_unit(str(token))
+        start = token.column or 1
+        kind, system, times, over = Kind.PLAIN, 0, 1.0, 1.0
+        if unit:
+            known = UNITS[unit.lower()]
+            kind, system, times, over = known.kind, known.system, known.times, known.over
+        value = float(number_text) * times / over
+        if max(value, float(number_text)) > MAX_NUMBER:
+            self.too_big(token, start, start + len(token))
+            return None
+        # A sign in front belongs to the same run of digits where it touches them.
+        sign = self.text[start - 2] if start > 1 else ""
+        return Literal(
+            value=value,
+            type=(kind, system),
+            times=-times if sign == "-" else times,
+            over=over,
+            column=start - (sign in ("+", "-") and sign != ""),
+            plain="e" not in number_text.lower(),
+        )
+
+    def too_big(self, token: Token, start: int, end: int) -> None:
+        shown = f"{token[:20]}{'...' * (len(token) > 20)}"
+        self.faults.append(_at(d.TOO_BIG, self.line, start, end, value=shown, limit=MAX_NUMBER))
+
+    def shift(self, head: Token, part: Tree[Token], form: Form, words: dict[str, Quantity]) -> None:
+        """SHIFT X x Y y of FRAME."""
+        if not subtrees(part):
+            self.faults.append(self.token_fault(d.MISSING, head, statement="FRAME SHIFT", word="X or Y", hint=""))
+        for word in subtrees(part):
+            self.word(form, tokens(word)[0].type, subtrees(word)[0], words, tokens(word)[0])
 
     def twice(self, token: Token) -> None:
         self.faults.append(self.token_fault(d.TWICE, token, word=token.type))
@@ -237,7 +407,26 @@ class _Reader:
                     _at(d.MISSING, self.line, column, end_column, statement=form.name, word=word, hint=hint)
                 )
 
+    def group(self, value: Tree[Token]) -> Quantity | None:
+        """An expression in parentheses, with or without a sign in front."""
+        group = subtrees(value)[0]
+        sign = next(iter(tokens(value)), None)
+        left, right = tokens(group)[0], tokens(group)[-1]
+        inner = next(c for c in group.children[1:-1])
+        start, end = (sign or left).column or 1, (right.column or 1) + 1
+        expression = self.expression(inner, start, end)
+        if expression is None:
+            return None
+        if sign is not None and sign.type == "MINUS":
+            expression = replace(expression, code=(*expression.code, Apply(NEGATE, 1)))
+        return Quantity(
+            value=math.nan, times=1.0, over=1.0, system=0, column=start, end_column=end, plain=False,
+            expression=expression,
+        )  # fmt: skip
+
     def quantity(self, value: Tree[Token], word: Word, what: str) -> Quantity | None:
+        if subtrees(value):
+            return self.group(value)
         parts = tokens(value)
         token = parts[-1]
         sign = parts[0] if len(parts) > 1 else token
@@ -246,7 +435,7 @@ class _Reader:
         times, over, system = 1.0, 1.0, 0
         if unit_text:
             unit = UNITS[unit_text.lower()]
-            if unit.kind is not word.kind and not (word.kind is Kind.POWER and unit.kind in _POWER_KINDS):
+            if unit.kind is not word.kind and not (word.kind is Kind.POWER and unit.kind in POWER_KINDS):
                 self.faults.append(
                     _at(
                         d.WRONG_UNIT,
@@ -254,7 +443,7 @@ class _Reader:
                         start,
                         end,
                         what=what,
-                        wanted=_DEFAULT_UNITS[word.kind],
+                        wanted=_WANTED[word.kind],
                         unit=spelling(unit_text),
                         kind=unit.kind.words,
                         hint="",
@@ -264,8 +453,7 @@ class _Reader:
             times, over, system = unit.times, unit.over * (1000.0 if word.ms else 1.0), unit.system
         magnitude = float(number_text)
         if magnitude > MAX_NUMBER or magnitude * times / over > MAX_NUMBER:
-            shown = f"{token[:20]}{'...' * (len(token) > 20)}"
-            self.faults.append(_at(d.TOO_BIG, self.line, start, end, value=shown, limit=MAX_NUMBER))
+            self.too_big(token, start, end)
             return None
         signed = -magnitude if sign.type == "MINUS" else magnitude
         glued = sign is token or (sign.column or 0) + 1 == token.column

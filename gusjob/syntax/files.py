@@ -1,0 +1,83 @@
+"""The files of a job: numbered lines across all of them, and which file an INCLUDE may read."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from pathlib import PureWindowsPath
+
+from gusjob.diagnostics import Span, printable
+from gusjob.syntax.source import Source, read_source
+from gusjob.syntax.statements import Statement, read_statement
+
+
+@dataclass(slots=True)
+class SourceMap:
+    """Texts one behind the other: a line's number counts through all of them, so that the first text keeps its own."""
+
+    sources: list[Source] = field(default_factory=list)
+    bases: list[int] = field(default_factory=list)
+
+    def add(self, source: Source) -> int:
+        """One more text; returns what is added to its line numbers."""
+        base = self.bases[-1] + self.sources[-1].count_lines() if self.sources else 0
+        self.sources.append(source)
+        self.bases.append(base)
+        return base
+
+    def find(self, line: int) -> tuple[Source, int]:
+        """The text of a line, and the line's number in it."""
+        at = max(bisect_right(self.bases, line - 1) - 1, 0)
+        return self.sources[at], line - self.bases[at]
+
+    def shown(self, line: int) -> str:
+        """'line 3', or 'line 3 of setup.job' for an included file."""
+        source, number = self.find(line)
+        return f"line {number}" if source is self.sources[0] else f"line {number} of {printable(source.name)}"
+
+    def file_of(self, line: int) -> tuple[str, int]:
+        """The file of a line ('' for the first) and its number there."""
+        source, number = self.find(line)
+        return ("" if source is self.sources[0] else source.name), number
+
+    def text_of(self, span: Span) -> str:
+        """The text of a span's first line."""
+        named = (source for source in self.sources[1:] if source.name == span.path)
+        source = next(named, None) if span.path else self.sources[0]
+        return source.line(span.line) if source else ""
+
+    def statement(self, line: int) -> Statement | None:
+        """The statement in a line, read again."""
+        source, number = self.find(line)
+        return read_statement(source.line(number), number)[0]
+
+    def locate(self, line: int, word: str) -> Span:
+        """Where a word of a line stands ('' for the statement)."""
+        source, number = self.find(line)
+        path = "" if source is self.sources[0] else source.name
+        statement = read_statement(source.line(number), number)[0]
+        return statement.span(number, word, path) if statement else Span(line=number, path=path)
+
+
+def included(name: str, source: Source, top: Source) -> tuple[Source | None, str]:
+    """The text that an INCLUDE in `source` names, or why it is refused. Nothing outside the job's folder is read."""
+    if source.path is None or top.path is None:
+        return None, "this text comes from no file, so there is no folder to look in"
+    if not name or "\0" in name or not name.isprintable():
+        return None, "this is no file name"
+    relative = name.replace("\\", "/")
+    if relative.startswith("/") or PureWindowsPath(name).drive or PureWindowsPath(name).is_absolute():
+        return None, "write it relative to the file that includes it"
+    try:
+        folder = top.path.resolve().parent
+        path = (source.path.resolve().parent / relative).resolve()
+        if not path.is_relative_to(folder):
+            return None, "it lies outside the job's folder"
+        if not path.is_file():
+            return None, "there is no such file" if not path.exists() else "it is no file"
+    except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of links.
+        return None, (getattr(error, "strerror", None) or "it can't be found").lower()
+    shown = top.name.replace("\\", "/").rpartition("/")[0]
+    inside = path.relative_to(folder).as_posix()
+    found, faults = read_source(path, f"{shown}/{inside}" if shown else inside)
+    return found, faults[0].message if faults else ""
