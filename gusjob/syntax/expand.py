@@ -77,6 +77,11 @@ class _Scope:
         return _Scope({k: _taken(v, lanes) for k, v in self.values.items()}, self.types.copy())
 
 
+def _some(truth: Any) -> bool:
+    """Whether something holds in some lane; quick for one lane, which np.any is not."""
+    return bool(truth.any()) if isinstance(truth, np.ndarray) else bool(truth)
+
+
 def _taken(value: Any, lanes: Ints) -> Any:
     if not isinstance(value, np.ndarray):
         return value
@@ -290,8 +295,8 @@ class _Executor:
             return np.float64(np.nan), 0
         if kind[0] == Kind.TIME and word.ms:
             value = value / 1000.0
-        large = np.abs(value) > MAX_NUMBER
-        if np.any(large):
+        large = abs(value) > MAX_NUMBER
+        if _some(large):
             shown = d.number(float(np.max(np.abs(value))))
             self.fault(
                 d.TOO_BIG, line, slot.word, self.first(lanes, large), int(np.count_nonzero(large)), value=shown,
@@ -361,7 +366,7 @@ class _Executor:
         if kind[0] == TRUTH:
             self.fault(d.NOT_A_NUMBER, item.line, "#0", lanes.trail, lanes.count, what="LET")
             value, kind = np.float64(np.nan), _NOTHING
-        if np.any(np.isnan(value)):
+        if _some(value != value):
             self.failed.add(item.name)
         lanes.scope.values[item.name] = value
         lanes.scope.types[item.name] = kind
@@ -375,9 +380,9 @@ class _Executor:
                 self.fault(d.NOT_A_CONDITION, item.line, "#0", lanes.trail, lanes.count)
             return
         for block, holds in ((item.then, truth == 1), (item.otherwise, truth == 0)):
-            if not np.any(holds):
+            if not _some(holds):
                 continue
-            if np.all(holds):
+            if not _some(~holds):
                 self.block(block, lanes, sink)
             else:
                 self.some(block, lanes, np.flatnonzero(holds), sink)
@@ -413,7 +418,7 @@ class _Executor:
     def loop(self, item: Loop, lanes: _Lanes, sink: _Sink) -> None:
         """REPEAT and FOR."""
         start, step, count, kind = self.bounds(item, lanes)
-        if not np.any(count > 0):
+        if not _some(count > 0):
             return
         hidden = (lanes.scope.values.get(item.variable), lanes.scope.types.get(item.variable))
         if id(item) in self.program.carried:
@@ -557,7 +562,7 @@ class _Executor:
             if kind[0] == TRUTH:
                 self.fault(d.NOT_A_NUMBER, call.line, f"#{number}", lanes.trail, lanes.count, what="CALL")
                 value, kind = np.float64(np.nan), _NOTHING
-            if np.any(np.isnan(value)):
+            if _some(value != value):
                 self.failed.add(name)
             scope.values[name], scope.types[name] = value, kind
         first = self.trails.add(
@@ -631,7 +636,7 @@ class _Executor:
         """Count rows before they are made. Those that stand in the open once cost no more than they are."""
         self.rows += rows
         limit = self.machine.expansion_max_statements
-        if self.rows > limit and (rows == 1 or np.any(np.asarray(trail) > 0)):
+        if self.rows > limit and _some(trail > 0):
             self.stop("statements", limit, "max_statements", line, trail)
 
     def spread(
@@ -687,7 +692,7 @@ class _Executor:
 
     def count_setups(self, op: npt.NDArray[np.uint8], line: npt.NDArray[np.int32], trail: Any) -> None:
         """Setup statements that are made: each costs more than a row."""
-        if np.any(np.asarray(trail) > 0):
+        if _some(trail > 0):
             self.setup_rows += int(np.count_nonzero(op == RowOp.SETUP))
             if self.setup_rows > MAX_SETUPS:
                 at = int(np.flatnonzero(op == RowOp.SETUP)[0])
