@@ -344,6 +344,9 @@ DISTANCE_LIMIT = dict(
 TABLE: tuple[Range, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Range))
 """Every range, in the order above; grammar/README.md's table is generated from it."""
 
+FIFO_SLOTS = 4096
+"""Buffered calls that a FIFO holds; when it is full a call returns 1 and is to be sent again (sister)."""
+
 CONTRADICTIONS: tuple[tuple[str, str, str], ...] = (
     ("一, 三.1", "three power modes, then four", "four: 0 duty 1, 1 frequency, 2 analog, 3 duty 2"),
     ("二.2, 四.2", "[0,100] % immediate, (0,100) % buffered", "an end of the buffered range is a warning"),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Span
 from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, POWER_NOW, VELOCITY, PowerMode, Range
 from gusjob.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
@@ -56,6 +57,7 @@ class Machine:
     lookahead_time_ms: float = 5.0
     lookahead_acc_pulse_per_ms2: float = 1.0
     chord_tolerance_um: float = 1.0
+    host_calls_per_s: float | None = None
     expansion_max_statements: int = 3_000_000
     expansion_max_depth: int = 64
     expansion_max_includes: int = 16
@@ -94,6 +96,7 @@ _MACHINE_KEYS: dict[str, Range] = {
     "max_velocity_mm_s": _positive("velocity", "mm/s", 1e9),
     "max_acceleration_mm_s2": _positive("acceleration", "mm/s2", 1e12),
     "period_us": Range(name="period", unit="us", low=1, high=1e6, section="profile"),
+    "host_calls_per_s": _positive("calls per second", "1/s", 1e9),
     "chord_tolerance_um": Range(name="chord tolerance", unit="um", low=0.01, high=1000, section="profile"),
 }
 _LOOKAHEAD_KEYS: dict[str, Range] = {
@@ -126,11 +129,13 @@ def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         fault = Diagnostic(
-            rule=d.UNREADABLE, span=d.NOWHERE, fields={"reason": error.strerror or "unreadable"}, path=str(path)
+            rule=rules.UNREADABLE, span=d.NOWHERE, fields={"reason": error.strerror or "unreadable"}, path=str(path)
         )
         return Machine(), [fault]
     except UnicodeDecodeError as error:
-        return Machine(), [Diagnostic(rule=d.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))]
+        return Machine(), [
+            Diagnostic(rule=rules.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
+        ]
     return parse_machine(text, str(path))
 
 
@@ -142,7 +147,7 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         span = Span(line=getattr(error, "lineno", None) or _line_of(str(error)))
-        return Machine(), [Diagnostic(rule=d.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
+        return Machine(), [Diagnostic(rule=rules.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
     reader = _Reader(text=text, path=path)
     machine = Machine()
     tables = ("lookahead", "expansion", "laser")
@@ -154,7 +159,7 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
     values.update({f"expansion_{k}": int(v) for k, v in limits.items()})
     lasers = data.get("laser", [])
     if not isinstance(lasers, list):
-        reader.fault(d.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
+        reader.fault(rules.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
         lasers = []
     sources: list[Laser] = []
     for number, entry in enumerate(lasers):
@@ -163,17 +168,19 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
         if "channel" not in row:
             if isinstance(entry, dict) and "channel" in entry:
                 continue
-            reader.fault(d.PROFILE_TYPE, "channel", "laser", wanted="0 or 1", found="missing")
+            reader.fault(rules.PROFILE_TYPE, "channel", "laser", wanted="0 or 1", found="missing")
             continue
         if any(source.channel == row["channel"] for source in sources):
             reader.fault(
-                d.PROFILE_RANGE, "channel", "laser", value=d.number(row["channel"]), range="another: it is taken"
+                rules.PROFILE_RANGE, "channel", "laser", value=d.number(row["channel"]), range="another: it is taken"
             )
             continue
         sources.append(Laser(**{**row, "channel": int(row["channel"])}))
     for axis in ("field_x_mm", "field_y_mm"):
         if axis in values and values[axis][0] >= values[axis][1]:
-            reader.fault(d.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range="[low, high] with low < high")
+            reader.fault(
+                rules.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range="[low, high] with low < high"
+            )
             del values[axis]
     machine = replace(machine, **values, lasers=tuple(sources))
     reader.check_speeds(machine)
@@ -199,7 +206,7 @@ class _Reader:
     def as_table(self, value: Any, key: str) -> Mapping[str, Any]:
         if isinstance(value, dict):
             return value
-        self.fault(d.PROFILE_TYPE, key, "", wanted="a table", found=_kind(value))
+        self.fault(rules.PROFILE_TYPE, key, "", wanted="a table", found=_kind(value))
         return {}
 
     def table(
@@ -212,12 +219,12 @@ class _Reader:
                 if isinstance(value, str):
                     values[key] = value
                 else:
-                    self.fault(d.PROFILE_TYPE, key, table, wanted="a text", found=_kind(value))
+                    self.fault(rules.PROFILE_TYPE, key, table, wanted="a text", found=_kind(value))
             elif key not in keys:
                 from difflib import get_close_matches
 
                 near = get_close_matches(key, known, 1)
-                self.fault(d.PROFILE_UNKNOWN, key, table, hint=f"; did you mean {near[0]}?" if near else "")
+                self.fault(rules.PROFILE_UNKNOWN, key, table, hint=f"; did you mean {near[0]}?" if near else "")
             elif key in _PAIR:
                 pair = self._pair(key, value, keys[key], table)
                 values.update({key: pair} if pair else {})
@@ -229,7 +236,7 @@ class _Reader:
         items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value
         if not isinstance(items, list) or len(items) != 2:
             found = f"a list of {len(items)}" if isinstance(items, list) else _kind(value)
-            self.fault(d.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=found)
+            self.fault(rules.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=found)
             return None
         first = self._number(key, items[0], limits, table)
         second = None if first is None else self._number(key, items[1], limits, table)
@@ -237,14 +244,14 @@ class _Reader:
 
     def _number(self, key: str, value: Any, limits: Range, table: str) -> float | None:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.fault(d.PROFILE_TYPE, key, table, wanted=_NUMBER, found=_kind(value))
+            self.fault(rules.PROFILE_TYPE, key, table, wanted=_NUMBER, found=_kind(value))
             return None
         try:
             real = float(value)
         except OverflowError:
             real = math.inf
         if limits.verdict(real) or not limits.carries(real):
-            self.fault(d.PROFILE_RANGE, key, table, value=d.number(real), range=f"in {limits}")
+            self.fault(rules.PROFILE_RANGE, key, table, value=d.number(real), range=f"in {limits}")
             return None
         return real
 
@@ -256,7 +263,7 @@ class _Reader:
         ):
             if limits.verdict(value):
                 shown = f"{d.number(getattr(machine, key))}, that is {d.number(value)} {limits.unit}"
-                self.fault(d.PROFILE_RANGE, key, "", value=shown, range=f"in {limits}")
+                self.fault(rules.PROFILE_RANGE, key, "", value=shown, range=f"in {limits}")
 
     def _find(self, key: str, table: str) -> Span:
         """The line of an entry or table; the head of the entry's table, or the first line, where there is none."""

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.cli.check_command import judged
 from gusjob.cli.text import diagnostic_text
-from gusjob.diagnostics import RULES, Diagnostic
+from gusjob.diagnostics import Diagnostic
 from gusjob.machine import read_machine
+from gusjob.rules import RULES
 from gusjob.syntax import check_text, read_job, read_source
 
 BAD = Path(__file__).parent / "bad"
@@ -69,7 +70,7 @@ def test_a_caret_stands_under_the_value() -> None:
     path = BAD / "units.job"
     source, _ = read_source(path)
     assert source is not None
-    fault = next(f for f in faults_of(path) if f.rule is d.WRONG_UNIT)
+    fault = next(f for f in faults_of(path) if f.rule is rules.WRONG_UNIT)
     text = diagnostic_text(fault, lambda span, _: source.line(span.line), color=False).splitlines()
     assert text[1].index("20kHz") == text[2].index("^^^^^")
 
@@ -87,11 +88,11 @@ def test_many_faults_are_counted_not_listed() -> None:
     source, _ = check_text(text.encode(), "a.job")
     assert source is not None
     job, faults = read_job(source, Machine())
-    assert sum(f.rule is d.UNKNOWN_STATEMENT for f in faults) == 1000
-    assert [f.fields["count"] for f in faults if f.rule is d.MORE] == [2000]
+    assert sum(f.rule is rules.UNKNOWN_STATEMENT for f in faults) == 1000
+    assert [f.fields["count"] for f in faults if f.rule is rules.MORE] == [2000]
     judged_faults = check(job, Machine())
-    assert sum(f.rule is d.OUT_OF_RANGE for f in judged_faults) == 1000
-    assert [f.fields["count"] for f in judged_faults if f.rule is d.MORE] == [4000]
+    assert sum(f.rule is rules.OUT_OF_RANGE for f in judged_faults) == 1000
+    assert [f.fields["count"] for f in judged_faults if f.rule is rules.MORE] == [4000]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +107,7 @@ def test_every_rule_counts_what_it_does_not_list(line: str, code: str) -> None:
     assert source is not None
     found = check(read_job(source, Machine())[0], Machine())
     listed = sum(f.rule.code == code for f in found)
-    more = sum(f.fields["count"] for f in found if f.rule is d.MORE and f.fields["code"] == code)
+    more = sum(f.fields["count"] for f in found if f.rule is rules.MORE and f.fields["code"] == code)
     assert listed == 1000
     assert listed + more == 1500
 

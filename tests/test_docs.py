@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 from tools import ROOT, calls_of, faults_in
 
-from gusjob.diagnostics import RULES
 from gusjob.limits import CONTRADICTIONS, TABLE, Range
+from gusjob.rules import RULES
 from gusjob.stream import SIGNATURES
 
 REFERENCE = ROOT / "grammar" / "README.md"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from gusjob import rules
 from gusjob.checks import light, motion, power, setup
 from gusjob.checks.view import Findings, View, view_of
 from gusjob.diagnostics import Collector, Diagnostic
@@ -23,15 +24,23 @@ CHECKS: tuple[Check, ...] = (
     power.direct_power,
     power.follow,
     power.saturation,
+    power.unused,
     light.left_on,
     light.jumps,
     light.no_power,
+    light.dwells,
+    light.waits,
+    light.switching,
+    light.burnt_twice,
+    light.delay_against_mark,
     motion.speeds,
     motion.given_speeds,
     motion.speeds_along,
     motion.field,
     motion.arcs_close,
     motion.arc_speed,
+    motion.no_length,
+    motion.starving,
     motion.dwells,
     motion.forced_ends,
 )
@@ -42,4 +51,4 @@ def check(job: Job, machine: Machine) -> list[Diagnostic]:
     findings, view = Findings(job=job, collector=Collector(job.name)), view_of(job, machine)
     for one in CHECKS:
         one(view, findings)
-    return sorted(findings.collector.done(), key=lambda f: (f.span.line, f.span.column))
+    return sorted(findings.collector.done(rules.MORE), key=lambda f: (f.span.line, f.span.column))

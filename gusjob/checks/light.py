@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from gusjob import diagnostics as d
-from gusjob.checks.view import CHANNELS, Findings, Indices, Remarks, View
+from gusjob import rules
+from gusjob.checks.view import CHANNELS, Findings, Floats, Indices, Remarks, View
 from gusjob.diagnostics import Remark
-from gusjob.job import Op
+from gusjob.job import LaserDelay, Op, Setup, opens_stage
 
 
 def left_on(view: View, findings: Findings) -> None:
@@ -16,7 +18,7 @@ def left_on(view: View, findings: Findings) -> None:
         _, _, on, line = view.lit(channel)
         if on:
             hint = f" CHANNEL {channel}" if channel else ""
-            findings.add(d.LEFT_ON, line, channel=channel, hint=hint)
+            findings.add(rules.LEFT_ON, line, channel=channel, hint=hint)
 
 
 def jumps(view: View, findings: Findings) -> None:
@@ -25,7 +27,7 @@ def jumps(view: View, findings: Findings) -> None:
     for channel in CHANNELS:
         lit, on_line, _, _ = view.lit(channel)
         bad = rows[lit[rows]]
-        findings.at_rows(d.JUMP_LIT, bad, "", channel=channel, remarks=switched_on(view, on_line[bad]))
+        findings.at_rows(rules.JUMP_LIT, bad, "", channel=channel, remarks=switched_on(view, on_line[bad]))
 
 
 def switched_on(view: View, lines: Indices) -> Remarks:
@@ -35,6 +37,154 @@ def switched_on(view: View, lines: Indices) -> Remarks:
         return (Remark(text=d.ON_HERE, span=view.job.locate(int(lines[index]), "")),)
 
     return remarks
+
+
+def dwells(view: View, findings: Findings) -> None:
+    """A dwell with light behind motion burns a point; right behind LASER ON it is a pierce."""
+    path = view.job.path
+    rows = view.rows(Op.DWELL)
+    if not len(rows):
+        return
+    moved = np.concatenate([[0], np.cumsum(path.moves)])
+    for channel in CHANNELS:
+        lit, on_line, _, _ = view.lit(channel)
+        mine = rows[lit[rows]]
+        begins = np.flatnonzero(lit & ~np.concatenate([[False], lit[:-1]]))
+        since = begins[np.searchsorted(begins, mine, side="right") - 1]
+        bad = mine[moved[mine] > moved[since]]
+        findings.at_rows(rules.DWELL_LIT, bad, "", channel=channel, remarks=switched_on(view, on_line[bad]))
+
+
+def waits(view: View, findings: Findings) -> None:
+    """Light at the end of a stage stays on until the next one moves."""
+    for setup, opens in zip(view.job.setups, opens_stage(view.job), strict=True):
+        if not opens:
+            continue
+        for channel in CHANNELS:
+            before, behind = view.lit_at(channel, np.array([setup.at * 2, setup.at * 2 + 1])).tolist()
+            if before and behind:  # LASER OFF NOW is a way to end light, too.
+                findings.at(rules.WAIT_LIT, setup, word=setup.word, channel=channel)
+
+
+def switching(view: View, findings: Findings) -> None:
+    """LASER ON that changes nothing, and light that comes and goes with nothing between."""
+    path = view.job.path
+    timed = np.concatenate([[0], np.cumsum(path.takes_time)])
+    for channel in CHANNELS:
+        keys, on, lines = view.switches(channel)
+        if not len(keys):
+            continue
+        before = np.concatenate([[False], on[:-1]])
+        begin = lines[np.maximum.accumulate(np.where(on & ~before, np.arange(len(on)), 0))]
+        buffered = keys % 2 == 1
+        again = np.flatnonzero(on & before & buffered)
+        findings.at_rows(
+            rules.ALREADY_ON, keys[again] // 2, "", channel=channel, remarks=switched_on(view, begin[again])
+        )
+        came = timed[(keys + 1) // 2]
+        empty = np.flatnonzero(on[:-1] & ~on[1:] & (came[:-1] == came[1:]) & buffered[:-1] & buffered[1:])
+        findings.at_rows(rules.LIT_NOTHING, keys[empty] // 2, "", channel=channel)
+
+
+def burnt_twice(view: View, findings: Findings) -> None:
+    """The same segment with light and the same power, from two places in the job; passes of a loop are meant."""
+    path = view.job.path
+    x0, y0 = view.starts()
+    for channel in CHANNELS:
+        lit = view.lit(channel)[0]
+        rows = np.flatnonzero(path.moves & lit)
+        if len(rows) < 2:
+            continue
+        power = _power_in_force(view, channel)[rows]
+        ends = np.rint(np.stack([x0[rows], y0[rows], path.x[rows], path.y[rows]]))
+        turned = (ends[0] > ends[2]) | ((ends[0] == ends[2]) & (ends[1] > ends[3]))
+        low_x, high_x = np.where(turned, ends[2], ends[0]), np.where(turned, ends[0], ends[2])
+        low_y, high_y = np.where(turned, ends[3], ends[1]), np.where(turned, ends[1], ends[3])
+        round_ = path.op[rows] != Op.LINE
+        marks = [low_x, low_y, high_x, high_y, power]
+        if round_.any():
+            bend = np.where(path.ccw[rows] != turned, 1.0, -1.0)
+            arc = [np.rint(np.nan_to_num(v[rows])) for v in (path.cx, path.cy, path.radius)]
+            marks += [np.where(round_, v, 0.0) for v in (*arc, bend)]
+        key = _mixed(marks)
+        order = np.argsort(key, kind="stable")
+        same = key[order][1:] == key[order][:-1]
+        if not same.any():
+            continue
+        first = order[np.maximum.accumulate(np.where(np.concatenate([[True], ~same]), np.arange(len(order)), 0))]
+        again = np.flatnonzero((path.line[rows[order]] != path.line[rows[first]]) & (order != first))
+        again = again[(low_x != high_x)[order[again]] | (low_y != high_y)[order[again]] | round_[order[again]]]
+        again = again[np.argsort(order[again])]
+        bad, earlier = rows[order[again]], path.line[rows[first[again]]]
+        findings.at_rows(rules.BURNT_TWICE, bad, "", remarks=_first_here(view, earlier))
+
+
+def _power_in_force(view: View, channel: int) -> Floats:
+    """A number for each row that is the same where the same power is in force."""
+    path = view.job.path
+    sets = np.flatnonzero(((path.op == Op.POWER) | (path.op == Op.FOLLOW)) & (path.channel == channel))
+    if not len(sets):
+        return np.zeros(len(path))
+    values = [np.nan_to_num(v[sets]) for v in (path.power, path.low, path.high, path.ratio)]
+    at = np.searchsorted(sets, np.arange(len(path)), side="left") - 1
+    return np.where(at >= 0, _mixed(values).astype(np.float64)[at], 0.0)
+
+
+def _mixed(columns: list[Floats]) -> npt.NDArray[np.uint64]:
+    """A number for each row that hangs on all columns; equal rows are equal, others hardly ever."""
+    mixed = np.zeros(len(columns[0]), dtype=np.uint64)
+    for column in columns:
+        bits = np.ascontiguousarray(column + 0.0).view(np.uint64)
+        mixed = (mixed ^ bits) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    return mixed
+
+
+def _first_here(view: View, lines: Indices) -> Remarks:
+    def remarks(index: int) -> tuple[Remark, ...]:
+        return (Remark(text=d.FIRST_HERE, span=view.job.locate(int(lines[index]), "")),)
+
+    return remarks
+
+
+def delay_against_mark(view: View, findings: Findings) -> None:
+    """An on delay that is longer than the whole mark: the light comes when the mark is over, or not at all."""
+    path = view.job.path
+    timed = np.flatnonzero(path.takes_time)
+    for channel in CHANNELS:
+        delays = [s for s in view.setups(LaserDelay) if s.channel == channel]
+        keys, on, _ = view.switches(channel)
+        marks = np.flatnonzero(on[:-1] & ~on[1:])
+        if not delays or not len(marks):
+            continue
+        at = np.concatenate([[0.0], np.cumsum(_longest_ms(view, timed))])
+        place = np.searchsorted(timed, (keys + 1) // 2)
+        most_us = (at[place[marks + 1]] - at[place[marks]]) * 1e3
+        last = np.searchsorted([s.at * 2 for s in delays], keys[marks], side="right") - 1
+        on_us = np.array([0.0, *(_delays(s)[0] for s in delays)])[last + 1]
+        off_us = np.array([0.0, *(_delays(s)[1] for s in delays)])[last + 1]
+        bad = np.flatnonzero((on_us > most_us) & (most_us > 0) & (keys[marks] % 2 == 1))
+        for none, lost in ((True, "no light comes at all"), (False, "light comes when the mark is over")):
+            which = bad[(on_us[bad] >= most_us[bad] + off_us[bad]) == none]
+            findings.at_rows(
+                rules.DELAY_TOO_LONG, keys[marks[which]] // 2, "", on=on_us[which], most=np.round(most_us[which], 3),
+                lost=lost,
+            )  # fmt: skip
+
+
+def _delays(setup: Setup) -> tuple[float, float]:
+    assert isinstance(setup.what, LaserDelay)
+    return setup.what.on_delay_us, setup.what.off_delay_us
+
+
+def _longest_ms(view: View, rows: Indices) -> Floats:
+    """The longest that rows can take: from rest to rest."""
+    path = view.job.path
+    length, vel, acc = view.lengths(rows), path.vel[rows], path.acc[rows]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reached = length * acc >= vel * vel
+        moving = np.where(reached, length / vel + vel / acc, 2 * np.sqrt(length / acc))
+    return np.where(path.op[rows] == Op.DWELL, np.nan_to_num(path.dwell_ms[rows]), np.nan_to_num(moving, posinf=1e12))
 
 
 def no_power(view: View, findings: Findings) -> None:
@@ -57,4 +207,4 @@ def no_power(view: View, findings: Findings) -> None:
                 (behind < 0) | (keys[behind] < changed.first * 2) if len(keys) else np.ones(len(rows), dtype=np.bool_)
             )
             for line in sorted(set(on_line[rows[unset]].tolist())):
-                findings.add(d.NO_POWER, line, channel=channel, remarks=findings.mode_remark(changed.setup))
+                findings.add(rules.NO_POWER, line, channel=channel, remarks=findings.mode_remark(changed.setup))

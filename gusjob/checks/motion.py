@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gusjob import diagnostics as d
-from gusjob import limits
-from gusjob.checks.view import Findings, Floats, Indices, View
+from gusjob import limits, rules
+from gusjob.checks.view import CHANNELS, Findings, Floats, Indices, View
 from gusjob.geometry import arcs_by_centre, arcs_by_radius
 from gusjob.job import SPEED_WORDS, Op, arcs_mm
 
@@ -28,8 +27,8 @@ def speeds(view: View, findings: Findings) -> None:
         fast = ~outside & (mm > limit * (1 + 1e-9)) & (in_mm | machine.equal_axes)
         places = written.line[at], written.trail[at], np.where(written.inline[at], word, "value")
         for rule, bad, values, fields in (
-            (d.TOO_FAST, fast, mm, {"unit": unit, "limit": limit}),
-            (d.OUT_OF_RANGE, outside, value, {"unit": allowed.unit, "range": str(allowed), "hint": ""}),
+            (rules.TOO_FAST, fast, mm, {"unit": unit, "limit": limit}),
+            (rules.OUT_OF_RANGE, outside, value, {"unit": allowed.unit, "range": str(allowed), "hint": ""}),
         ):
             findings.at_places(rule, *(p[bad] for p in places), what=word, value=values[bad], **fields)
 
@@ -38,7 +37,7 @@ def given_speeds(view: View, findings: Findings) -> None:
     """A move has a velocity and an acceleration."""
     path = view.job.path
     rows = np.flatnonzero(path.moves)
-    for values, missing in ((path.vel, d.NO_VELOCITY), (path.acc, d.NO_ACCELERATION)):
+    for values, missing in ((path.vel, rules.NO_VELOCITY), (path.acc, rules.NO_ACCELERATION)):
         absent = rows[np.isnan(values[rows])]
         if len(absent):
             findings.at_rows(missing, absent[:1], "", word=Op(int(path.op[absent[0]])).word)
@@ -72,7 +71,7 @@ def speeds_along(view: View, findings: Findings) -> None:
             line = int(lines[rows[i]])
             place = word if view.job.locate(line, word) != view.job.locate(line, "") else "value"
             findings.add(
-                d.TOO_FAST, line, place, trail=int(path.trail[rows[i]]), what=word, value=float(mm[i]), unit=unit,
+                rules.TOO_FAST, line, place, trail=int(path.trail[rows[i]]), what=word, value=float(mm[i]), unit=unit,
                 limit=limit,
             )  # fmt: skip
 
@@ -92,7 +91,7 @@ def field(view: View, findings: Findings) -> None:
     ):
         place = values[rows] / scale
         out = (place < low) | (place > high)
-        findings.at_rows(d.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=place[out], low=low, high=high, hint="")
+        findings.at_rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=place[out], low=low, high=high, hint="")
         findings.ranged(rows, np.rint(values[rows]), limits.COORDINATE_PULSE, axis, axis)
     arcs = view.rows(Op.ARC_CENTRE, Op.ARC_RADIUS)
     if not len(arcs):
@@ -107,7 +106,9 @@ def field(view: View, findings: Findings) -> None:
         ends_in = (ends >= low) & (ends <= high)
         below, above = ends_in & (near < low - slack), ends_in & (far > high + slack)
         for out, place in ((below, near), (above, far)):
-            findings.at_rows(d.OUTSIDE_FIELD, arcs[out], "", axis=axis, value=place[out], low=low, high=high, hint=hint)
+            findings.at_rows(
+                rules.OUTSIDE_FIELD, arcs[out], "", axis=axis, value=place[out], low=low, high=high, hint=hint
+            )
 
 
 def arcs_close(view: View, findings: Findings) -> None:
@@ -124,7 +125,7 @@ def arcs_close(view: View, findings: Findings) -> None:
         for word, place in (("I", path.cx[rows] - x0[rows] * px), ("J", path.cy[rows] - y0[rows] * py)):
             findings.ranged(rows, np.rint(place), limits.COORDINATE_PULSE, word, word)
         off = (np.abs(start - end) > _CLOSES_MM) & (start > 0)
-        findings.at_rows(d.ARC_OFF, rows[off], "", end=end[off], start=start[off], limit=_CLOSES_MM)
+        findings.at_rows(rules.ARC_OFF, rows[off], "", end=end[off], start=start[off], limit=_CLOSES_MM)
     rows = view.rows(Op.ARC_RADIUS)
     if len(rows):
         findings.ranged(rows, path.radius[rows], limits.RADIUS_PULSE, "R", "R")
@@ -138,11 +139,11 @@ def arcs_close(view: View, findings: Findings) -> None:
         )
         short = (2 * radius < chord - _CLOSES_MM) & (radius > 0)
         least = chord[short] / 2
-        findings.at_rows(d.ARC_SHORT, rows[short], "R", value=radius[short], chord=chord[short], least=least)
+        findings.at_rows(rules.ARC_SHORT, rows[short], "R", value=radius[short], chord=chord[short], least=least)
 
 
 def _bad_arc(findings: Findings, rows: Indices, reason: str) -> None:
-    findings.at_rows(d.BAD_ARC, rows, "", reason=reason)
+    findings.at_rows(rules.BAD_ARC, rows, "", reason=reason)
 
 
 def arc_speed(view: View, findings: Findings) -> None:
@@ -165,7 +166,7 @@ def arc_speed(view: View, findings: Findings) -> None:
         needed = path.vel[rows] ** 2 / radius
     fast = (needed > limit * (1 + 1e-9)) & (radius > 0)
     findings.at_rows(
-        d.ARC_TOO_FAST,
+        rules.ARC_TOO_FAST,
         rows[fast],
         "",
         velocity=path.vel[rows[fast]],
@@ -173,6 +174,41 @@ def arc_speed(view: View, findings: Findings) -> None:
         value=needed[fast],
         limit=limit,
     )
+
+
+def no_length(view: View, findings: Findings) -> None:
+    """A mark that ends where it begins, in whole pulses."""
+    path = view.job.path
+    x0, y0 = view.starts()
+    still = (path.op == Op.LINE) & (np.rint(path.x) == np.rint(x0)) & (np.rint(path.y) == np.rint(y0))
+    if not still.any():
+        return
+    for channel in CHANNELS:
+        rows = np.flatnonzero(still & view.lit(channel)[0])
+        findings.at_rows(rules.NO_LENGTH, rows, "", word="LINE")
+        still[rows] = False
+
+
+def starving(view: View, findings: Findings) -> None:
+    """Segments so short, so many in a row, that no host keeps the FIFO filled (where the profile says how fast it is).
+
+    A host that sends a call each 1/rate falls behind by what a segment is shorter; 4096 slots are the reserve.
+    """
+    path, rate = view.job.path, view.machine.host_calls_per_s
+    if rate is None or not len(path):
+        return
+    rows = np.arange(len(path))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moving = np.nan_to_num(view.lengths(rows) / path.vel, posinf=0.0)
+    shortest_ms = np.where(path.op == Op.DWELL, np.nan_to_num(path.dwell_ms), moving)
+    behind = np.cumsum(1 - shortest_ms * rate / 1e3)
+    lowest = np.minimum.accumulate(np.concatenate([[0.0], behind]))[:-1]
+    empty = np.flatnonzero(behind - lowest > limits.FIFO_SLOTS)
+    if len(empty):
+        # Of each stretch in which the FIFO runs empty, the place where it first does.
+        begins = empty[np.concatenate([[True], np.diff(lowest[empty]) != 0])]
+        start = np.searchsorted(-np.minimum.accumulate(behind), -lowest[begins])
+        findings.at_rows(rules.STARVES, begins, "", calls=begins - start, rate=rate, slots=limits.FIFO_SLOTS)
 
 
 def dwells(view: View, findings: Findings) -> None:
@@ -188,4 +224,4 @@ def forced_ends(view: View, findings: Findings) -> None:
     good = findings.ranged(rows, path.end[rows], limits.END_VELOCITY, "END", "END")
     rows = rows[good]
     above = rows[path.end[rows] > path.vel[rows] * (1 + 1e-12)]
-    findings.at_rows(d.END_ABOVE_VEL, above, "END", value=path.end[above], velocity=path.vel[above])
+    findings.at_rows(rules.END_ABOVE_VEL, above, "END", value=path.end[above], velocity=path.vel[above])

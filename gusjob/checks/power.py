@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.checks.view import CHANNELS, Findings, ModeSpan, View, unit_fields
 from gusjob.job import Op, PowerNow, SwitchNow
 from gusjob.limits import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, PowerMode, Verdict
@@ -27,16 +27,16 @@ def before_a_mode(view: View, findings: Findings) -> None:
         early = np.arange(len(path))[:first]
         early = early[(path.op[early] >= Op.POWER) & (path.channel[early] == channel)]
         for op in (Op.POWER, Op.FOLLOW):
-            findings.at_rows(d.NO_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
+            findings.at_rows(rules.NO_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
         on = early[path.op[early] == Op.ON]
-        findings.at_rows(d.LASER_UNKNOWN, on[:1], "", channel=channel)
+        findings.at_rows(rules.LASER_UNKNOWN, on[:1], "", channel=channel)
         for setup in view.setups(SwitchNow):
             turns_on = isinstance(setup.what, SwitchNow) and setup.what.on
             if turns_on and setup.channel == channel and (not spans or setup.order < spans[0].setup.order):
-                findings.at(d.LASER_UNKNOWN, setup, channel=channel)
+                findings.at(rules.LASER_UNKNOWN, setup, channel=channel)
         for setup in view.setups(PowerNow):
             if setup.channel == channel and (not spans or setup.order < spans[0].setup.order):
-                findings.at(d.NO_MODE, setup, word=setup.word, channel=channel)
+                findings.at(rules.NO_MODE, setup, word=setup.word, channel=channel)
 
 
 def direct_power(view: View, findings: Findings) -> None:
@@ -60,17 +60,19 @@ def direct_power(view: View, findings: Findings) -> None:
         if good_unit and findings.one(setup, what.power, POWER_NOW[mode.mode.mode], "LASER POWER NOW"):
             if not mode.mode.low <= what.power <= mode.mode.high:
                 findings.at(
-                    d.POWER_CLAMPED, setup, "value", what="LASER POWER NOW", value=what.power, low=mode.mode.low,
+                    rules.POWER_CLAMPED, setup, "value", what="LASER POWER NOW", value=what.power, low=mode.mode.low,
                     high=mode.mode.high, unit=wanted.text, remarks=findings.mode_remark(mode.setup),
                 )  # fmt: skip
             highest = view.machine.laser(setup.channel).max_frequency_khz
             if wanted is PowerUnit.KHZ and highest is not None and what.power > highest:
-                findings.at(d.CARRIER_TOO_FAST, setup, "value", what="LASER POWER NOW", value=what.power, limit=highest)
+                findings.at(
+                    rules.CARRIER_TOO_FAST, setup, "value", what="LASER POWER NOW", value=what.power, limit=highest
+                )
             width = mode.mode.pulse_width_us
             duty = min(max(what.power, mode.mode.low), mode.mode.high) * (width or 0.0) / 10
             if width and what.power > 0 and PULSE_DUTY_PCT.verdict(duty) is not Verdict.INSIDE:
                 findings.at(
-                    d.PULSE_TOO_WIDE, setup, "value", value=what.power, width=width, duty=duty,
+                    rules.PULSE_TOO_WIDE, setup, "value", value=what.power, width=width, duty=duty,
                     range=str(PULSE_DUTY_PCT),
                 )  # fmt: skip
 
@@ -86,7 +88,7 @@ def follow(view: View, findings: Findings) -> None:
             by_velocity = np.isnan(path.ratio[rows]) | ~np.isfinite(path.ratio[rows])
             findings.ranged(rows[~by_velocity], path.ratio[rows[~by_velocity]], FOLLOW_RATIO, "follow RATIO", "RATIO")
             findings.at_rows(
-                d.OUT_OF_RANGE, rows[by_velocity], "AT", what="follow velocity AT", value=0.0, unit="",
+                rules.OUT_OF_RANGE, rows[by_velocity], "AT", what="follow velocity AT", value=0.0, unit="",
                 range="(0, inf)", hint="",
             )  # fmt: skip
             limit = FOLLOW[span.mode.mode]
@@ -100,10 +102,10 @@ def follow(view: View, findings: Findings) -> None:
                 fine &= good
             wrong = rows[fine & (path.low[rows] >= path.high[rows])]
             findings.at_rows(
-                d.MIN_ABOVE_MAX, wrong, "MIN", what="LASER FOLLOW", low=path.low[wrong], high=path.high[wrong]
+                rules.MIN_ABOVE_MAX, wrong, "MIN", what="LASER FOLLOW", low=path.low[wrong], high=path.high[wrong]
             )
             if not machine.equal_axes:
-                findings.at_rows(d.FOLLOW_SCALES, rows[path.follow_in_mm[rows]], "")
+                findings.at_rows(rules.FOLLOW_SCALES, rows[path.follow_in_mm[rows]], "")
 
 
 def saturation(view: View, findings: Findings) -> None:
@@ -122,9 +124,30 @@ def saturation(view: View, findings: Findings) -> None:
         rows, first = np.unique(source[over], return_index=True)
         which = np.flatnonzero(over)[first]
         findings.at_rows(
-            d.SATURATES, rows, "", value=asked[which], velocity=path.vel[marks[which]], high=path.high[rows],
+            rules.SATURATES, rows, "", value=asked[which], velocity=path.vel[marks[which]], high=path.high[rows],
             unit=_unit_at(view, channel, rows),
         )  # fmt: skip
+
+
+def unused(view: View, findings: Findings) -> None:
+    """A power that is set anew before any light comes."""
+    path = view.job.path
+    for channel in CHANNELS:
+        lit = view.lit(channel)[0]
+        if not lit.any():
+            continue
+        places = view.power_keys(channel)
+        shone = np.concatenate([[0], np.cumsum(lit & path.takes_time)])
+        begins = (places + 1) // 2
+        used = shone[np.append(begins[1:], len(path))] > shone[begins]
+        spans = view.modes(channel)
+        buffered = (places % 2 == 1) & (places >= (spans[0].first * 2 if spans else 0))
+        rows, used = places[buffered] // 2, used[buffered]
+        # In a loop or routine the first or last round may go without.
+        idle = rows[~used]
+        idle = idle[~np.isin(path.line[idle], path.line[rows[used]])]
+        for op in (Op.POWER, Op.FOLLOW):
+            findings.at_rows(rules.POWER_UNUSED, idle[path.op[idle] == op], "", word=op.word)
 
 
 def _unit_at(view: View, channel: int, rows: np.ndarray) -> np.ndarray:
@@ -148,7 +171,7 @@ def _units(
     good: np.ndarray = (written == PowerUnit.NONE) | (written == wanted)
     for unit in set(written[~good].tolist()):
         findings.at_rows(
-            d.WRONG_UNIT, rows[written == unit], word, remarks=lambda _: findings.mode_remark(span.setup),
+            rules.WRONG_UNIT, rows[written == unit], word, remarks=lambda _: findings.mode_remark(span.setup),
             **unit_fields(what, unit, wanted),
         )  # fmt: skip
     return good
@@ -159,7 +182,7 @@ def _clamped(findings: Findings, span: ModeSpan, rows: np.ndarray, values: np.nd
     out = (values < mode.low) | (values > mode.high)
     if out.any():
         findings.at_rows(
-            d.POWER_CLAMPED, rows[out], word, what=what, value=values[out], low=float(mode.low),
+            rules.POWER_CLAMPED, rows[out], word, what=what, value=values[out], low=float(mode.low),
             high=float(mode.high), unit=mode.mode.unit, remarks=lambda _: findings.mode_remark(span.setup),
         )  # fmt: skip
 
@@ -176,10 +199,10 @@ def _frequency(
     bad = (values > 0) & (PULSE_DUTY_PCT.judge(duty) != Verdict.INSIDE)
     if bad.any():
         findings.at_rows(
-            d.PULSE_TOO_WIDE, rows[bad], word, value=values[bad], width=float(mode.pulse_width_us), duty=duty[bad],
+            rules.PULSE_TOO_WIDE, rows[bad], word, value=values[bad], width=float(mode.pulse_width_us), duty=duty[bad],
             range=str(PULSE_DUTY_PCT),
         )  # fmt: skip
     highest = view.machine.laser(span.channel).max_frequency_khz
     if highest is not None and (values > highest).any():
         fast = values > highest
-        findings.at_rows(d.CARRIER_TOO_FAST, rows[fast], word, what=what, value=values[fast], limit=highest)
+        findings.at_rows(rules.CARRIER_TOO_FAST, rows[fast], word, what=what, value=values[fast], limit=highest)

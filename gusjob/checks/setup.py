@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from gusjob import diagnostics as d
-from gusjob import limits
+from gusjob import limits, rules
 from gusjob.checks.power import UNIT_OF_MODE
 from gusjob.checks.view import Findings, ModeSpan, View
 from gusjob.job import (
@@ -19,7 +18,7 @@ from gusjob.job import (
     Wait,
     opens_stage,
 )
-from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT
+from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT, PowerMode
 
 
 def laser_mode(view: View, findings: Findings) -> None:
@@ -31,7 +30,7 @@ def laser_mode(view: View, findings: Findings) -> None:
         good = findings.one(setup, mode.low, allowed, "mode MIN", "MIN")
         good &= findings.one(setup, mode.high, allowed, "mode MAX", "MAX")
         if good and mode.low >= mode.high:
-            findings.at(d.MIN_ABOVE_MAX, setup, "MIN", what=setup.word, low=float(mode.low), high=float(mode.high))
+            findings.at(rules.MIN_ABOVE_MAX, setup, "MIN", what=setup.word, low=float(mode.low), high=float(mode.high))
         if mode.pulse_width_us is not None:
             findings.one(setup, mode.pulse_width_us, limits.PULSE_WIDTH_US, "pulse WIDTH", "WIDTH")
         if mode.carrier_khz is None or not findings.one(
@@ -40,7 +39,7 @@ def laser_mode(view: View, findings: Findings) -> None:
             continue
         highest = view.machine.laser(setup.channel).max_frequency_khz
         if highest is not None and mode.carrier_khz > highest:
-            findings.at(d.CARRIER_TOO_FAST, setup, "CARRIER", what="CARRIER", value=mode.carrier_khz, limit=highest)
+            findings.at(rules.CARRIER_TOO_FAST, setup, "CARRIER", what="CARRIER", value=mode.carrier_khz, limit=highest)
 
 
 def delays(view: View, findings: Findings) -> None:
@@ -51,7 +50,7 @@ def delays(view: View, findings: Findings) -> None:
         good = findings.one(setup, delay.on_delay_us, limits.SWITCH_DELAY_US, "on delay", "ON")
         good &= findings.one(setup, delay.off_delay_us, limits.SWITCH_DELAY_US, "off delay", "OFF")
         if good and delay.off_delay_us < delay.on_delay_us:
-            findings.at(d.OFF_BELOW_ON, setup, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
+            findings.at(rules.OFF_BELOW_ON, setup, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
 
 
 def output_when_off(view: View, findings: Findings) -> None:
@@ -65,7 +64,7 @@ def output_when_off(view: View, findings: Findings) -> None:
             highest = view.machine.laser(setup.channel).max_frequency_khz
             if highest is not None and standby.pulse[0] > highest:
                 findings.at(
-                    d.CARRIER_TOO_FAST, setup, "FREQ", what="standby FREQ", value=standby.pulse[0], limit=highest
+                    rules.CARRIER_TOO_FAST, setup, "FREQ", what="standby FREQ", value=standby.pulse[0], limit=highest
                 )
             _wants(view, findings, setup, pwm=True)
     for setup in view.setups(LaserPrevolt):
@@ -86,13 +85,17 @@ def output_when_off(view: View, findings: Findings) -> None:
             ):
                 findings.one(setup, value, allowed, f"FPK {word}", word)
             _wants(view, findings, setup, pwm=True)
+            span = view.mode_of(setup)
+            if span is not None and span.mode.mode is PowerMode.DUTY2:
+                remarks = findings.mode_remark(span.setup)
+                findings.at(rules.FPK_SWITCH, setup, channel=setup.channel, remarks=remarks)
 
 
 def _wants(view: View, findings: Findings, setup: Setup, *, pwm: bool) -> None:
     span = view.mode_of(setup)
     if span is not None and span.mode.mode.is_pwm != pwm:
         findings.at(
-            d.WRONG_MODE, setup, word=setup.word, wanted="the PWM modes (DUTY, DUTY2, FREQUENCY)" if pwm else
+            rules.WRONG_MODE, setup, word=setup.word, wanted="the PWM modes (DUTY, DUTY2, FREQUENCY)" if pwm else
             "analog mode", channel=setup.channel, mode=span.mode.mode.name, remarks=findings.mode_remark(span.setup),
         )  # fmt: skip
 
@@ -106,7 +109,7 @@ def distance(view: View, findings: Findings) -> None:
             continue
         spans = [s for s in view.modes(setup.channel) if s.setup.order < setup.order]
         if not spans:
-            findings.at(d.DISTANCE_NEEDS_MODE, setup, channel=setup.channel)
+            findings.at(rules.DISTANCE_NEEDS_MODE, setup, channel=setup.channel)
             continue
         mode, settings = spans[-1], what.settings
         allowed, wanted = DISTANCE_LIMIT[mode.mode.mode], UNIT_OF_MODE[mode.mode.mode]
@@ -116,18 +119,18 @@ def distance(view: View, findings: Findings) -> None:
             fits = findings.unit(setup, word, name, unit, wanted, mode.setup)
             good &= fits and findings.one(setup, value, allowed, name, word)
         if good and settings.low >= settings.high:
-            findings.at(d.MIN_ABOVE_MAX, setup, "MIN", what="LASER DISTANCE", low=settings.low, high=settings.high)
+            findings.at(rules.MIN_ABOVE_MAX, setup, "MIN", what="LASER DISTANCE", low=settings.low, high=settings.high)
         for word, value in (("MIN", settings.low), ("MAX", settings.high)):
             if good and not mode.mode.low <= value <= mode.mode.high:
                 findings.at(
-                    d.POWER_CLAMPED, setup, word, what=f"distance {word}", value=value, low=mode.mode.low,
+                    rules.POWER_CLAMPED, setup, word, what=f"distance {word}", value=value, low=mode.mode.low,
                     high=mode.mode.high, unit=mode.mode.mode.unit, remarks=findings.mode_remark(mode.setup),
                 )  # fmt: skip
         for span in view.modes(setup.channel):
             later = span.setup.order > setup.order and span.mode.mode.unit != mode.mode.mode.unit
             if later and not _set_again(view, setup, span):
                 findings.at(
-                    d.DISTANCE_STALE, span.setup, distance_line=view.job.shown_line(setup.line),
+                    rules.DISTANCE_STALE, span.setup, distance_line=view.job.shown_line(setup.line),
                     unit=mode.mode.mode.unit, mode_unit=span.mode.mode.unit,
                 )  # fmt: skip
                 break
@@ -151,7 +154,7 @@ def coordinate_system(view: View, findings: Findings) -> None:
                 findings.one(setup, crd, limits.CRD, "CRD")
                 findings.one(setup, fifo, limits.FIFO, "FIFO", "FIFO")
                 if setup.at:
-                    findings.at(d.CRD_LATE, setup)
+                    findings.at(rules.CRD_LATE, setup)
             case LookAhead(corner=(time, acc)):
                 if time == time:
                     findings.one(setup, time, limits.LOOKAHEAD_TIME_MS, "LOOKAHEAD TIME", "TIME")
@@ -165,4 +168,4 @@ def new_stages(view: View, findings: Findings) -> None:
     """A setup statement behind motion stops it."""
     for setup, opens in zip(view.job.setups, opens_stage(view.job), strict=True):
         if opens and not isinstance(setup.what, Wait):
-            findings.at(d.NEW_STAGE, setup, word=setup.word)
+            findings.at(rules.NEW_STAGE, setup, word=setup.word)

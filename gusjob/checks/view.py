@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Collector, Remark, Rule
-from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, SwitchNow
+from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, SwitchNow, arcs_mm
 from gusjob.limits import Range, Verdict
 from gusjob.machine import Machine
 from gusjob.units import PowerUnit
@@ -94,31 +95,31 @@ class Findings:
             return np.ones(len(values), dtype=np.bool_)
         outside = verdict == Verdict.OUTSIDE
         fields: dict[str, Any] = {"what": what, "unit": allowed.unit, "range": str(allowed), "hint": hint}
-        self.at_rows(d.OUT_OF_RANGE, rows[outside], word, value=values[outside], **fields)
+        self.at_rows(rules.OUT_OF_RANGE, rows[outside], word, value=values[outside], **fields)
         ends = (verdict == Verdict.ON_TOLERATED_END) & whole
-        self.at_rows(d.ON_OPEN_END, rows[ends], word, value=values[ends], **fields)
+        self.at_rows(rules.ON_OPEN_END, rows[ends], word, value=values[ends], **fields)
         broken = ~outside & ~whole
-        self.at_rows(d.NOT_WHOLE, rows[broken], word, value=values[broken], **fields)
+        self.at_rows(rules.NOT_WHOLE, rows[broken], word, value=values[broken], **fields)
         return np.asarray(~outside & whole)
 
     def one(self, setup: Setup, value: float, allowed: Range, what: str, word: str = "value") -> bool:
         """Judge a setup statement's number; returns whether it is good."""
         if allowed.verdict(value) is Verdict.OUTSIDE:
-            rule = d.OUT_OF_RANGE
+            rule = rules.OUT_OF_RANGE
         elif not allowed.carries(value):
-            rule = d.NOT_WHOLE
+            rule = rules.NOT_WHOLE
         elif allowed.verdict(value) is Verdict.ON_TOLERATED_END:
-            rule = d.ON_OPEN_END
+            rule = rules.ON_OPEN_END
         else:
             return True
         self.at(rule, setup, word, what=what, value=value, unit=allowed.unit, range=str(allowed), hint="")
-        return rule is d.ON_OPEN_END
+        return rule is rules.ON_OPEN_END
 
     def unit(self, setup: Setup, word: str, what: str, written: int, wanted: PowerUnit, mode: Setup) -> bool:
         """Judge the unit that a power of a setup statement was written in; returns whether it is good."""
         if written in (PowerUnit.NONE, wanted):
             return True
-        self.at(d.WRONG_UNIT, setup, word, remarks=self.mode_remark(mode), **unit_fields(what, written, wanted))
+        self.at(rules.WRONG_UNIT, setup, word, remarks=self.mode_remark(mode), **unit_fields(what, written, wanted))
         return False
 
     def mode_remark(self, mode: Setup) -> tuple[Remark, ...]:
@@ -183,11 +184,14 @@ class View:
         above = bisect_right(spans, setup.order, key=lambda span: span.setup.order)
         return spans[max(above - 1, 0)] if spans else None
 
-    def lit(self, channel: int) -> tuple[Bools, Indices, bool, int]:
-        """(light commanded on in each row, line of the ON in force per row, on at the end, line of the last ON)."""
+    def switches(self, channel: int) -> tuple[Indices, Bools, Indices]:
+        """Everything that switches a channel: (place, on, line), ascending.
+
+        A place is twice a row, plus one if it acts behind the row: a row acts behind itself (odd), a setup statement
+        before the row it stands at (even).
+        """
         path = self.job.path
         rows = np.flatnonzero(((path.op == Op.ON) | (path.op == Op.OFF)) & (path.channel == channel))
-        # A row acts behind itself (odd key), a setup statement before the row it stands at (even key).
         keys = rows * 2 + 1
         on, lines = path.op[rows] == Op.ON, path.line[rows].astype(np.intp)
         now = [s for s in self.setups(SwitchNow) if s.channel == channel]
@@ -197,6 +201,18 @@ class View:
             lines = np.concatenate([[s.line for s in now], lines]).astype(np.intp)
             order = np.argsort(keys, kind="stable")
             keys, on, lines = keys[order], on[order], lines[order]
+        return keys, on, lines
+
+    def lit_at(self, channel: int, places: Indices) -> Bools:
+        """Whether light is commanded on just before each place."""
+        keys, on, _ = self.switches(channel)
+        last = np.searchsorted(keys, places, side="left") - 1
+        return np.where(last >= 0, on[last], False) if len(keys) else np.zeros(len(places), dtype=np.bool_)
+
+    def lit(self, channel: int) -> tuple[Bools, Indices, bool, int]:
+        """(light commanded on in each row, line of the ON in force per row, on at the end, line of the last ON)."""
+        path = self.job.path
+        keys, on, lines = self.switches(channel)
         if not len(keys):
             none = np.zeros(len(path), dtype=np.bool_)
             return none, np.zeros(len(path), dtype=np.intp), False, 0
@@ -206,6 +222,21 @@ class View:
         begins = on & ~np.concatenate([[False], on[:-1]])
         begun = np.maximum.accumulate(np.where(begins, np.arange(len(on)), 0))
         return state, lines[begun[last]], bool(on[-1]), int(lines[begun[-1]])
+
+    def starts(self) -> tuple[Floats, Floats]:
+        """Where the head is before each row, unrounded pulse."""
+        path = self.job.path
+        return np.concatenate([[0.0], path.x])[:-1], np.concatenate([[0.0], path.y])[:-1]
+
+    def lengths(self, rows: Indices) -> Floats:
+        """Lengths of moves, in pulses of X (in which velocities stand); a dwell has none."""
+        path, (px, py) = self.job.path, self.machine.pulses_per_mm
+        x0, y0 = self.starts()
+        lengths = np.hypot(path.x[rows] - x0[rows], (path.y[rows] - y0[rows]) * (px / py))
+        round_ = np.flatnonzero((path.op[rows] == Op.ARC_CENTRE) | (path.op[rows] == Op.ARC_RADIUS))
+        if len(round_):
+            lengths[round_] = arcs_mm(path, rows[round_], self.machine).length * px
+        return np.where(path.moves[rows], lengths, 0.0)
 
     def power_keys(self, channel: int) -> Indices:
         """Places of everything that sets power on a channel, in the keys of `lit`, ascending."""

@@ -42,7 +42,7 @@ def judged(path: Path, machine_path: Path | None) -> Loaded:
     if loaded.job is not None and loaded.job.has_forced_ends:
         compiled(loaded)
     if loaded.stream is not None:
-        from gusjob.interpreter import interpret
+        from gusjob.interpreter import find_faults
 
-        interpreted_faults(loaded, interpret(loaded.stream, loaded.machine, foreign=True)[1])
+        interpreted_faults(loaded, find_faults(loaded.stream, loaded.machine))
     return loaded

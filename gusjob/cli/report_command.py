@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gusjob.backend.sim import SimBackend
 from gusjob.cli.common import (
+    Loaded,
     compiled,
     exit_code,
     file_argument,
@@ -19,40 +23,137 @@ from gusjob.cli.common import (
     show,
     write,
 )
+from gusjob.diagnostics import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from gusjob.report.compare import Comparison
+    from gusjob.report.earlier import Earlier
+    from gusjob.report.rows import Report
+
+_TOLERANCE_PCT = 1.0
+
+
+def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: str | None) -> float | None:
+    """A percentage, or 0."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d+\.?\d*|\.\d+) ?%|0", text.strip(), re.ASCII)
+    percent = float(found[1] or 0) if found else 101.0
+    if percent > 100:
+        raise click.BadParameter(f"{printable(text)[:40]} is not a percentage: write 1%, 0.1% or 0; at most 100%")
+    return percent
 
 
 @click.command(name="report")
 @file_argument
 @machine_option
-@click.option("--format", "form", type=click.Choice(["table", "json", "csv"]), default="table", show_default=True)
+@click.option(
+    "--format", "form", type=click.Choice(["table", "json", "csv", "markdown"]), default="table", show_default=True
+)
 @click.option("--summary", is_flag=True, help="Totals only, no segments.")
+@click.option(
+    "--against",
+    "earlier_path",
+    type=click.Path(path_type=Path),
+    metavar="OLD.JSON",
+    help="Compare with an earlier report (--format json); exit status 1 if something moved.",
+)
+@click.option(
+    "--tolerance",
+    "tolerance_pct",
+    callback=_tolerance_pct,
+    metavar="PERCENT",
+    show_default="1%",
+    help="What moves by no more, in percent of the larger figure, is the same. 0: nothing may move but rounding.",
+)
 @output_option
-def command(path: Path, machine_path: Path | None, form: str, summary: bool, output: Path | None) -> None:
+def command(
+    path: Path,
+    machine_path: Path | None,
+    form: str,
+    summary: bool,
+    earlier_path: Path | None,
+    tolerance_pct: float | None,
+    output: Path | None,
+) -> None:
     """Report the time, speed and laser power of every segment.
 
     The calls are interpreted tick by tick, as the controller would run them. A job with errors is not run; a listing
     is, since some program already sends it: what the controller would refuse is reported and has no effect.
     """
+    if tolerance_pct is not None and earlier_path is None:
+        raise click.UsageError("--tolerance is for --against")
+    earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
     loaded = load(path, machine_path)
-    stream, report = compiled(loaded), None
-    if stream is not None:
-        from gusjob.report.rows import make_report
+    report = _reported(loaded)
+    comparison = None
+    if report is not None and earlier is not None:
+        from gusjob.report.compare import compare
 
-        trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
-        interpreted_faults(loaded, faults)
-        report = None if trace is None else make_report(trace, loaded.machine)
-    if report is not None:
-        if form == "table":
-            from gusjob.report.table import report_table
+        comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
+    if report is not None or (form == "markdown" and not loaded.unreadable):
+        write(_written(loaded, report, comparison, form=form, summary=summary), output, source=path)
+    if form == "csv" and comparison is not None:
+        from gusjob.report.compare import comparison_text
 
-            write([report_table(report, summary=summary).encode()], output, source=path)
-        else:
-            from gusjob.report.files import report_csv, report_json, summary_csv
-
-            if form == "json":
-                write(report_json(report, loaded.faults, summary=summary), output, source=path)
-            else:
-                write(summary_csv(report) if summary else report_csv(report), output, source=path)
-    if form != "json" or report is None:
+        click.echo(comparison_text(comparison), err=True, nl=False)
+    if form not in ("json", "markdown") or report is None:
         show(loaded, notes=report is None)
-    sys.exit(exit_code([loaded]))
+    sys.exit(exit_code([loaded]) or int(comparison is not None and not comparison.same))
+
+
+def _reported(loaded: Loaded) -> Report | None:
+    """The report of a loaded file; None if an error forbids it. What the run finds is added to its faults."""
+    stream = compiled(loaded)
+    if stream is None:
+        return None
+    from gusjob.report.rows import make_report
+
+    trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
+    interpreted_faults(loaded, faults)
+    return None if trace is None else make_report(trace, loaded.machine)
+
+
+def _written(
+    loaded: Loaded, report: Report | None, comparison: Comparison | None, *, form: str, summary: bool
+) -> Iterable[bytes]:
+    """The report in a format; of a job that was not run there is one in markdown only."""
+    if form == "markdown":
+        from gusjob.report.markdown import report_markdown
+
+        text = report_markdown(report, loaded.faults, name=str(loaded.path), summary=summary, comparison=comparison)
+        return [text.encode()]
+    assert report is not None
+    if form == "table":
+        from gusjob.report.table import report_table
+
+        tables = [report_table(report, summary=summary)]
+        if comparison is not None:
+            from gusjob.report.compare import comparison_text
+
+            tables.append(comparison_text(comparison))
+        return ["\n\n".join(text.rstrip("\n") for text in tables).encode() + b"\n"]
+    from gusjob.report.files import report_csv, report_json, summary_csv
+
+    if form == "csv":
+        return summary_csv(report) if summary else report_csv(report)
+    if comparison is not None:
+        from gusjob.report.compare import against_json
+
+        report = replace(report, notes={**report.notes, "against": against_json(comparison)})
+    return report_json(report, loaded.faults, summary=summary)
+
+
+def _read_earlier(path: Path, output: Path | None) -> Earlier:
+    """An earlier report; exits with 2 if the file holds none, or would be written over."""
+    from gusjob.report.earlier import read_earlier
+
+    earlier, reason = read_earlier(path)
+    if earlier is not None and output is not None and output.exists() and output.samefile(path):
+        earlier, reason = None, "this is the file that was read; name another one with -o"
+    if earlier is None:
+        click.echo(f"gusjob: {printable(str(path))}: {reason}", err=True)
+        sys.exit(2)
+    return earlier

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import diagnostics as d
-from gusjob.diagnostics import Diagnostic, Span
+from gusjob import rules
+from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.interpreter.clock import Clock, path_faults, run_clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.power import emitted
@@ -15,22 +15,34 @@ from gusjob.interpreter.settings import power_calls
 from gusjob.interpreter.state import Program
 from gusjob.interpreter.switch import emission
 from gusjob.interpreter.trace import ChannelTrace, Trace
-from gusjob.limits import PowerMode
+from gusjob.limits import FIFO_SLOTS, PowerMode
 from gusjob.machine import Machine
 from gusjob.stream import Stream
 from gusjob.units import US_PER_MS
 
-__all__ = ["MAX_TICKS", "ChannelTrace", "Trace", "interpret"]
+__all__ = ["MAX_TICKS", "ChannelTrace", "Trace", "find_faults", "interpret"]
 
 
 MAX_TICKS = 10_000_000_000
 """A run of more ticks is refused: nobody would wait for it."""
 
 
-def interpret(stream: Stream, machine: Machine, *, foreign: bool = False) -> tuple[Trace | None, list[Diagnostic]]:
+_COARSE_TICKS = 100_000
+"""So many ticks are enough where only faults are asked for: none of them hangs on how often power is sampled."""
+
+
+def find_faults(stream: Stream, machine: Machine) -> list[Diagnostic]:
+    """What the controller would say to a listing."""
+    return interpret(stream, machine, foreign=True, coarse=True)[1]
+
+
+def interpret(
+    stream: Stream, machine: Machine, *, foreign: bool = False, coarse: bool = False
+) -> tuple[Trace | None, list[Diagnostic]]:
     """Run a stream on a machine; None if it would take too long to be interpreted.
 
-    `foreign`: not from our planner, so its corners and its field are looked at too.
+    `foreign`: not from our planner, so its corners and its field are looked at too. `coarse`: only the faults are asked
+    for; power is not sampled at every tick.
     """
     program = run_program(stream)
     calls = stream.buffered
@@ -41,17 +53,17 @@ def interpret(stream: Stream, machine: Machine, *, foreign: bool = False) -> tup
         longest = int(np.argmax(clock.duration_ms))
         fields = {"duration": float(clock.times[-1]), "ticks": ticks, "limit": float(MAX_TICKS)}
         span = Span(line=int(calls.line[clock.row[longest]]))
-        return None, [*faults, Diagnostic(rule=d.TOO_LONG, span=span, fields=fields, path=stream.name)]
+        return None, [*faults, Diagnostic(rule=rules.TOO_LONG, span=span, fields=fields, path=stream.name)]
     if foreign:
         faults += path_faults(calls, clock, machine, stream.name)
+        faults += _full_fifos(calls.line, program, stream.name)
+    period_us = machine.period_us * max(1.0, ticks / _COARSE_TICKS) if coarse else machine.period_us
     motion = Motion(clock=clock, program=program)
     channels = []
     for channel in program.channels:
         lasers = [stage.lasers[channel] for stage in program.stages]
         shine = emission(calls, clock, program, channel)
-        done, lost = emitted(
-            motion, shine, power_calls(calls, clock, program, channel), lasers, machine.period_us / US_PER_MS
-        )
+        done, lost = emitted(motion, shine, power_calls(calls, clock, program, channel), lasers, period_us / US_PER_MS)
         trace = ChannelTrace(
             channel=channel,
             lasers=tuple(lasers),
@@ -75,30 +87,42 @@ def interpret(stream: Stream, machine: Machine, *, foreign: bool = False) -> tup
     return trace_all, faults
 
 
+def _full_fifos(lines: npt.NDArray[np.int32], program: Program, path: str) -> list[Diagnostic]:
+    """Stages of which more calls are sent before GT_CrdStart than a FIFO holds (sister)."""
+    found = []
+    for stage in program.stages:
+        waiting = stage.parts[: stage.waiting]
+        if sum(map(len, waiting)) > FIFO_SLOTS:
+            line = int(lines[np.concatenate(waiting)[FIFO_SLOTS]])
+            fields = {"count": FIFO_SLOTS + 1, "slots": FIFO_SLOTS}
+            found.append(Diagnostic(rule=rules.FIFO_FULL, span=Span(line=line), fields=fields, path=path))
+    return found
+
+
 def _light_faults(
     trace: ChannelTrace, clock: Clock, lines: npt.NDArray[np.int32], program: Program, path: str
 ) -> list[Diagnostic]:
     faults: list[Diagnostic] = []
     row = clock.row
 
-    def add(rule: d.Rule, line: int, **fields: object) -> None:
+    def add(rule: Rule, line: int, **fields: object) -> None:
         faults.append(
             Diagnostic(rule=rule, span=Span(line=line), fields={"channel": trace.channel, **fields}, path=path)
         )
 
     dark = np.flatnonzero(trace.emitted.unpowered)
     if len(dark):
-        add(d.LIT_UNPOWERED, int(lines[row[dark[0]]]))
+        add(rules.LIT_UNPOWERED, int(lines[row[dark[0]]]))
     lit = np.flatnonzero(trace.emitted.emission_ms > 0)
     if len(lit):
         laser = trace.lasers[int(clock.stage[lit[0]])]
         if laser.mode is None:
-            add(d.LISTING_NO_MODE, int(lines[row[lit[0]]]))
+            add(rules.LISTING_NO_MODE, int(lines[row[lit[0]]]))
         if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
             reason = "light in a duty mode without a carrier; GT_LaserOutFrq must be called (M 二.2)"
             faults.append(
                 Diagnostic(
-                    rule=d.ACCEPTED_ODD,
+                    rule=rules.ACCEPTED_ODD,
                     span=Span(line=int(lines[row[lit[0]]])),
                     fields={"call": "GT_LaserOutFrq", "reason": reason},
                     path=path,
@@ -107,5 +131,5 @@ def _light_faults(
     if trace.lit_at_end:
         last = max([int(lines[row[-1]])] if len(row) else [1], default=1)
         last = max([last, *(a.line for a in program.at_end if a.channel == trace.channel and a.on)])
-        add(d.LISTING_LEFT_ON, last)
+        add(rules.LISTING_LEFT_ON, last)
     return faults

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Collector, Rule, Span
 from gusjob.interpreter.state import PARAMETER_ERROR, Rows
 from gusjob.limits import FOLLOW, POWER, PowerMode, Range, Verdict
@@ -74,7 +75,9 @@ class BufferedJudge:
                 self.judge(rows, at, signature, arg, allowed, bad)
         if signature.buffered is Buffered.FOLLOW:
             upside_down = at[~(self.calls.r[rows[at]] > self.calls.q[rows[at]]) & ~bad[at]]
-            self.each(d.REFUSED, rows[upside_down], lambda _: _refused(signature, "maxPower must be above minPower"))
+            self.each(
+                rules.REFUSED, rows[upside_down], lambda _: _refused(signature, "maxPower must be above minPower")
+            )
             bad[upside_down] = True
 
     def judge(self, rows: Rows, at: Rows, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
@@ -87,14 +90,14 @@ class BufferedJudge:
         wrong = (verdict == Verdict.OUTSIDE) | ~whole
         fresh = np.flatnonzero(wrong & ~bad[at])
         self.each(
-            d.REFUSED,
+            rules.REFUSED,
             rows[at[fresh]],
             lambda i: _refused(signature, out_of(allowed, arg.name, float(values[fresh[i]]))),
         )
         bad[at[wrong]] = True
         ends = np.flatnonzero((verdict == Verdict.ON_TOLERATED_END) & whole)
         what = {"what": f"{signature.name} {arg.name}", "unit": allowed.unit, "range": str(allowed)}
-        self.each(d.ON_OPEN_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
+        self.each(rules.ON_OPEN_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
 
     def each(self, rule: Rule, rows: Rows, fields: Callable[[int], dict[str, object]]) -> None:
         """A fault for each row, with the fields for the i-th."""

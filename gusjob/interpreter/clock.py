@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Collector, Diagnostic, Rule, Span
 from gusjob.geometry import Arcs, Segments, arcs_by_centre, arcs_by_radius, segments
 from gusjob.interpreter.state import Program
@@ -105,7 +105,7 @@ def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock,
     )
     reporter = _Reporter(calls=calls, clock=clock, collector=Collector(path))
     reporter.report(wanted, too_fast, breaks)
-    return clock, reporter.collector.done()
+    return clock, reporter.collector.done(rules.MORE)
 
 
 def _lay(calls: BufferedCalls, row: Indices, dwell: npt.NDArray[np.bool_]) -> Segments:
@@ -153,14 +153,14 @@ class _Reporter:
         moved = ~clock.dwell
         aim = np.minimum(wanted, clock.vel)
         off = np.abs(end - wanted) > 1e-6 * (aim + end) + 1e-12
-        self.add(d.END_NOT_MET, moved & off, value=end, wanted=wanted)
-        self.add(d.START_TOO_FAST, moved & (start > clock.vel * (1 + 1e-9)), value=start, velocity=clock.vel)
+        self.add(rules.END_NOT_MET, moved & off, value=end, wanted=wanted)
+        self.add(rules.START_TOO_FAST, moved & (start > clock.vel * (1 + 1e-9)), value=start, velocity=clock.vel)
         last = np.append(breaks[1:], True)
         before_dwell = np.append(clock.dwell[1:], False)
         stops = (last | before_dwell) & moved & (end > 1e-9)
-        self.add(d.STOPS_HARD, stops, what="the segment before a stop ends", value=end)
+        self.add(rules.STOPS_HARD, stops, what="the segment before a stop ends", value=end)
         self.add(
-            d.ACCEPTED_ODD,
+            rules.ACCEPTED_ODD,
             too_fast & moved,
             call="the segment's velocity",
             reason="it is above synVelMax of GT_SetCrdPrm, and is held to that",
@@ -180,7 +180,7 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
     jump = end[:-1] * np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
     jump = np.append(np.where(np.diff(clock.stage) == 0, jump, 0.0), 0.0)
-    reporter.add(d.SHARP_CORNER, jump > limit * (1 + 1e-6), value=end, jump=jump, limit=np.full(len(jump), limit))
+    reporter.add(rules.SHARP_CORNER, jump > limit * (1 + 1e-6), value=end, jump=jump, limit=np.full(len(jump), limit))
     _arc_faults(calls, clock, reporter)
     x_low, x_high = np.minimum(laid.x0, laid.x1), np.maximum(laid.x0, laid.x1)
     y_low, y_high = np.minimum(laid.y0, laid.y1), np.maximum(laid.y0, laid.y1)
@@ -192,9 +192,9 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     ):
         below, above = lowest / scale < low - 1e-6, highest / scale > high + 1e-6
         bounds = {"low": np.full(len(end), low), "high": np.full(len(end), high)}
-        reporter.add(d.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
-        reporter.add(d.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)
-    return reporter.collector.done()
+        reporter.add(rules.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
+        reporter.add(rules.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)
+    return reporter.collector.done(rules.MORE)
 
 
 def _arc_faults(calls: BufferedCalls, clock: Clock, reporter: _Reporter) -> None:
@@ -217,4 +217,4 @@ def _arc_faults(calls: BufferedCalls, clock: Clock, reporter: _Reporter) -> None
     ):
         where = np.zeros(len(clock.row), dtype=np.bool_)
         where[at[bad]] = True
-        reporter.add(d.LISTING_ARC, where, reason=reason)
+        reporter.add(rules.LISTING_ARC, where, reason=reason)

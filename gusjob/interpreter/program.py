@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Collector, Rule, Span
 from gusjob.interpreter.arguments import BufferedJudge, bad_argument, out_of
 from gusjob.interpreter.state import (
@@ -61,7 +61,7 @@ class _Executor:
         self.collector.add(rule, Span(line=line), fields)
 
     def refuse(self, call: str, line: int, code: int, reason: str) -> None:
-        self.fault(d.REFUSED, line, call=call, code=code, reason=reason)
+        self.fault(rules.REFUSED, line, call=call, code=code, reason=reason)
 
     # Buffered calls.
 
@@ -137,10 +137,10 @@ class _Executor:
             return
         if mode.is_pwm and not self.axis_ever[channel]:
             reason = f"GT_SetAxisMode({7 + channel},1) comes first in the PWM modes (M 三.1)"
-            self.fault(d.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
             self.fault(
-                d.ACCEPTED_ODD, call.line, call=call.name,
+                rules.ACCEPTED_ODD, call.line, call=call.name,
                 reason="GT_SetAxisMode is not to be called in analog mode (M 三.1 (3), in its comment)",
             )  # fmt: skip
         if self.lasers[channel].power_mode is not mode:
@@ -174,7 +174,7 @@ class _Executor:
 
     def needs_mode(self, call: Call, good: bool, where: str) -> None:
         if not good:
-            self.fault(d.ACCEPTED_ODD, call.line, call=call.name, reason=f"it has an effect only in {where}")
+            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=f"it has an effect only in {where}")
 
     def carrier(self, call: Call) -> None:
         channel = self.channel(call)
@@ -210,7 +210,7 @@ class _Executor:
     def distance_mode(self, call: Call) -> None:
         if self.number(call, 0) == 1 and self.number(call, 1) == 1:
             reason = "no scanner is modelled: the planned position stands in for the actual one"
-            self.fault(d.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         self.set(
             self.channel(call),
             distance=self.number(call, 0) == 1,
@@ -253,13 +253,13 @@ class _Executor:
         dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
         if dropped:
             self.fault(
-                d.ACCEPTED_ODD, call.line, call=call.name, reason=f"{dropped} buffered calls are cleared, never run"
+                rules.ACCEPTED_ODD, call.line, call=call.name, reason=f"{dropped} buffered calls are cleared, never run"
             )
 
     def start(self, call: Call) -> None:
         mask, option = int(self.number(call, 0)), int(self.number(call, 1))
         if mask not in (1, 2):
-            rule, fields = (d.CRDS_AT_ONCE, {}) if mask == 3 else (d.REFUSED, {"call": call.name})
+            rule, fields = (rules.CRDS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
             self.fault(
                 rule, call.line, **fields, code=PARAMETER_ERROR, reason=f"mask {mask} names no coordinate system"
             )
@@ -270,13 +270,15 @@ class _Executor:
             if self.running.crd == crd:
                 self.refuse(call.name, call.line, EXECUTION_ERROR, "the coordinate system is moving already")
             else:
-                self.fault(d.CRDS_AT_ONCE, call.line)
+                self.fault(rules.CRDS_AT_ONCE, call.line)
             return
+        parts = self.queues.pop((crd, fifo), [])
         self.running = StageRun(
             crd=crd,
             fifo=fifo,
             line=call.line,
-            parts=self.queues.pop((crd, fifo), []),
+            parts=parts,
+            waiting=len(parts),
             lasers=(self.lasers[0], self.lasers[1]),
             at_rest=self.actions,
             vel_max=_vel_max(self.crd_built.get(crd)),
@@ -319,16 +321,16 @@ class _Executor:
         for (crd, fifo), parts in self.queues.items():
             count = sum(map(len, parts))
             if count:
-                self.fault(d.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
+                self.fault(rules.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
         if len(calls) and not self.crd_built:
-            self.fault(d.ASSUMED_CRD, int(calls.line[0]))
+            self.fault(rules.ASSUMED_CRD, int(calls.line[0]))
         return Program(
             stages=tuple(self.stages),
             at_end=tuple(self.actions),
             lasers=(self.lasers[0], self.lasers[1]),
             readings=tuple(self.readings),
             channels=tuple(sorted(self.named)),
-            diagnostics=tuple(self.collector.done()),
+            diagnostics=tuple(self.collector.done(rules.MORE)),
         )
 
 

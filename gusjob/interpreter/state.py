@@ -60,7 +60,10 @@ class Action:
 
 @dataclass(slots=True, kw_only=True)
 class StageRun:
-    """One start of a coordinate system: buffered rows in order, lasers in force, immediate actions."""
+    """One start of a coordinate system: buffered rows in order, lasers in force, immediate actions.
+
+    `waiting`: how many of the first parts were in the FIFO before the start.
+    """
 
     crd: int
     fifo: int
@@ -71,6 +74,7 @@ class StageRun:
     moving: list[Action] = field(default_factory=list)
     vel_max: float = float("inf")
     axes: tuple[int, int] = (0, 1)
+    waiting: int = 0
 
     @property
     def rows(self) -> Rows:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Collector, Rule
 from gusjob.job import LookAhead, Op
 from gusjob.motion import corner_velocity, look_ahead
@@ -40,6 +40,7 @@ def velocities(state: Plan) -> Plan:
     corner = corner_velocity(
         laid.end_x[:-1], laid.end_y[:-1], laid.start_x[1:], laid.start_y[1:], np.where(ahead, jump, 0.0)[:-1]
     )
+    look = state.machine.lookahead_time_ms * state.machine.lookahead_acc_pulse_per_ms2
     limit[:-1] = np.where(ahead[:-1], np.minimum(np.minimum(vel[:-1], vel[1:]), corner), 0.0)
     limit[:-1][breaks[1:] | dwell[:-1] | dwell[1:]] = 0.0
     forced = np.isfinite(state.vel_end)
@@ -49,13 +50,19 @@ def velocities(state: Plan) -> Plan:
     else:
         vel_end = np.minimum(look_ahead(laid.length, acc, limit, breaks), limit)
     collector = Collector(state.job.name)
-    _report(state, collector, d.END_UNREACHABLE, forced & (vel_end < state.vel_end * (1 - 1e-9)), vel_end)
-    _report(state, collector, d.END_AT_STOP, forced & (state.vel_end > 0) & np.append(breaks[1:], True), vel_end)
+    _report(state, collector, rules.END_UNREACHABLE, forced & (vel_end < state.vel_end * (1 - 1e-9)), vel_end)
+    _report(state, collector, rules.END_AT_STOP, forced & (state.vel_end > 0) & np.append(breaks[1:], True), vel_end)
+    # An END is taken as written; at a corner it may be more than look-ahead would allow, whether that is on or not.
+    allowed = np.where(ahead, jump, look)[:-1]
+    change = np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
+    turns = np.append(np.where(forced, state.vel_end, 0.0)[:-1] * change, 0.0)
+    sharp = forced & ~np.append(breaks[1:], True) & (turns > np.append(allowed, np.inf) * (1 + 1e-9))
+    _report(state, collector, rules.CORNER_TOO_FAST, sharp, vel_end, jump=turns, limit=np.append(allowed, 0.0))
     return replace(
         state,
         vel=vel,
         vel_end=np.where(forced, state.vel_end, vel_end),
-        diagnostics=tuple(collector.done()),
+        diagnostics=tuple(collector.done(rules.MORE)),
     )
 
 
@@ -92,7 +99,9 @@ def _slowed_on_arcs(state: Plan, vel: Floats) -> Floats:
     return slowed
 
 
-def _report(state: Plan, collector: Collector, rule: Rule, where: npt.NDArray[np.bool_], reached: Floats) -> None:
+def _report(
+    state: Plan, collector: Collector, rule: Rule, where: npt.NDArray[np.bool_], reached: Floats, **columns: Floats
+) -> None:
     """A fault at the END of every segment in `where`."""
     at = np.flatnonzero(where)
     path, timed = state.path, state.timed
@@ -102,5 +111,6 @@ def _report(state: Plan, collector: Collector, rule: Rule, where: npt.NDArray[np
         row = int(timed[i])
         span, remarks = state.job.locate(int(path.line[row]), "END"), state.job.remarks(int(path.trail[row]))
         fields = {"value": float(state.vel_end[i]), "high": float(reached[i])}
+        fields.update({name: float(column[i]) for name, column in columns.items()})
         collector.add(rule, span, fields, count, remarks)
     collector.uncounted(rule, max(len(first) - listed, 0))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic
 from gusjob.job import Job
 from gusjob.machine import Machine
@@ -54,7 +55,7 @@ def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     if text.faults_not_listed:
         found.append(more_faults(text))
     if not len(told.rows.op) and not found:
-        found.append(Diagnostic(rule=d.EMPTY, span=d.NOWHERE, fields={"what": "statements"}))
+        found.append(Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": "statements"}))
     return job, [_named(f, source.name) for f in found]
 
 
@@ -81,7 +82,7 @@ def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
 
     stream, found = listing_reader.read_listing(source)
     if not len(stream.buffered) and not stream.calls and not found:
-        found = [Diagnostic(rule=d.EMPTY, span=d.NOWHERE, fields={"what": "GT_ calls"})]
+        found = [Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": "GT_ calls"})]
     return stream, [_named(f, source.name) for f in found]
 
 
@@ -89,7 +90,7 @@ def locate_calls(faults: list[Diagnostic], source: Source) -> list[Diagnostic]:
     """Faults that know only their line get the span of the line's text."""
     placed = []
     for fault in faults:
-        if fault.span.end_column or fault.rule is d.MORE:
+        if fault.span.end_column or fault.rule is rules.MORE:
             placed.append(fault)
             continue
         text = source.line(fault.span.line).split("//")[0]

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic
 from gusjob.job import (
     Crd,
@@ -289,19 +290,19 @@ class _Elaboration:
         for at, count in self.once(bad):
             word = "value" if op[at] == RowOp.CHANNEL else "CHANNEL"
             fields = {"what": "CHANNEL", "value": float(value[at]), "unit": "", "range": str(CHANNEL), "hint": ""}
-            found.append(self.fault(job, d.OUT_OF_RANGE, at, word, count, fields))
+            found.append(self.fault(job, rules.OUT_OF_RANGE, at, word, count, fields))
         if not (op == RowOp.FRAME).any():
             return found
         scale = self.col(Field.RATIO)
         for at, count in self.once(np.flatnonzero((op == RowOp.FRAME) & ~(scale > 0) & ~np.isnan(scale))):
-            found.append(self.fault(job, d.FRAME_SCALE, at, "SCALE", count, {"value": float(scale[at])}))
+            found.append(self.fault(job, rules.FRAME_SCALE, at, "SCALE", count, {"value": float(scale[at])}))
         if not self.machine.equal_axes:
             frames = self.frames()
             inside = np.nan_to_num(self.col(Field.FRAME)).astype(np.int64)
             turned = (frames.b[inside] != 0) | (frames.c[inside] != 0)
             arcs = (op >= RowOp.ARC_CENTRE_CW) & (op <= RowOp.ARC_RADIUS_CCW)
             for at, count in self.once(np.flatnonzero(arcs & turned & ~self._arc_in_mm())):
-                found.append(self.fault(job, d.FRAME_ARC, at, "", count, {}))
+                found.append(self.fault(job, rules.FRAME_ARC, at, "", count, {}))
         return found
 
     def once(self, rows: npt.NDArray[np.intp]) -> list[tuple[int, int]]:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Rule
 from gusjob.job import Trails, trail_remarks
 from gusjob.machine import Machine
@@ -203,14 +204,14 @@ class _Executor:
 
     def stop(self, what: str, limit: int, key: str, line: int, trail: Any) -> None:
         """Report a limit and leave."""
-        self.fault(d.TOO_MANY, line, "", trail, what=what, limit=limit, key=key)
+        self.fault(rules.TOO_MANY, line, "", trail, what=what, limit=limit, key=key)
         raise _Full
 
     def spend(self, steps: int, line: int, trail: Any) -> None:
         """Count what is carried out one by one."""
         self.steps += steps
         if self.steps > MAX_STEPS:
-            self.fault(d.TOO_SLOW, line, "", trail, limit=MAX_STEPS)
+            self.fault(rules.TOO_SLOW, line, "", trail, limit=MAX_STEPS)
             raise _Full
 
     # Numbers.
@@ -248,14 +249,14 @@ class _Executor:
         if name not in self.failed:
             near = nearest(name, {**lanes.scope.values, **lanes.top.values})
             hint = f"; did you mean {near}?" if near else f": write LET {name} = ... before it"
-            self.fault(d.UNKNOWN_NAME, line, word, lanes.trail, lanes.count, name=name, hint=hint)
+            self.fault(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count, name=name, hint=hint)
         return np.float64(np.nan), _NOTHING
 
     def mismatch(self, found: Mismatch, lanes: _Lanes, line: int, word: str) -> None:
         """Operands that do not fit."""
         given = " and ".join(_kind_words(kind) for kind in found.given[:4])
         fields = {"operator": found.function.name, "wants": found.function.typing.value, "given": given}
-        self.fault(d.MISMATCH, line, word, lanes.trail, lanes.count, **fields)
+        self.fault(rules.MISMATCH, line, word, lanes.trail, lanes.count, **fields)
 
     def no_value(
         self, expression: Expression, value: Any, values: dict[str, Any], lanes: _Lanes, line: int, word: str
@@ -268,11 +269,11 @@ class _Executor:
                 if name not in self.failed:
                     count = int(np.count_nonzero(np.broadcast_to(unset, np.shape(value)) if np.ndim(value) else unset))
                     hint = ": not every way leads through its LET"
-                    self.fault(d.UNKNOWN_NAME, line, word, self.first(lanes, unset), count, name=name, hint=hint)
+                    self.fault(rules.UNKNOWN_NAME, line, word, self.first(lanes, unset), count, name=name, hint=hint)
                 wrong = wrong & ~unset
         if np.any(wrong):
             fields = {"value": "no number" if np.any(np.isnan(value)) else "a number without end"}
-            self.fault(d.NO_VALUE, line, word, self.first(lanes, wrong), int(np.count_nonzero(wrong)), **fields)
+            self.fault(rules.NO_VALUE, line, word, self.first(lanes, wrong), int(np.count_nonzero(wrong)), **fields)
         return np.where(np.isfinite(value), value, np.nan)[()]
 
     def first(self, lanes: _Lanes, where: Any) -> Any:
@@ -299,7 +300,7 @@ class _Executor:
         if _some(large):
             shown = d.number(float(np.max(np.abs(value))))
             self.fault(
-                d.TOO_BIG, line, slot.word, self.first(lanes, large), int(np.count_nonzero(large)), value=shown,
+                rules.TOO_BIG, line, slot.word, self.first(lanes, large), int(np.count_nonzero(large)), value=shown,
                 limit=MAX_NUMBER,
             )  # fmt: skip
             value = np.where(large, np.nan, value)[()]
@@ -308,16 +309,16 @@ class _Executor:
     def wrong_kind(self, kind: Type, word: Word, lanes: _Lanes, line: int, place: str, what: str) -> None:
         """A comparison, or a number with a unit of another kind."""
         if kind[0] == TRUTH:
-            self.fault(d.NOT_A_NUMBER, line, place, lanes.trail, lanes.count, what=what)
+            self.fault(rules.NOT_A_NUMBER, line, place, lanes.trail, lanes.count, what=what)
             return
         shown = Kind(kind[0]).words
         fields = {"what": what, "wanted": wanted(word.kind), "unit": "this expression", "kind": shown, "hint": ""}
-        self.fault(d.WRONG_UNIT, line, place, lanes.trail, lanes.count, **fields)
+        self.fault(rules.WRONG_UNIT, line, place, lanes.trail, lanes.count, **fields)
 
     def count_of(self, value: Any, kind: Type, lanes: _Lanes, line: int, word: str) -> Any:
         """A plain number for REPEAT and FOR; NaN where it is none."""
         if kind[0] == TRUTH:
-            self.fault(d.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what="a loop")
+            self.fault(rules.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what="a loop")
             return np.float64(np.nan)
         return value
 
@@ -336,7 +337,7 @@ class _Executor:
         """Blocks and calls inside each other have a limit: a routine may call itself."""
         line = int(item.rows.line[0]) if isinstance(item, Run) else item.line
         limit = self.machine.expansion_max_depth
-        self.fault(d.TOO_DEEP, line, "", lanes.trail, limit=limit, key="max_depth")
+        self.fault(rules.TOO_DEEP, line, "", lanes.trail, limit=limit, key="max_depth")
         raise _Full
 
     def item(self, item: Item, lanes: _Lanes, sink: _Sink) -> None:
@@ -364,7 +365,7 @@ class _Executor:
         self.spend(1 if lanes.count == 1 else _MANY_LANES_STEPS, item.line, lanes.trail)
         value, kind = self.number(item.expression, item.constants, lanes, item.line, "#0")
         if kind[0] == TRUTH:
-            self.fault(d.NOT_A_NUMBER, item.line, "#0", lanes.trail, lanes.count, what="LET")
+            self.fault(rules.NOT_A_NUMBER, item.line, "#0", lanes.trail, lanes.count, what="LET")
             value, kind = np.float64(np.nan), _NOTHING
         if _some(value != value):
             self.failed.add(item.name)
@@ -377,7 +378,7 @@ class _Executor:
         truth, kind = self.number(item.condition, item.constants, lanes, item.line, "#0")
         if kind[0] != TRUTH:
             if not np.all(np.isnan(truth)):
-                self.fault(d.NOT_A_CONDITION, item.line, "#0", lanes.trail, lanes.count)
+                self.fault(rules.NOT_A_CONDITION, item.line, "#0", lanes.trail, lanes.count)
             return
         for block, holds in ((item.then, truth == 1), (item.otherwise, truth == 0)):
             if not _some(holds):
@@ -449,11 +450,11 @@ class _Executor:
         if any(kind != kinds[0] for kind in kinds) and not any(np.all(np.isnan(v)) for v in found):
             given = " and ".join(_kind_words(kind) for kind in kinds)
             fields = {"operator": "FOR", "wants": "takes numbers of one kind", "given": given}
-            self.fault(d.MISMATCH, item.line, "", lanes.trail, lanes.count, **fields)
+            self.fault(rules.MISMATCH, item.line, "", lanes.trail, lanes.count, **fields)
             return start, step, np.float64(0), PLAIN
         if np.any(step == 0):
             hint = "it would never end"
-            self.fault(d.COUNT, item.line, "#2", self.first(lanes, step == 0), what="STEP", value=0.0, hint=hint)
+            self.fault(rules.COUNT, item.line, "#2", self.first(lanes, step == 0), what="STEP", value=0.0, hint=hint)
         # A last round that rounding has moved behind the end still counts.
         rounds = np.floor((end - start) / step * (1 + 1e-12) + 1e-9) + 1
         counted = np.where((step != 0) & np.isfinite(rounds), np.maximum(rounds, 0), 0.0)[()]
@@ -464,12 +465,12 @@ class _Executor:
         wrong = ~np.isnan(count) & ((count < 0) | (count != np.floor(count)))
         if kind != PLAIN and not np.all(np.isnan(count)):
             fields = {"operator": "REPEAT", "wants": "takes a plain number", "given": _kind_words(kind)}
-            self.fault(d.MISMATCH, item.line, "#0", lanes.trail, lanes.count, **fields)
+            self.fault(rules.MISMATCH, item.line, "#0", lanes.trail, lanes.count, **fields)
             return np.float64(0)
         if np.any(wrong):
             value = float(count[wrong][0] if isinstance(count, np.ndarray) else count)
             self.fault(
-                d.COUNT, item.line, "#0", self.first(lanes, wrong), int(np.count_nonzero(wrong)), what="REPEAT",
+                rules.COUNT, item.line, "#0", self.first(lanes, wrong), int(np.count_nonzero(wrong)), what="REPEAT",
                 value=value, hint="rounds are counted: 0, 1, 2 ...",
             )  # fmt: skip
         return np.where(wrong | np.isnan(count), 0.0, count)[()]
@@ -560,7 +561,7 @@ class _Executor:
             constants += len(argument.constants)
             value, kind = self.number(argument, own, lanes, call.line, f"#{number}")
             if kind[0] == TRUTH:
-                self.fault(d.NOT_A_NUMBER, call.line, f"#{number}", lanes.trail, lanes.count, what="CALL")
+                self.fault(rules.NOT_A_NUMBER, call.line, f"#{number}", lanes.trail, lanes.count, what="CALL")
                 value, kind = np.float64(np.nan), _NOTHING
             if _some(value != value):
                 self.failed.add(name)
@@ -696,7 +697,7 @@ class _Executor:
             self.setup_rows += int(np.count_nonzero(op == RowOp.SETUP))
             if self.setup_rows > MAX_SETUPS:
                 at = int(np.flatnonzero(op == RowOp.SETUP)[0])
-                self.fault(d.TOO_MANY_SETUPS, int(line[at]), "", trail, limit=MAX_SETUPS)
+                self.fault(rules.TOO_MANY_SETUPS, int(line[at]), "", trail, limit=MAX_SETUPS)
                 raise _Full
 
     def filled_in(self, statement: Statement, found: dict[str, tuple[Floats, int]]) -> Floats:
@@ -738,7 +739,9 @@ class _Executor:
             numbers: list[Any] = list(first.numbers)
             trail, frame = first.trail, first.frame
             if count > 1:
-                numbers = [np.array([note.numbers[k] for note in which]) for k in range(len(numbers))]
+                numbers = [
+                    np.array([note.numbers[k] for note in which]).reshape(count, -1) for k in range(len(numbers))
+                ]
                 trail = np.array([note.trail for note in which])
                 frame = np.array([note.frame for note in which])
             piece = self.spread(first.run, first.systems, numbers, count, trail, frame)

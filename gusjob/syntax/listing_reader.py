@@ -13,6 +13,7 @@ import numpy as np
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.stream import (
     BUFFERED,
@@ -94,7 +95,7 @@ def _without_odd_numbers(rows: Rows, reader: _ListingReader) -> Rows:
             call = BUFFERED[Buffered(int(rows.op[i]))].name
             found = f"{values[i]:g}"
             fields = {"argument": name, "call": call, "wanted": _WANTED[Kind.WHOLE], "found": found}
-            reader.fault(d.CALL_VALUE, int(rows.line[i]), 1, 1, **fields)
+            reader.fault(rules.CALL_VALUE, int(rows.line[i]), 1, 1, **fields)
         odd |= mine
     return rows if not odd.any() else rows.pick(~odd)
 
@@ -169,7 +170,7 @@ class _ListingReader:
             self.not_listed += 1
             return ()
         if len(text) > MAX_LINE:
-            self.fault(d.NO_END, number, 1, 2, size=len(text), limit=MAX_LINE)
+            self.fault(rules.NO_END, number, 1, 2, size=len(text), limit=MAX_LINE)
             return ()
         code = text.split("//")[0]
         if self.pending:
@@ -196,7 +197,7 @@ class _ListingReader:
             self.run_ons.add(number)
             return ()
         fault = misread(error, GRAMMAR, code, _TERMINALS)
-        self.fault(d.CALL_SYNTAX, line, fault.column, fault.end_column, found=fault.found)
+        self.fault(rules.CALL_SYNTAX, line, fault.column, fault.end_column, found=fault.found)
         return ()
 
     def is_run_on(self, number: int, code: str) -> bool:
@@ -212,10 +213,10 @@ class _ListingReader:
     def finish(self) -> None:
         """A call that never ended is a fault."""
         if self.pending:
-            self.fault(d.CALL_SYNTAX, self.pending_line, 1, 2, found="the end of the file inside a call")
+            self.fault(rules.CALL_SYNTAX, self.pending_line, 1, 2, found="the end of the file inside a call")
         if self.not_listed:
             fields = {"count": self.not_listed, "code": "the lines", "shown": len(self.diagnostics)}
-            self.diagnostics.append(Diagnostic(rule=d.MORE, span=d.NOWHERE, fields=fields, path=self.source.name))
+            self.diagnostics.append(Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=self.source.name))
 
     def fault(self, rule: Rule, line: int, column: int, end_column: int, **fields: object) -> None:
         span = Span(line=line, column=column, end_line=line, end_column=end_column)
@@ -288,14 +289,16 @@ class _ListingReader:
         signature = SIGNATURES.get(name)
         if signature is None:
             if name in PASSED_OVER or not name.startswith("GT_"):
-                self.at(d.CALL_IGNORED, token, line, call=name)
+                self.at(rules.CALL_IGNORED, token, line, call=name)
             else:
                 near = get_close_matches(name, SIGNATURES, 1, cutoff=0.8)
-                self.at(d.CALL_UNKNOWN, token, line, call=name, hint=f"; did you mean {near[0]}?" if near else "")
+                self.at(rules.CALL_UNKNOWN, token, line, call=name, hint=f"; did you mean {near[0]}?" if near else "")
             return []
         if len(args) != len(signature.args):
             names = ", ".join(a.name for a in signature.args)
-            self.at(d.CALL_ARGUMENTS, token, line, call=name, wanted=len(signature.args), names=names, found=len(args))
+            self.at(
+                rules.CALL_ARGUMENTS, token, line, call=name, wanted=len(signature.args), names=names, found=len(args)
+            )
             return []
         values = [self.argument(signature, arg, tree, line) for arg, tree in zip(signature.args, args, strict=True)]
         if any(v is None for v in values):
@@ -311,7 +314,7 @@ class _ListingReader:
         first = next((t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)), None)
         if first is not None and (octal := re.fullmatch("oo?([0-9]+)", first)):
             worth = "nothing (8 and 9 are no octal digits)" if set(octal[1]) & set("89") else str(int(octal[1], 8))
-            self.at(d.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=worth)
+            self.at(rules.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=worth)
             return None
         if arg.kind is Kind.POINTER and tree.data == "pointer":
             return str(first)
@@ -320,9 +323,9 @@ class _ListingReader:
             return value
         fields = {"argument": arg.name, "call": signature.name, "wanted": _WANTED[arg.kind]}
         if first is None:
-            self.fault(d.CALL_VALUE, line, 1, 2, **fields, found="nothing")
+            self.fault(rules.CALL_VALUE, line, 1, 2, **fields, found="nothing")
         else:
-            self.at(d.CALL_VALUE, first, line, **fields, found=str(first)[:40])
+            self.at(rules.CALL_VALUE, first, line, **fields, found=str(first)[:40])
         return None
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Rule
 from gusjob.machine import Machine
 from gusjob.syntax.expressions import Expression
@@ -174,7 +175,9 @@ def read_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagnos
     builder = _Builder(machine=machine, top=text.source)
     block, _ = builder.file(text, ())
     builder.check_calls()
-    carried = Analysis(builder.routines).carried(block)
+    analysis = Analysis(builder.routines)
+    carried = analysis.carried(block)
+    builder.unused(analysis.reads)
     program = Program(
         block=block, routines=builder.routines, setups=builder.setups, carried=carried, sources=builder.sources
     )
@@ -192,6 +195,7 @@ class _Builder:
     read: dict[Path, tuple[Block, int]] = field(default_factory=dict)
     """Included files: their blocks, and how deep blocks stand inside each other in them."""
     calls: list[Computed] = field(default_factory=list)
+    lets: list[Let] = field(default_factory=list)
 
     def fault(self, rule: Rule, line: int, word: str = "", /, **fields: object) -> None:
         self.faults.append(Diagnostic(rule=rule, span=self.sources.locate(line, word), fields=fields))
@@ -208,16 +212,16 @@ class _Builder:
         """The block of an included file and its height; nothing, and a fault, if it must not or can't be read."""
         limit = self.machine.expansion_max_includes
         if len(chain) >= limit:
-            self.fault(d.TOO_DEEP, line, limit=limit, key="max_includes")
+            self.fault(rules.TOO_DEEP, line, limit=limit, key="max_includes")
             return (), 0
         found, reason = included(name, source, self.top)
         if found is None:
-            self.fault(d.INCLUDE, line, file=d.printable(name), reason=reason)
+            self.fault(rules.INCLUDE, line, file=d.printable(name), reason=reason)
             return (), 0
         path = found.path
         assert path is not None
         if path in chain or (self.top.path is not None and path == self.top.path.resolve()):
-            self.fault(d.INCLUDE, line, file=d.printable(name), reason="it includes itself")
+            self.fault(rules.INCLUDE, line, file=d.printable(name), reason="it includes itself")
             return (), 0
         if path not in self.read:
             text = read_job_text(found)
@@ -227,6 +231,19 @@ class _Builder:
             self.read[path] = self.file(text, (*chain, path))
         return self.read[path]
 
+    def unused(self, reads: set[str]) -> None:
+        """Notes on names that the job itself sets and nothing reads, and on routines that nothing calls."""
+        own = self.top.count_lines()
+        called = {call.statement.names[0] for call in self.calls}
+        for routine in self.routines.values():
+            if routine.name not in called and routine.line <= own:
+                self.fault(rules.NEVER_CALLED, routine.line, name=routine.name)
+        seen: set[str] = set()
+        for let in self.lets:
+            if let.name not in reads and let.name not in seen and let.line <= own:
+                seen.add(let.name)
+                self.fault(rules.NEVER_READ, let.line, name=let.name)
+
     def check_calls(self) -> None:
         """Every CALL names a routine that there is, with as many values as it takes."""
         for call in self.calls:
@@ -235,18 +252,23 @@ class _Builder:
             if routine is None:
                 near = nearest(name, self.routines)
                 hint = f"; did you mean {near}?" if near else ""
-                self.fault(d.NO_ROUTINE, call.line, name=name, hint=hint)
+                self.fault(rules.NO_ROUTINE, call.line, name=name, hint=hint)
             elif given != len(routine.parameters):
                 takes = ", ".join(routine.parameters)
                 self.fault(
-                    d.CALL_VALUES, call.line, name=name, wanted=len(routine.parameters), takes=f"({takes})", found=given
+                    rules.CALL_VALUES,
+                    call.line,
+                    name=name,
+                    wanted=len(routine.parameters),
+                    takes=f"({takes})",
+                    found=given,
                 )
 
 
 def more_faults(text: JobText) -> Diagnostic:
     """How many lines of a text are not listed."""
     fields = {"count": text.faults_not_listed, "code": "the lines", "shown": len(text.diagnostics)}
-    return Diagnostic(rule=d.MORE, span=d.NOWHERE, fields=fields, path=text.source.name)
+    return Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=text.source.name)
 
 
 @dataclass(slots=True)
@@ -274,7 +296,7 @@ class _FileBuilder:
             self._steer(rows, at, statement, stack)
         stack[-1].inner.extend(self._straight(rows, first, len(op)))
         for left in stack[1:]:
-            self.job.fault(d.UNCLOSED, int(rows.line[left.row]), word=left.form.upper())
+            self.job.fault(rules.UNCLOSED, int(rows.line[left.row]), word=left.form.upper())
         return tuple(stack[0].items)
 
     def _numbered(self) -> Rows:
@@ -295,32 +317,32 @@ class _FileBuilder:
             case "let":
                 assert statement is not None
                 constants = self._constants(rows, at, statement)
-                stack[-1].inner.append(
-                    Let(name=statement.names[0], expression=statement.arguments[0], constants=constants, line=line)
-                )
+                found = Let(name=statement.names[0], expression=statement.arguments[0], constants=constants, line=line)
+                self.job.lets.append(found)
+                stack[-1].inner.append(found)
             case "include":
                 assert statement is not None
                 block, height = self.job.include(statement.text, self.text.source, line, self.chain)
                 if len(stack) + height > MAX_NESTING:
-                    self.job.fault(d.NESTED, line, limit=MAX_NESTING)
+                    self.job.fault(rules.NESTED, line, limit=MAX_NESTING)
                     return
                 self.height = max(self.height, len(stack) + height)
                 stack[-1].inner.append(Included(body=block, line=line))
             case "else":
                 if stack[-1].form != "if" or stack[-1].otherwise is not None:
-                    self.job.fault(d.STRAY, line, word="ELSE", begins="IF")
+                    self.job.fault(rules.STRAY, line, word="ELSE", begins="IF")
                 else:
                     stack[-1].otherwise = []
             case "end":
                 if len(stack) == 1:
-                    self.job.fault(d.STRAY, line, word="END", begins="REPEAT, FOR, IF, DEF or FRAME")
+                    self.job.fault(rules.STRAY, line, word="END", begins="REPEAT, FOR, IF, DEF or FRAME")
                 else:
                     self._close(rows, stack)
             case _:
                 if form == "def" and len(stack) > 1:
-                    self.job.fault(d.DEF_INSIDE, line)
+                    self.job.fault(rules.DEF_INSIDE, line)
                 if len(stack) == MAX_NESTING + 1:
-                    self.job.fault(d.NESTED, line, limit=MAX_NESTING)
+                    self.job.fault(rules.NESTED, line, limit=MAX_NESTING)
                 self.height = max(self.height, len(stack))
                 stack.append(_Open(form=form, row=at))
 
@@ -349,7 +371,7 @@ class _FileBuilder:
                 name, *parameters = statement.names
                 if name in self.job.routines:
                     self.job.fault(
-                        d.DEF_TWICE, line, name=name, where=self.job.sources.shown(self.job.routines[name].line)
+                        rules.DEF_TWICE, line, name=name, where=self.job.sources.shown(self.job.routines[name].line)
                     )
                 else:
                     self.job.routines[name] = Routine(name=name, parameters=tuple(parameters), body=body, line=line)
@@ -468,13 +490,17 @@ class Analysis:
     files: dict[int, _Use] = field(default_factory=dict)
     """Included blocks by their `id`: a file may be included many times."""
     marked: set[int] = field(default_factory=set)
+    reads: set[str] = field(default_factory=set)
+    """Names that are read anywhere."""
 
     def carried(self, block: Block) -> frozenset[int]:
         """`id`s of the loops of a program that go round by round."""
         for name in self.routines:
             self._free(name)
         for scope in (block, *(r.body for r in self.routines.values())):
-            self._mark(scope, self.use(scope).reads)
+            reads = self.use(scope).reads
+            self.reads |= set(reads)
+            self._mark(scope, reads)
         return frozenset(self.found)
 
     def _free(self, name: str) -> set[str]:

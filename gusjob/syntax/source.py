@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Span
 
 MAX_FILE_MB = 1000
@@ -52,11 +53,11 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
             data = file.read(limit + 1)  # A pipe or a device tells no size before.
         if len(data) > limit:
             size = max(path.stat().st_size, len(data)) // 1_000_000
-            return None, [_fault(d.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
+            return None, [_fault(rules.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
     except OSError as error:
-        return None, [_fault(d.UNREADABLE, name, reason=(error.strerror or type(error).__name__).lower())]
+        return None, [_fault(rules.UNREADABLE, name, reason=(error.strerror or type(error).__name__).lower())]
     except ValueError:  # A NUL in the name.
-        return None, [_fault(d.UNREADABLE, name, reason="no such name")]
+        return None, [_fault(rules.UNREADABLE, name, reason="no such name")]
     return check_text(data, name, path)
 
 
@@ -64,17 +65,17 @@ def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source
     """Bytes as text: UTF-8 with or without BOM, no NUL."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return None, [_fault(d.NOT_TEXT, name, reason="it looks like UTF-16; save it as UTF-8")]
+        return None, [_fault(rules.NOT_TEXT, name, reason="it looks like UTF-16; save it as UTF-8")]
     nul = data.find(b"\0")
     if nul >= 0:
         return None, [
-            _fault(d.NOT_TEXT, name, data.count(b"\n", 0, nul) + 1, reason="it holds NUL bytes (a binary file?)")
+            _fault(rules.NOT_TEXT, name, data.count(b"\n", 0, nul) + 1, reason="it holds NUL bytes (a binary file?)")
         ]
     try:
         data.decode("utf-8") if not data.isascii() else None
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        return None, [_fault(d.NOT_TEXT, name, line, reason=f"byte 0x{data[error.start]:02x} in line {line}")]
+        return None, [_fault(rules.NOT_TEXT, name, line, reason=f"byte 0x{data[error.start]:02x} in line {line}")]
     return Source(name=name, data=data, path=path), []
 
 

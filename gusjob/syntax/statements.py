@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from lark import Token, Tree, UnexpectedInput
 
-from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.syntax.expressions import (
     FUNCTIONS,
@@ -137,7 +137,7 @@ def strip_comment(line: str) -> str:
 def read_statement(text: str, line: int) -> tuple[Statement | None, list[Diagnostic]]:
     """A line (with or without comment) to its statement; None with diagnostics, or without any if the line is blank."""
     if len(text) > MAX_LINE:
-        return None, [_at(d.NO_END, line, 1, 2, size=len(text), limit=MAX_LINE)]
+        return None, [_at(rules.NO_END, line, 1, 2, size=len(text), limit=MAX_LINE)]
     text = strip_comment(text)
     try:
         tree = parser(GRAMMAR).parse(text)
@@ -161,11 +161,11 @@ def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     first = text.split()[0].upper() if text.split() else ""
     if first in LATER_WORDS or first.partition("(")[0] in LATER_WORDS:
         start = len(text) - len(text.lstrip()) + 1
-        return _at(d.LATER, line, start, start + len(first), word=first)
+        return _at(rules.LATER, line, start, start + len(first), word=first)
     if not text[: fault.column - 1].strip():
-        return _at(d.UNKNOWN_STATEMENT, line, fault.column, fault.end_column, found=fault.found, hint=fault.hint)
+        return _at(rules.UNKNOWN_STATEMENT, line, fault.column, fault.end_column, found=fault.found, hint=fault.hint)
     return _at(
-        d.UNEXPECTED,
+        rules.UNEXPECTED,
         line,
         fault.column,
         fault.end_column,
@@ -265,7 +265,7 @@ class _Reader:
         is_keyword = len(token) > 1 and token.upper() in keywords(GRAMMAR)
         if is_keyword or token in FUNCTIONS or token in NAMED_NUMBERS:
             self.faults.append(
-                self.token_fault(d.RESERVED, token, word=str(token), hint=f"write {token}_1 or another name")
+                self.token_fault(rules.RESERVED, token, word=str(token), hint=f"write {token}_1 or another name")
             )
 
     def expression(self, root: Tree[Token] | Token, start: int = 0, end: int = 0) -> Expression | None:
@@ -306,10 +306,10 @@ class _Reader:
         if found is None:
             near = nearest(token, FUNCTIONS)
             hint = f"; did you mean {near}?" if near else f"; there are {', '.join(FUNCTIONS)}"
-            self.faults.append(self.token_fault(d.NO_FUNCTION, token, word=str(token), hint=hint))
+            self.faults.append(self.token_fault(rules.NO_FUNCTION, token, word=str(token), hint=hint))
         elif count != (found.arity or max(count, 1)):
             wanted = "at least one number" if found.arity is None else f"{found.arity} number{'s' * (found.arity > 1)}"
-            self.faults.append(self.token_fault(d.ARITY, token, word=str(token), wanted=wanted, found=count))
+            self.faults.append(self.token_fault(rules.ARITY, token, word=str(token), wanted=wanted, found=count))
         return found
 
     def literal(self, token: Token) -> Literal | None:
@@ -337,17 +337,17 @@ class _Reader:
 
     def too_big(self, token: Token, start: int, end: int) -> None:
         shown = f"{token[:20]}{'...' * (len(token) > 20)}"
-        self.faults.append(_at(d.TOO_BIG, self.line, start, end, value=shown, limit=MAX_NUMBER))
+        self.faults.append(_at(rules.TOO_BIG, self.line, start, end, value=shown, limit=MAX_NUMBER))
 
     def shift(self, head: Token, part: Tree[Token], form: Form, words: dict[str, Quantity]) -> None:
         """SHIFT X x Y y of FRAME."""
         if not subtrees(part):
-            self.faults.append(self.token_fault(d.MISSING, head, statement="FRAME SHIFT", word="X or Y", hint=""))
+            self.faults.append(self.token_fault(rules.MISSING, head, statement="FRAME SHIFT", word="X or Y", hint=""))
         for word in subtrees(part):
             self.word(form, tokens(word)[0].type, subtrees(word)[0], words, tokens(word)[0])
 
     def twice(self, token: Token) -> None:
-        self.faults.append(self.token_fault(d.TWICE, token, word=token.type))
+        self.faults.append(self.token_fault(rules.TWICE, token, word=token.type))
 
     def token_fault(self, rule: Rule, token: Token, **fields: object) -> Diagnostic:
         start = token.column or 1
@@ -370,7 +370,7 @@ class _Reader:
                 hint = "; it needs X and Y, Z and A are free"
                 self.faults.append(
                     self.token_fault(
-                        d.MISSING, head, statement=f"LASER DISTANCE {head.type}", word=axis_name, hint=hint
+                        rules.MISSING, head, statement=f"LASER DISTANCE {head.type}", word=axis_name, hint=hint
                     )
                 )
         axes[head.type] = found
@@ -380,7 +380,7 @@ class _Reader:
     ) -> None:
         if token is not None and name not in form.words:
             hint = form.hints.get(name, f"it takes {', '.join(w for w in form.words if w) or 'no words'}")
-            self.faults.append(self.token_fault(d.FOREIGN, token, word=name, statement=form.name, hint=hint))
+            self.faults.append(self.token_fault(rules.FOREIGN, token, word=name, statement=form.name, hint=hint))
             return
         if name in words and token is not None:
             self.twice(token)
@@ -404,7 +404,7 @@ class _Reader:
         for word in missing:
             if not self.faults:
                 self.faults.append(
-                    _at(d.MISSING, self.line, column, end_column, statement=form.name, word=word, hint=hint)
+                    _at(rules.MISSING, self.line, column, end_column, statement=form.name, word=word, hint=hint)
                 )
 
     def group(self, value: Tree[Token]) -> Quantity | None:
@@ -438,7 +438,7 @@ class _Reader:
             if unit.kind is not word.kind and not (word.kind is Kind.POWER and unit.kind in POWER_KINDS):
                 self.faults.append(
                     _at(
-                        d.WRONG_UNIT,
+                        rules.WRONG_UNIT,
                         self.line,
                         start,
                         end,

@@ -1,0 +1,153 @@
+"""An earlier report, read back from its JSON. Anything may stand in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import orjson
+
+from gusjob.diagnostics import printable
+from gusjob.limits import PowerMode
+from gusjob.report.rows import SegmentKind
+
+Floats = npt.NDArray[np.float64]
+Columns = Mapping[str, npt.NDArray[Any]]
+Key = tuple[str, int | None, str | None]
+"""A total: its name, and channel and unit of power where it has them."""
+
+SCHEMA = "gusjob-report/1"
+MAX_EARLIER_MB = 1000
+
+CHANNELS = (0, 1)
+_UNITS = {mode.unit for mode in PowerMode}
+POWERS = ("power_min", "power_mean", "power_max", "power_ms")
+"""In the channel's unit: not to be compared with those in another unit."""
+FIGURES = ("emission_ms", *POWERS, "joules")
+COUNTS = ("segments", "stages")
+_LENGTHS = ("duration_ms", "mark_mm", "jump_mm")
+ANY_UNIT = ("emission_ms", "joules", "lit_at_end")
+_TOTALS = (*ANY_UNIT, "power_ms", "power_max", "clamped_ms", "before_motion_power_ms")
+_REQUIRED = {"segments", *_LENGTHS, "emission_ms", "joules", "power_ms", "power_max"}
+_OFF_OUTPUT = ("standby_khz", "standby_pct", "prevoltage_v")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Earlier:
+    """What an earlier report says, checked. `columns` as in a Report, NaN for null; None if it has totals only."""
+
+    path: str
+    job: str
+    totals: dict[Key, float]
+    columns: Columns | None
+
+
+class _NotAReportError(Exception):
+    """Why a file is no report."""
+
+
+def read_earlier(path: Path) -> tuple[Earlier | None, str]:
+    """The report in a JSON file; None and the reason where there is none."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_EARLIER_MB * 1_000_000 + 1)
+        return _earlier(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
+    except OSError as error:
+        return None, f"can't read this file: {(error.strerror or type(error).__name__).lower()}"
+    except _NotAReportError as error:
+        return None, printable(str(error))
+    except ValueError:  # A NUL in the name.
+        return None, "can't read this file: no such name"
+
+
+def _earlier(path: str, data: bytes) -> Earlier:
+    if len(data) > MAX_EARLIER_MB * 1_000_000:
+        raise _NotAReportError(f"this file is too large; gusjob reads up to {MAX_EARLIER_MB} MB")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise _NotAReportError("it looks like UTF-16; write the report with -o")
+    try:
+        found = orjson.loads(data)
+    except orjson.JSONDecodeError as error:
+        raise _NotAReportError(
+            f"this is not JSON: {error.msg[:80]} (line {error.lineno}, column {error.colno})"
+        ) from None
+    if type(found) is not dict or found.get("schema") != SCHEMA:
+        raise _NotAReportError(f'this is no report of gusjob report --format json (schema "{SCHEMA}")')
+    totals = flat_totals(_typed(found, "totals", dict)) | {("period_us", None, None): _figure(found, "period_us")}
+    columns = _columns(_typed(found, "segments", dict)) if "segments" in found else None
+    return Earlier(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)
+
+
+_JSON_WORDS: dict[type, str] = {dict: "object", list: "array", str: "string", int: "whole number"}
+
+
+def _typed(holder: dict[str, Any], name: str, wanted: type) -> Any:
+    if type(holder.get(name)) is not wanted:
+        raise _NotAReportError(
+            f"{name} is not a JSON {_JSON_WORDS[wanted]}" if name in holder else f"{name} is missing"
+        )
+    return holder[name]
+
+
+def _figure(holder: dict[str, Any], name: str, *kinds: type) -> float:
+    """A number, or what else it may be; null is NaN."""
+    if type(value := holder.get(name)) not in (int, float, *kinds) or name not in holder:
+        raise _NotAReportError(f"{name} is not a number" if name in holder else f"{name} is missing")
+    return float("nan") if value is None else float(value)
+
+
+def flat_totals(totals: dict[str, Any]) -> dict[Key, float]:
+    """Totals of any report, flat. An earlier version may lack some."""
+    flat: dict[Key, float] = {
+        (name, None, None): _figure(totals, name)
+        for name in (*COUNTS, *_LENGTHS)
+        if name in totals or name in _REQUIRED
+    }
+    for entry in _typed(totals, "channels", list):
+        if type(entry) is not dict:
+            raise _NotAReportError("channels holds something that is not a JSON object")
+        channel, unit = _typed(entry, "channel", int), _typed(entry, "unit", str)
+        if channel not in CHANNELS or unit not in _UNITS:
+            raise _NotAReportError("channels holds an unknown channel or unit")
+        for name in _TOTALS:
+            if name in entry or name in _REQUIRED:
+                flat[name, channel, unit] = _figure(entry, name, bool if name == "lit_at_end" else type(None))
+        if "off_output" in entry:
+            off = {} if entry["off_output"] is None else _typed(entry, "off_output", dict)
+            for name in _OFF_OUTPUT:
+                flat[name, channel, unit] = _figure(off, name) if name in off else float("nan")
+    return flat
+
+
+def _columns(found: dict[str, Any]) -> Columns:
+    """The columns that are compared, all of one length."""
+    names = ["line", "x_mm", "y_mm", "duration_ms"]
+    for channel in CHANNELS:
+        here = [f"ch{channel}_{figure}" for figure in FIGURES]
+        names += here if found.keys() & set(here) else []
+    columns: dict[str, npt.NDArray[Any]] = {name: _figures(found, name) for name in names}
+    columns["kind"] = _kinds(_typed(found, "kind", list))
+    if len({len(column) for column in columns.values()}) > 1:
+        raise _NotAReportError("the columns of segments are not equally long")
+    lines = columns["line"]
+    if not ((lines == np.floor(lines)) & (lines >= 0) & (lines < 2**53)).all():
+        raise _NotAReportError("line holds something that is no line number")
+    return {**columns, "line": lines.astype(np.int64)}
+
+
+def _figures(found: dict[str, Any], name: str) -> Floats:
+    values = _typed(found, name, list)
+    if not set(map(type, values)) <= {int, float, type(None)}:
+        raise _NotAReportError(f"{name} holds something that is not a number")
+    return np.array(values, dtype=np.float64)  # None becomes NaN.
+
+
+def _kinds(words: list[Any]) -> npt.NDArray[np.int8]:
+    numbers = {kind.word: kind.value for kind in SegmentKind}
+    if set(map(type, words)) - {str} or set(words) - numbers.keys():
+        raise _NotAReportError(f"kind holds something that is none of {', '.join(numbers)}")
+    return np.array([numbers[word] for word in words], dtype=np.int8)

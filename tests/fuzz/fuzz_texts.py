@@ -1,0 +1,94 @@
+"""Throw mutated texts at reading, checking, compiling and interpreting; run by hand for hours, with atheris.
+
+    pip install atheris
+    python tests/fuzz/fuzz_texts.py -max_total_time=3600 CORPUS_FOLDER jobs tests/bad tests/manual
+
+A text that begins with a line of GT_ calls is read as a listing, all others as a job. Anything that escapes as an
+exception is a find, and so is a text that takes long (libFuzzer's -timeout). Limits are lower here than for users, so
+that a bomb goes off quickly and the fuzzer gets on.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import atheris  # type: ignore[import-untyped,import-not-found,unused-ignore]  # installed by hand
+
+with atheris.instrument_imports(include=["gusjob"]):
+    from gusjob.checks import check
+    from gusjob.cli.text import diagnostic_text
+    from gusjob.diagnostics import Diagnostic, has_errors
+    from gusjob.interpreter import interpret
+    from gusjob.machine import Machine
+    from gusjob.planner import compile_job
+    from gusjob.report.rows import make_report
+    from gusjob.syntax import check_text, expand, read_job, read_listing
+    from gusjob.syntax.listing_reader import looks_like_listing
+
+MACHINE = replace(Machine(), expansion_max_statements=5_000)
+UNEQUAL = replace(MACHINE, pulses_per_mm=(1000.0, 700.0))
+expand.MAX_STEPS = 5_000
+expand.MAX_SETUPS = 500
+SLOW_S_PER_KB = 5.0
+
+
+def one(data: bytes) -> None:
+    """Everything that gusjob does to a text."""
+    began = time.perf_counter()
+    source, faults = check_text(data, "x")
+    if source is None:
+        said(faults)
+        return
+    machine = UNEQUAL if data[-1:] == b"u" else MACHINE
+    if looks_like_listing(source.data):
+        stream, faults = read_listing(source)
+        said(faults)
+        if not has_errors(faults):
+            trace, faults = interpret(stream, machine, foreign=True)
+            said(faults)
+    else:
+        job, faults = read_job(source, machine)
+        found = [*faults, *check(job, machine)]
+        said(found)
+        if not has_errors(found):
+            stream, faults = compile_job(job, machine)
+            said(faults)
+            if not has_errors(faults):
+                trace, faults = interpret(stream, machine)
+                said(faults)
+                if has_errors(faults) and not all(f.rule.code == "GJ713" for f in faults):
+                    raise AssertionError("what checks clean must run")
+                if trace is not None:
+                    make_report(trace, machine)
+    taken = time.perf_counter() - began
+    if taken > SLOW_S_PER_KB * max(len(data) / 1000, 1):
+        raise AssertionError(f"{taken:.1f} s for {len(data)} bytes")
+
+
+def said(faults: list[Diagnostic]) -> None:
+    """Every message can be shown."""
+    for fault in faults[:50]:
+        diagnostic_text(fault, lambda span, _: "", color=False)
+
+
+def words() -> str:
+    """Every keyword, unit and function, as libFuzzer's dictionary."""
+    from gusjob.stream import SIGNATURES
+    from gusjob.syntax.expressions import FUNCTIONS
+    from gusjob.syntax.lines import keywords
+    from gusjob.units import UNITS
+
+    signs = (" (", ")", "==", "<=", "**", "\\x0a", " AS i")
+    known = [*sorted(keywords("job.lark")), *UNITS, *FUNCTIONS, *SIGNATURES, *signs]
+    return "".join(f'"{word}"\n' if word.startswith("\\") else f'" {word} "\n' for word in known)
+
+
+if __name__ == "__main__":
+    dictionary = Path(tempfile.gettempdir()) / "gusjob_words.dict"
+    dictionary.write_text(words(), encoding="utf-8")
+    atheris.Setup([*sys.argv, f"-dict={dictionary}", "-max_len=4000", "-timeout=60"], one)
+    atheris.Fuzz()
