@@ -321,7 +321,8 @@ class Job:
     """A whole job. `setups` in job order. `locate` finds the columns of a fault in the source, when one is reported.
 
     Lines are numbered through all files of a job; `file_of` tells a line's file ('' for the job's own) and its number
-    there, `text_of` the text of the line of a span. `trails` is None for a job without loops, routines and includes.
+    there, `text_of` the text of the line of a span, `set_here` where the names in a word of a line were set. `trails`
+    is None for a job without loops, routines and includes.
     """
 
     name: str
@@ -331,6 +332,7 @@ class Job:
     locate: Locate
     file_of: Callable[[int], tuple[str, int]]
     text_of: Callable[[Span], str]
+    set_here: Callable[[int, str], tuple[Remark, ...]]
     trails: Trails | None = None
 
     def remarks(self, trail: int) -> tuple[Remark, ...]:

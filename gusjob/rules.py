@@ -190,7 +190,8 @@ TOO_DEEP = _rule(
     "blocks, calls and includes stand more than {limit} deep inside each other here: a machine profile may allow more "
     "([expansion] {key})",
     "A routine that calls itself needs an IF that ends it.",
-    bad="DEF f(n)\nCALL f(n - 1)\nEND\nCALL f(3)\n", good="DEF f(n)\nDWELL 1\nIF n > 0\nCALL f(n - 1)\nEND\nEND\nCALL f(3)\n",
+    bad="DEF f(n)\nCALL f(n - 1)\nEND\nCALL f(3)\n",
+    good="DEF f(n)\nDWELL 1\nIF n > 0\nCALL f(n - 1)\nEND\nEND\nCALL f(3)\n",
 )  # fmt: skip
 TOO_SLOW = _rule(
     "GJ129", _E, "too much to carry out one by one",

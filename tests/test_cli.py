@@ -92,7 +92,76 @@ def test_a_folder_and_nothing_at_all(tmp_path: Path, command: str) -> None:
     for path in (tmp_path, tmp_path / "none.job"):
         result = gusjob(command, path)
         assert result.exit_code == 2
-        assert "GJ001" in result.output
+        assert "GJ001" in result.output or "no .job or .gts file" in result.output
+
+
+def test_check_looks_into_folders(tmp_path: Path, good: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    write(inner, "LINE X 1\n", "bad.job")
+    write(inner, "LINE X 1\n", "notes.txt")
+    hidden = tmp_path / ".hidden"
+    hidden.mkdir()
+    write(hidden, "QQ\n", "worse.job")
+    result = gusjob("check", tmp_path)
+    assert result.exit_code == 1
+    assert "bad.job:1:1: error[GJ501]" in result.output
+    assert "worse.job" not in result.output
+    assert "2 files: 2 errors" in result.output
+
+
+def test_rules_are_selected_and_ignored(tmp_path: Path) -> None:
+    path = write(tmp_path, "LINE X 1\nQQ\n")
+    assert gusjob("check", path, "--ignore", "GJ5,GJ102").exit_code == 0
+    only = gusjob("check", path, "--select", "GJ1")
+    assert "GJ102" in only.output
+    assert "GJ501" not in only.output
+    # The longer beginning wins: all of GJ5 but GJ502, and GJ102.
+    some = gusjob("check", path, "--select", "GJ5", "--ignore", "GJ502", "--select", "GJ102")
+    assert [c for c in ("GJ102", "GJ501", "GJ502") if c in some.output] == ["GJ102", "GJ501"]
+    assert gusjob("check", path, "--select", "GJ999").exit_code == 2
+    # A file that can't be read fails whatever is ignored.
+    assert gusjob("check", tmp_path / "none.job", "--ignore", "GJ0").exit_code == 2
+
+
+def test_statistics_count_rounds(tmp_path: Path) -> None:
+    path = write(tmp_path, MARK + "FOR i FROM 1 TO 300\nLINE X (i)\nEND\n")
+    result = gusjob("check", path, "--statistics")
+    assert result.exit_code == 1
+    assert "      150  GJ503  error    outside the field" in result.output
+    counted = json.loads(gusjob("check", path, "--statistics", "--format", "json").stdout)
+    assert counted["statistics"] == {"GJ503": 150}
+    assert counted["diagnostics"][0]["count"] == 150
+    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the round where i = 151"
+
+
+def test_explain() -> None:
+    result = gusjob("explain", "gj402")
+    assert result.exit_code == 0
+    for text in ("GJ402 error: jump with light", "The jump would be burnt", "bad:", "    JUMP X 5", "good:"):
+        assert text in result.output
+    assert "GJ715" in gusjob("explain").output
+    missing = gusjob("explain", "GJ4022")
+    assert missing.exit_code == 2
+    assert "did you mean GJ" in missing.output
+
+
+def test_faults_in_an_included_file_bear_its_name(tmp_path: Path) -> None:
+    write(tmp_path, "VEL 100\nACC 2000000\n", "setup.job")
+    top = write(tmp_path, 'INCLUDE "setup.job"\nLINE X 1\nLINE X 200\n')
+    result = gusjob("check", top)
+    assert "setup.job:2:5: error[GJ504]" in result.output
+    assert "    2 | ACC 2000000" in result.output
+    assert "x.job:1:1: note: included here" in result.output
+    assert "x.job:3:8: error[GJ503]" in result.output
+    found = json.loads(gusjob("check", top, "--format", "json").stdout)["diagnostics"]
+    assert sorted(Path(f["path"]).name for f in found) == ["setup.job", "x.job"]
+
+
+def test_compile_to_c(good: Path) -> None:
+    result = gusjob("compile", good, "--format", "c")
+    assert result.exit_code == 0
+    assert "#include GUSJOB_HEADER" in result.stdout
 
 
 def test_a_huge_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,8 +11,8 @@ import pytest
 from tools import ROOT
 
 ORDER = (
-    "limits", "diagnostics", "rules", "units", "machine", "motion", "geometry", "job", "stream", "listing", "syntax",
-    "checks", "planner", "interpreter", "backend", "report", "cli",
+    "limits", "diagnostics", "rules", "units", "machine", "motion", "geometry", "job", "stream", "listing",
+    "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""
 

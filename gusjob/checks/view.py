@@ -56,7 +56,9 @@ class Findings:
             return
         self.seen[key] = len(self.collector.found)
         span = self.job.locate(line, word)
-        self.collector.add(rule, span, fields, count, (*remarks, *self.job.remarks(trail)))
+        if self.job.trails is not None:
+            remarks = (*remarks, *self.job.set_here(line, word), *self.job.remarks(trail))
+        self.collector.add(rule, span, fields, count, remarks)
 
     def at(
         self, rule: Rule, setup: Setup, word: str = "", /, *, remarks: tuple[Remark, ...] = (), **fields: Any

@@ -113,14 +113,25 @@ def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
         loaded.faults = in_order([*loaded.faults, *found])
 
 
-def exit_code(loaded: Iterable[Loaded], *, strict: bool = False) -> int:
-    """0 clean, 1 an error (or a warning with strict), 2 something could not be read."""
-    files = list(loaded)
-    if any(one.unreadable for one in files):
-        return 2
-    faults = [f for one in files for f in one.faults]
-    failed = has_errors(faults) or (strict and any(f.severity is Severity.WARNING for f in faults))
-    return 1 if failed else 0
+@dataclass(slots=True, kw_only=True)
+class Verdict:
+    """What files come to together: 0 clean, 1 an error (or a warning with strict), 2 something could not be read."""
+
+    strict: bool = False
+    exit_code: int = 0
+
+    def add(self, loaded: Loaded) -> None:
+        """One more file."""
+        failed = has_errors(loaded.faults)
+        failed |= self.strict and any(f.severity is Severity.WARNING for f in loaded.faults)
+        self.exit_code = max(self.exit_code, 2 if loaded.unreadable else int(failed))
+
+
+def exit_code(loaded: Loaded) -> int:
+    """0 clean, 1 an error, 2 it could not be read."""
+    verdict = Verdict()
+    verdict.add(loaded)
+    return verdict.exit_code
 
 
 def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
@@ -144,17 +155,18 @@ def write(pieces: Iterable[bytes], output: Path | None, *, source: Path | None =
             if sys.stdout is not None:
                 _write_all(pieces, sys.stdout.buffer)
         elif source is not None and output.exists() and output.samefile(source):
-            _stop(f"{output}: this is the file that was read; name another one with -o")
+            stop(f"{output}: this is the file that was read; name another one with -o")
         else:
             with output.open("wb") as file:
                 _write_all(pieces, file)
     except BrokenPipeError:  # Whoever reads has seen enough.
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123  (for the interpreter's own flush)
     except OSError as error:
-        _stop(f"{output or 'standard output'}: can't write: {(error.strerror or 'unknown error').lower()}")
+        stop(f"{output or 'standard output'}: can't write: {(error.strerror or 'unknown error').lower()}")
 
 
-def _stop(message: str) -> NoReturn:
+def stop(message: str) -> NoReturn:
+    """Say why, and leave with 2."""
     click.echo(f"gusjob: {message}", err=True)
     sys.exit(2)
 

@@ -13,12 +13,12 @@ from gusjob.cli.common import compiled, exit_code, file_argument, load, machine_
 @click.command(name="compile")
 @file_argument
 @machine_option
-@click.option("--format", "form", type=click.Choice(["gts", "json"]), default="gts", show_default=True)
+@click.option("--format", "form", type=click.Choice(["gts", "json", "c"]), default="gts", show_default=True)
 @output_option
 def command(path: Path, machine_path: Path | None, form: str, output: Path | None) -> None:
     """Compile a job to its GT_ calls.
 
-    gts: one call a line, readable by gusjob again. json: the calls as columns.
+    gts: one call a line, readable by gusjob again. json: the calls as columns. c: a C program that sends them.
     """
     from gusjob.listing import listing, listing_json
 
@@ -26,6 +26,11 @@ def command(path: Path, machine_path: Path | None, form: str, output: Path | Non
     stream = compiled(loaded)
     show(loaded, notes=False)
     if stream is not None:
-        pieces = (text.encode() for text in listing(stream)) if form == "gts" else listing_json(stream)
-        write(pieces, output, source=path)
-    sys.exit(exit_code([loaded]))
+        if form == "json":
+            write(listing_json(stream), output, source=path)
+        else:
+            text_of = listing
+            if form == "c":
+                from gusjob.c_program import c_program as text_of
+            write((text.encode() for text in text_of(stream)), output, source=path)
+    sys.exit(exit_code(loaded))

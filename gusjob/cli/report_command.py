@@ -101,7 +101,7 @@ def command(
         click.echo(comparison_text(comparison), err=True, nl=False)
     if form not in ("json", "markdown") or report is None:
         show(loaded, notes=report is None)
-    sys.exit(exit_code([loaded]) or int(comparison is not None and not comparison.same))
+    sys.exit(exit_code(loaded) or int(comparison is not None and not comparison.same))
 
 
 def _reported(loaded: Loaded) -> Report | None:

@@ -50,7 +50,7 @@ def command(path: Path, machine_path: Path | None, backend: str) -> None:
 
         write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None)
     show(loaded, notes=report is None)
-    sys.exit(exit_code([loaded]))
+    sys.exit(exit_code(loaded))
 
 
 class _Say:

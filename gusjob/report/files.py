@@ -48,11 +48,12 @@ def diagnostic_object(fault: Diagnostic) -> dict[str, Any]:
     return found
 
 
-def check_json(faults: Iterable[Diagnostic]) -> bytes:
-    """gusjob-check/1."""
-    return orjson.dumps(
-        {"schema": "gusjob-check/1", "diagnostics": [diagnostic_object(f) for f in faults]}, option=orjson.OPT_INDENT_2
-    )
+def check_json(faults: Iterable[Diagnostic], statistics: dict[str, int] | None = None) -> bytes:
+    """gusjob-check/1; `statistics`: faults by rule."""
+    found: dict[str, Any] = {"schema": "gusjob-check/1", "diagnostics": [diagnostic_object(f) for f in faults]}
+    if statistics is not None:
+        found["statistics"] = statistics
+    return orjson.dumps(found, option=orjson.OPT_INDENT_2)
 
 
 def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) -> Iterator[bytes]:

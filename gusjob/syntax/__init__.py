@@ -72,6 +72,7 @@ def _carried_out(text: JobText, machine: Machine) -> tuple[Told, list[Diagnostic
         sources=program.sources,
         frame_parent=done.frame_parent,
         trails=done.trails,
+        lets=program.lets,
     )
     return told, [*faults, *done.diagnostics]
 

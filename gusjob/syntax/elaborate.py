@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,8 @@ class Told:
     sources: SourceMap
     frame_parent: npt.NDArray[np.int64]
     trails: Trails | None = None
+    lets: dict[str, list[int]] = field(default_factory=dict)
+    """Lines that set each name."""
 
 
 def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
@@ -93,6 +95,7 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         locate=told.sources.locate,
         file_of=told.sources.file_of,
         text_of=told.sources.text_of,
+        set_here=lambda line, word: told.sources.set_here(line, word, told.lets),
         trails=told.trails,
     )
     return job, reader.faults(job)

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import PureWindowsPath
 
-from gusjob.diagnostics import Span, printable
+from gusjob.diagnostics import SET_HERE, Remark, Span, printable
 from gusjob.syntax.source import Source, read_source
 from gusjob.syntax.statements import Statement, read_statement
 
@@ -50,6 +50,19 @@ class SourceMap:
         """The statement in a line, read again."""
         source, number = self.find(line)
         return read_statement(source.line(number), number)[0]
+
+    def set_here(self, line: int, word: str, lets: dict[str, list[int]]) -> tuple[Remark, ...]:
+        """Where the names in a word's expression were set: of several LETs the last one above it."""
+        statement = self.statement(line)
+        quantity = statement.words.get("" if word == "value" else word) if statement else None
+        names = quantity.expression.names if quantity and quantity.expression else ()
+        found = []
+        for name in names:
+            at = lets.get(name, [])
+            above = [one for one in at if one < line] or at
+            if above:
+                found.append(Remark(text=SET_HERE, span=self.locate(above[-1], ""), fields={"name": name}))
+        return tuple(found)
 
     def locate(self, line: int, word: str) -> Span:
         """Where a word of a line stands ('' for the statement)."""

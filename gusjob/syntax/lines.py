@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
+_JOINS = {"AND", "OR", "NOT"}
 _WORD = re.compile(r"[A-Za-z_]\w*|\S")
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -90,7 +91,9 @@ def _accepted_after(lark: Lark, text: str) -> Sequence[str]:
 
 def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: dict[str, str]) -> Misread:
     keywords = [a for a in accepted if a not in names and not a.startswith("_") and a != "$END"]
-    readable = [*keywords, *dict.fromkeys(names[a] for a in accepted if a in names)]
+    readable = [*dict.fromkeys(names[a] for a in accepted if a in names), *keywords]
+    if len(readable) > len(keywords) + 1:  # Inside an expression much may follow: say the likely.
+        readable = [word for word in readable if word not in _JOINS]
     if "$END" in accepted:
         readable.append("the end of the line")
     shown = f"'{found[:40]}'" if found != "the end of the line" else found

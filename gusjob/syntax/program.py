@@ -141,13 +141,17 @@ class Routine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
-    """A job with all that it includes. `setups`: statements that SETUP rows point to. `carried`: see `Analysis`."""
+    """A job with all that it includes.
+
+    `setups`: statements that SETUP rows point to; `carried`: see `Analysis`; `lets`: lines that set each name.
+    """
 
     block: Block
     routines: dict[str, Routine]
     setups: list[Statement]
     carried: frozenset[int]
     sources: SourceMap
+    lets: dict[str, list[int]]
 
 
 @dataclass(slots=True)
@@ -178,8 +182,16 @@ def read_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagnos
     analysis = Analysis(builder.routines)
     carried = analysis.carried(block)
     builder.unused(analysis.reads)
+    lets: dict[str, list[int]] = {}
+    for let in builder.lets:
+        lets.setdefault(let.name, []).append(let.line)
     program = Program(
-        block=block, routines=builder.routines, setups=builder.setups, carried=carried, sources=builder.sources
+        block=block,
+        routines=builder.routines,
+        setups=builder.setups,
+        carried=carried,
+        sources=builder.sources,
+        lets=lets,
     )
     return program, builder.faults
 

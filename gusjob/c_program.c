@@ -1,0 +1,537 @@
+/*
+ * Compile this file with the vendor's header and library, for example
+ *     cc -std=c99 -I FOLDER_OF_THE_HEADER FILE.c -o FILE -lgts
+ *     cl FILE.c gts.lib
+ * Macros: GUSJOB_HEADER, the vendor's header ("gts.h"); GUSJOB_OPEN, the call that opens the controller (GT_Open(0, 1));
+ * GUSJOB_PATIENCE_S and GUSJOB_START_S, whole seconds, see below. GUSJOB_NO_MAIN leaves main() out, for use in another
+ * program, which opens the controller, sets it up, switches the axes on and calls gusjob_run().
+ *
+ * Run it as FILE [CONFIGURATION], the file for GT_LoadConfig. Status: 0 done, 1 refused or failed, 2 stopped by
+ * Ctrl+C or another signal. What went wrong is told on stderr with the job's line.
+ *
+ * The job's calls are made in the job's order, and every return value is looked at.
+ * - FIFO full: the program waits for room and sends the same call again. If the stage is longer than the FIFO,
+ *   GT_CrdStart is sent then, and not again at the end of the stage.
+ * - A call refused though there was room, motion that stops with calls still queued (the FIFO ran dry, or something
+ *   stopped the axes), or no progress for GUSJOB_PATIENCE_S seconds: an error.
+ * - Every way out: light off, then GT_Stop, then the light off again once the motion rests, then the message,
+ *   then GT_Close.
+ * A process that is killed or crashes, or a lost link, can't switch anything off: that takes an interlock in hardware.
+ */
+#if !defined(_WIN32) && !defined(_POSIX_C_SOURCE)
+#define _POSIX_C_SOURCE 200809L
+#endif
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#ifdef _WIN32
+#ifndef WIN32_LEAN_AND_MEAN
+#define WIN32_LEAN_AND_MEAN
+#endif
+#include <windows.h>
+#endif
+
+#ifndef GUSJOB_HEADER
+#define GUSJOB_HEADER "gts.h"
+#endif
+#include GUSJOB_HEADER
+
+#ifndef GUSJOB_OPEN
+#define GUSJOB_OPEN GT_Open(0, 1)
+#endif
+#ifndef GUSJOB_PATIENCE_S
+#define GUSJOB_PATIENCE_S 30 /* The longest time without progress is a GT_BufDelay, 16.4 s. */
+#endif
+#ifndef GUSJOB_START_S
+#define GUSJOB_START_S 1 /* How long after GT_CrdStart the motion may still rest. */
+#endif
+
+enum { GUSJOB_DONE = 0, GUSJOB_REFUSED = 1, GUSJOB_STOPPED = 2 };
+
+/* The job on an opened controller; returns one of the above, with the light off. */
+int gusjob_run(void);
+
+/* Set it to stop the job, from a signal handler too. */
+extern volatile sig_atomic_t gusjob_stop;
+volatile sig_atomic_t gusjob_stop = 0;
+
+enum { LnXY, ArcXYC, ArcXYR, BufDelay, BufLaserOn, BufLaserOff, BufLaserPrfCmd, BufLaserPrfFollow };
+static const char *const NAMES[] = {
+    "LnXY", "ArcXYC", "ArcXYR", "BufDelay", "BufLaserOn", "BufLaserOff", "BufLaserPrfCmd", "BufLaserPrfFollow"};
+static const int ARGUMENTS[] = {7, 10, 9, 3, 3, 3, 4, 6};
+static const int FIFO_AT[] = {6, 9, 8, 2, 1, 1, 2, 4};
+
+/* A buffered call: the job's line, which call, its arguments in the vendor's order. */
+typedef struct {
+    int line;
+    int call;
+    double a[GUSJOB_ARGUMENTS];
+} Row;
+
+/* What the job uses; each list ends with -1. */
+static const short CHANNELS[] = {GUSJOB_CHANNELS};
+static const short CRDS[] = {GUSJOB_CRDS};
+static const short AXES[] = {GUSJOB_AXES};
+
+/* A coordinate system. Between GT_CrdStart and the end of the motion it is started; early: the FIFO was full before the
+   stage was complete; ran: it was seen running. */
+typedef struct {
+    short fifo;
+    long size;
+    int line;
+    int started;
+    int early;
+    int ran;
+} Crd;
+#define FIFO_SLOTS 4096
+static Crd crds[3];
+
+/* What tells progress. */
+typedef struct {
+    short run;
+    long segment;
+    long space;
+    double position[8];
+} Look;
+
+/* Messages wait here until the light is off and the motion stopped: writing to a terminal or a pipe may block. */
+static char trouble[2000];
+
+static void tell(const char *format, ...)
+{
+    size_t used = strlen(trouble);
+    va_list values;
+    va_start(values, format);
+    vsnprintf(trouble + used, sizeof trouble - used, format, values);
+    va_end(values);
+}
+
+static void tell_line(int line)
+{
+    if (line > 0)
+        tell("line %d: ", line);
+}
+
+/* Return codes of the sister series. */
+static const char *meaning(short code)
+{
+    switch (code) {
+    case 1:
+        return "can't be done now (FIFO full, coordinate system moving)";
+    case 2:
+        return "no licence";
+    case 3:
+        return "wrong version";
+    case 7:
+        return "parameter error";
+    case 8:
+        return "not supported by the firmware";
+    case -1:
+    case -2:
+    case -3:
+    case -4:
+    case -5:
+        return "fault of the link to the controller";
+    case -6:
+        return "the controller can't be opened";
+    case -7:
+        return "no response";
+    case -8:
+        return "lock time-out";
+    default:
+        return "not documented";
+    }
+}
+
+/* Whether a call was carried out. Everything here returns 1 to go on, and 0 for the way out. */
+static int done(short code, int line, const char *format, ...)
+{
+    va_list values;
+    size_t used;
+    if (code == 0)
+        return 1;
+    tell_line(line);
+    used = strlen(trouble);
+    va_start(values, format);
+    vsnprintf(trouble + used, sizeof trouble - used, format, values);
+    va_end(values);
+    tell(" returned %d: %s\n", code, meaning(code));
+    return 0;
+}
+
+static int row_refused(const Row *row, short code)
+{
+    int i;
+    tell_line(row->line);
+    tell("GT_%s(", NAMES[row->call]);
+    for (i = 0; i < ARGUMENTS[row->call]; i++)
+        tell("%s%.15g", i ? "," : "", row->a[i]);
+    tell(") returned %d: %s\n", code, meaning(code));
+    return 0;
+}
+
+static int go_on(int line)
+{
+    if (!gusjob_stop)
+        return 1;
+    tell_line(line);
+    tell("stopped on request\n");
+    return 0;
+}
+
+#define RUN(step)       \
+    do {                \
+        if (!(step))    \
+            return 0;   \
+    } while (0)
+#define DO(line, call) RUN(go_on(line) && done((call), line, "%s", #call))
+
+static void nap(void)
+{
+#ifdef _WIN32
+    Sleep(1);
+#else
+    struct timespec one_ms = {0, 1000000};
+    nanosleep(&one_ms, NULL);
+#endif
+}
+
+static double seconds(void)
+{
+#ifdef _WIN32
+    return (double)GetTickCount64() / 1000;
+#else
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
+#endif
+}
+
+/* Reads how far the motion is. run = 0 with calls in the FIFO means starvation once it ran. GT_CrdStatus goes first: a
+   system at rest takes no more calls, so the space read behind it still holds. */
+static int look(int line, short crd, Look *now)
+{
+    Crd *c = &crds[crd];
+    memset(now, 0, sizeof *now);
+    RUN(done(GT_CrdStatus(crd, &now->run, &now->segment, c->fifo), line, "GT_CrdStatus(%d,run,segment,%d)", crd,
+             c->fifo));
+    RUN(done(GT_CrdSpace(crd, &now->space, c->fifo), line, "GT_CrdSpace(%d,space,%d)", crd, c->fifo));
+    RUN(done(GT_GetCrdPos(crd, now->position), line, "GT_GetCrdPos(%d,position)", crd));
+    if (c->started && now->run)
+        c->ran = 1;
+    if (now->run || !c->ran || now->space >= c->size)
+        return 1;
+    tell_line(line);
+    tell("the motion stopped with calls in the FIFO: it ran dry, or something stopped the axes\n");
+    return 0;
+}
+
+static int crd_start(int line, long mask, long option)
+{
+    short crd;
+    for (crd = 1; crd <= 2; crd++) {
+        Crd *c = &crds[crd];
+        if (!(mask >> (crd - 1) & 1))
+            continue;
+        if (c->early)
+            mask &= ~(1L << (crd - 1));
+        else
+            c->fifo = (short)(option >> (crd - 1) & 1);
+        c->early = 0;
+        c->started = 1;
+        c->line = line;
+    }
+    return !mask || (go_on(line) && done(GT_CrdStart((short)mask, (short)option), line, "GT_CrdStart(%ld,%ld)", mask,
+                                         option));
+}
+
+enum { FOR_ROOM, FOR_END };
+
+/* Waits for room in the FIFO or for the end of the motion. */
+static int wait_for(int what, int line, short crd)
+{
+    Crd *c = &crds[crd];
+    Look now, last;
+    double since = seconds();
+    memset(&last, 0, sizeof last);
+    for (;;) {
+        RUN(go_on(line) && look(line, crd, &now));
+        if (what == FOR_ROOM ? now.space > 0 : !now.run && now.space >= c->size)
+            return 1;
+        if (!c->started) {
+            RUN(crd_start(line, 1L << (crd - 1), (long)c->fifo << (crd - 1)));
+            c->early = 1;
+        }
+        if (memcmp(&now, &last, sizeof now) != 0) {
+            memcpy(&last, &now, sizeof last);
+            since = seconds();
+        } else if (seconds() - since > (c->ran ? GUSJOB_PATIENCE_S : GUSJOB_START_S)) {
+            tell_line(line);
+            tell(c->ran ? "no progress for %d s\n" : "the motion did not start within %d s\n",
+                 c->ran ? GUSJOB_PATIENCE_S : GUSJOB_START_S);
+            return 0;
+        }
+        nap();
+    }
+}
+
+/* GT_CrdClear. What the empty FIFO holds is the measure of what is still in it later. */
+static int crd_clear(int line, short crd, short fifo)
+{
+    Crd *c = &crds[crd];
+    RUN(go_on(line) && done(GT_CrdClear(crd, fifo), line, "GT_CrdClear(%d,%d)", crd, fifo));
+    memset(c, 0, sizeof *c);
+    c->fifo = fifo;
+    return done(GT_CrdSpace(crd, &c->size, fifo), line, "GT_CrdSpace(%d,space,%d)", crd, fifo);
+}
+
+/* GT_CrdStatus: waits for the end of the motion. Where nothing was started there is nothing to wait for. */
+static int crd_wait(int line, short crd, short fifo)
+{
+    Crd *c = &crds[crd];
+    Look now;
+    c->fifo = fifo;
+    if (!c->started)
+        return go_on(line) && look(line, crd, &now);
+    RUN(wait_for(FOR_END, line, crd));
+    c->started = c->early = c->ran = 0;
+    return 1;
+}
+
+/* One buffered call. Only the calls of this job are named: not every library has all of them. */
+static short call(const Row *row)
+{
+    const double *a = row->a;
+    (void)a;
+    switch (row->call) {
+#ifdef GUSJOB_LnXY
+    case LnXY:
+        return GT_LnXY((short)a[0], (long)a[1], (long)a[2], a[3], a[4], a[5], (short)a[6]);
+#endif
+#ifdef GUSJOB_ArcXYC
+    case ArcXYC:
+        return GT_ArcXYC((short)a[0], (long)a[1], (long)a[2], a[3], a[4], (short)a[5], a[6], a[7], a[8], (short)a[9]);
+#endif
+#ifdef GUSJOB_ArcXYR
+    case ArcXYR:
+        return GT_ArcXYR((short)a[0], (long)a[1], (long)a[2], a[3], (short)a[4], a[5], a[6], a[7], (short)a[8]);
+#endif
+#ifdef GUSJOB_BufDelay
+    case BufDelay:
+        return GT_BufDelay((short)a[0], (unsigned short)a[1], (short)a[2]);
+#endif
+#ifdef GUSJOB_BufLaserOn
+    case BufLaserOn:
+        return GT_BufLaserOn((short)a[0], (short)a[1], (short)a[2]);
+#endif
+#ifdef GUSJOB_BufLaserOff
+    case BufLaserOff:
+        return GT_BufLaserOff((short)a[0], (short)a[1], (short)a[2]);
+#endif
+#ifdef GUSJOB_BufLaserPrfCmd
+    case BufLaserPrfCmd:
+        return GT_BufLaserPrfCmd((short)a[0], a[1], (short)a[2], (short)a[3]);
+#endif
+#ifdef GUSJOB_BufLaserPrfFollow
+    case BufLaserPrfFollow:
+        return GT_BufLaserPrfFollow((short)a[0], a[1], (long)a[2], (long)a[3], (short)a[4], (short)a[5]);
+#endif
+    default:
+        return 7;
+    }
+}
+
+/* Sends a buffered call. It may be refused as long as the FIFO is full, but not with room seen just before. */
+static int put(const Row *row)
+{
+    short crd = (short)row->a[0];
+    int room = 0;
+    crds[crd].fifo = (short)row->a[FIFO_AT[row->call]];
+    for (;;) {
+        short code;
+        RUN(go_on(row->line));
+        code = call(row);
+        if (code == 0)
+            return 1;
+        if (code != 1 || room)
+            return row_refused(row, code);
+        RUN(wait_for(FOR_ROOM, row->line, crd));
+        room = 1;
+    }
+}
+
+#define LOOK_EVERY 64
+
+static int feed(const Row *rows, long count)
+{
+    long i;
+    Look now;
+    for (i = 0; i < count; i++) {
+        short crd = (short)rows[i].a[0];
+        RUN(put(&rows[i]));
+        if (crds[crd].started && i % LOOK_EVERY == 0)
+            RUN(look(rows[i].line, crd, &now));
+    }
+    return 1;
+}
+
+static int run_job(void);
+
+/* @job@ */
+
+static int light_off(void)
+{
+    int i, tries, all = 1;
+    for (i = 0; CHANNELS[i] >= 0; i++) {
+        short code = 1;
+        for (tries = 0; code && tries < 3; tries++)
+            code = GT_SetHSIOOpt(0, CHANNELS[i]);
+        if (!done(code, 0, "GT_SetHSIOOpt(0,%d)", CHANNELS[i])) {
+            tell("THE LIGHT OF CHANNEL %d MAY BE ON\n", CHANNELS[i]);
+            all = 0;
+        }
+    }
+    return all;
+}
+
+/* Whether any of the job's coordinate systems still moves; one that does not answer is taken for stopped. */
+static int moving(void)
+{
+    int i, any = 0;
+    for (i = 0; CRDS[i] >= 0; i++) {
+        short run = 0;
+        long segment = 0;
+        if (GT_CrdStatus(CRDS[i], &run, &segment, crds[CRDS[i]].fifo) == 0 && run)
+            any = 1;
+    }
+    return any;
+}
+
+/* Light off, stop, light off. A smooth stop would go on along the path, where calls that switch the light on may wait;
+   so it is abrupt. Until the motion rests the light is switched off again and again. */
+static void safe_way_out(void)
+{
+    long mask = 0, abrupt;
+    int i, tries, dark = light_off();
+    for (i = 0; CRDS[i] >= 0; i++)
+        mask |= 1L << (7 + CRDS[i]); /* Bit 8 is coordinate system 1, bit 9 the other. */
+    abrupt = mask;
+    for (i = 0; AXES[i] >= 0; i++)
+        abrupt |= 1L << (AXES[i] - 1); /* The bit of an axis, bit 0 for axis 1, is documented too. */
+    if (mask)
+        done(GT_Stop(mask, abrupt), 0, "GT_Stop(%ld,%ld)", mask, abrupt);
+    for (tries = 0; tries < 1000 && moving(); tries++) {
+        for (i = 0; CHANNELS[i] >= 0; i++)
+            GT_SetHSIOOpt(0, CHANNELS[i]);
+        nap();
+    }
+    if (dark)
+        light_off();
+}
+
+static int wait_for_all(void)
+{
+    int i;
+    for (i = 0; CRDS[i] >= 0; i++)
+        if (crds[CRDS[i]].started)
+            RUN(crd_wait(crds[CRDS[i]].line, CRDS[i], crds[CRDS[i]].fifo));
+    return 1;
+}
+
+/* The way out behind a step that failed. */
+static int leave(void)
+{
+    safe_way_out();
+    fputs(trouble, stderr);
+    return gusjob_stop ? GUSJOB_STOPPED : GUSJOB_REFUSED;
+}
+
+int gusjob_run(void)
+{
+    int crd;
+    /* A job may do without some of these. */
+    (void)crd_clear, (void)feed, (void)crd_start;
+    trouble[0] = 0;
+    memset(crds, 0, sizeof crds);
+    for (crd = 1; crd <= 2; crd++)
+        crds[crd].size = FIFO_SLOTS;
+    if (run_job() && wait_for_all() && light_off())
+        return GUSJOB_DONE;
+    return leave();
+}
+
+#ifndef GUSJOB_NO_MAIN
+#ifdef _WIN32
+/* Ctrl+C, Ctrl+Break, the window closed, log-off, shutdown: for the last three Windows ends the process as soon as this
+   returns, so it leaves the program its time. */
+static BOOL WINAPI ask_to_stop(DWORD event)
+{
+    gusjob_stop = 1;
+    if (event != CTRL_C_EVENT && event != CTRL_BREAK_EVENT)
+        Sleep(10000);
+    return TRUE;
+}
+
+static void catch_signals(void)
+{
+    SetConsoleCtrlHandler(ask_to_stop, TRUE);
+}
+#else
+static void ask_to_stop(int number)
+{
+    (void)number;
+    gusjob_stop = 1;
+}
+
+static void catch_signals(void)
+{
+    struct sigaction action, before;
+    memset(&action, 0, sizeof action);
+    action.sa_handler = ask_to_stop;
+    action.sa_flags = SA_RESTART; /* The vendor's library need not know of signals. */
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    if (sigaction(SIGHUP, NULL, &before) == 0 && before.sa_handler != SIG_IGN)
+        sigaction(SIGHUP, &action, NULL);
+    signal(SIGPIPE, SIG_IGN); /* A message that nobody reads must not end the program. */
+}
+#endif
+
+static int prepare(char *configuration)
+{
+    int i;
+    if (configuration != NULL)
+        RUN(go_on(0) && done(GT_LoadConfig(configuration), 0, "GT_LoadConfig(%s)", configuration));
+    for (i = 0; AXES[i] >= 0; i++) {
+        RUN(go_on(0) && done(GT_ClrSts(AXES[i], 1), 0, "GT_ClrSts(%d,1)", AXES[i]));
+        RUN(go_on(0) && done(GT_AxisOn(AXES[i]), 0, "GT_AxisOn(%d)", AXES[i]));
+    }
+    return 1;
+}
+
+int main(int argc, char **argv)
+{
+    int status;
+    short code;
+    if (argc > 2) {
+        fprintf(stderr, "usage: %s [CONFIGURATION]\n", argv[0]);
+        return GUSJOB_REFUSED;
+    }
+    catch_signals();
+    code = GUSJOB_OPEN;
+    if (code != 0) {
+        fprintf(stderr, "GT_Open returned %d: %s\n", code, meaning(code));
+        return GUSJOB_REFUSED;
+    }
+    status = prepare(argc == 2 ? argv[1] : NULL) ? gusjob_run() : leave();
+    code = GT_Close();
+    if (code != 0) {
+        fprintf(stderr, "GT_Close() returned %d: %s\n", code, meaning(code));
+        return GUSJOB_REFUSED;
+    }
+    return status;
+}
+#endif
