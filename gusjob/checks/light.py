@@ -96,10 +96,10 @@ def burnt_twice(view: View, findings: Findings) -> None:
         if len(rows) < 2:
             continue
         power = _power_in_force(view, channel)[rows]
-        ends = np.rint(np.stack([x0[rows], y0[rows], path.x[rows], path.y[rows]]))
-        turned = (ends[0] > ends[2]) | ((ends[0] == ends[2]) & (ends[1] > ends[3]))
-        low_x, high_x = np.where(turned, ends[2], ends[0]), np.where(turned, ends[0], ends[2])
-        low_y, high_y = np.where(turned, ends[3], ends[1]), np.where(turned, ends[1], ends[3])
+        ax, ay, bx, by = (np.rint(v[rows]) for v in (x0, y0, path.x, path.y))
+        turned = (ax > bx) | ((ax == bx) & (ay > by))
+        low_x, high_x = np.where(turned, bx, ax), np.where(turned, ax, bx)
+        low_y, high_y = np.where(turned, by, ay), np.where(turned, ay, by)
         round_ = path.op[rows] != Op.LINE
         marks = [low_x, low_y, high_x, high_y, power]
         if round_.any():
@@ -107,10 +107,11 @@ def burnt_twice(view: View, findings: Findings) -> None:
             arc = [np.rint(np.nan_to_num(v[rows])) for v in (path.cx, path.cy, path.radius)]
             marks += [np.where(round_, v, 0.0) for v in (*arc, bend)]
         key = _mixed(marks)
+        ascending = np.sort(key)
+        if not (ascending[1:] == ascending[:-1]).any():
+            continue
         order = np.argsort(key, kind="stable")
         same = key[order][1:] == key[order][:-1]
-        if not same.any():
-            continue
         first = order[np.maximum.accumulate(np.where(np.concatenate([[True], ~same]), np.arange(len(order)), 0))]
         again = np.flatnonzero((path.line[rows[order]] != path.line[rows[first]]) & (order != first))
         again = again[(low_x != high_x)[order[again]] | (low_y != high_y)[order[again]] | round_[order[again]]]

@@ -160,6 +160,8 @@ class View:
     job: Job
     machine: Machine
     mode_spans: tuple[tuple[ModeSpan, ...], ...]
+    known: dict[int, tuple[Bools, Indices, bool, int]] = field(default_factory=dict)
+    """What `lit` has found, by channel."""
 
     def rows(self, *ops: Op) -> Indices:
         """Rows of some kinds."""
@@ -213,6 +215,11 @@ class View:
 
     def lit(self, channel: int) -> tuple[Bools, Indices, bool, int]:
         """(light commanded on in each row, line of the ON in force per row, on at the end, line of the last ON)."""
+        if channel not in self.known:
+            self.known[channel] = self._lit(channel)
+        return self.known[channel]
+
+    def _lit(self, channel: int) -> tuple[Bools, Indices, bool, int]:
         path = self.job.path
         keys, on, lines = self.switches(channel)
         if not len(keys):

@@ -62,6 +62,7 @@ _OPS = {
     RowOp.OFF: Op.OFF,
 }
 _NONE = 255
+_STAYS_PULSE = 1e-6
 _OP_TABLE = np.array([_OPS.get(op, _NONE) for op in RowOp], dtype=np.uint8)
 
 
@@ -239,8 +240,11 @@ class _Elaboration:
         frame = np.nan_to_num(self.col(Field.FRAME)[moves]).astype(np.int64)
         here = relative[moves] if relative is not None else np.zeros(len(moves), dtype=np.bool_)
         px, py = positions_in_frames(x[moves], y[moves], here, frame, self.frames())
+        # Into a frame and out again costs the last bits; a head that stays, as for a full circle, stays exactly.
+        before_x, before_y = np.concatenate([[0.0], px[:-1]]), np.concatenate([[0.0], py[:-1]])
+        stays = np.hypot(px - before_x, py - before_y) < _STAYS_PULSE
         found = []
-        for values in (px, py):
+        for values in (np.where(stays, np.nan, px), np.where(stays, np.nan, py)):
             spread = np.full(len(op), np.nan)
             spread[moves] = values
             found.append(filled(spread, 0.0))

@@ -401,6 +401,8 @@ class _Executor:
         """Names that were set in other lanes: lane `source` of those gives lane `to` of these its value."""
         for name, value in part.scope.values.items():
             old = lanes.scope.values.get(name)
+            if old is None:  # Where a routine has not set it, it is the job's.
+                old = lanes.top.values.get(name)
             if (
                 old is not None
                 and not isinstance(value, np.ndarray)

@@ -79,6 +79,22 @@ def _power(base: Any, exponent: Any) -> Any:
     return np.power(base, exponent)
 
 
+def _known(run: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that has no value where an operand has none: min(1/0, 3) is not 3."""
+
+    def checked(*values: Any) -> Any:
+        fine = np.isfinite(values[0])
+        for value in values[1:]:
+            fine = fine & np.isfinite(value)
+        return np.where(fine, run(*values), np.nan)[()]
+
+    return checked
+
+
+def _divide(a: Any, b: Any) -> Any:
+    return np.where((b == 0) | ~np.isfinite(b), np.nan, a / b)[()]
+
+
 def _most(*values: Any) -> Any:
     result = values[0]
     for value in values[1:]:
@@ -130,8 +146,8 @@ OPERATORS = {
     "PLUS": Function("+", 2, Typing.SAME, operator.add),
     "MINUS": Function("-", 2, Typing.SAME, operator.sub),
     "STAR": Function("*", 2, Typing.TIMES, operator.mul),
-    "SLASH": Function("/", 2, Typing.OVER, operator.truediv),
-    "MODULO": Function("%", 2, Typing.SAME, operator.mod),
+    "SLASH": Function("/", 2, Typing.OVER, _divide),
+    "MODULO": Function("%", 2, Typing.SAME, _known(operator.mod)),
     "POWER_OF": Function("**", 2, Typing.PLAIN, _power),
 }
 """By terminal of the grammar."""
@@ -139,15 +155,15 @@ NEGATE = Function("-", 1, Typing.KEEP, operator.neg)
 FUNCTIONS = {
     "sqrt": Function("sqrt", 1, Typing.PLAIN, np.sqrt),
     "abs": Function("abs", 1, Typing.KEEP, np.abs),
-    "min": Function("min", None, Typing.SAME, _least),
-    "max": Function("max", None, Typing.SAME, _most),
+    "min": Function("min", None, Typing.SAME, _known(_least)),
+    "max": Function("max", None, Typing.SAME, _known(_most)),
     "floor": Function("floor", 1, Typing.PLAIN, np.floor),
     "ceil": Function("ceil", 1, Typing.PLAIN, np.ceil),
     "round": Function("round", 1, Typing.PLAIN, np.rint),
     "sin": Function("sin", 1, Typing.ANGLE, _sin),
     "cos": Function("cos", 1, Typing.ANGLE, _cos),
     "tan": Function("tan", 1, Typing.ANGLE, _tan),
-    "atan2": Function("atan2", 2, Typing.RATIO, lambda y, x: np.degrees(np.arctan2(y, x))),
+    "atan2": Function("atan2", 2, Typing.RATIO, _known(lambda y, x: np.degrees(np.arctan2(y, x)))),
     "hypot": Function("hypot", 2, Typing.SAME, np.hypot),
 }
 

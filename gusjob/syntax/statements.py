@@ -347,7 +347,7 @@ class _Reader:
             self.word(form, tokens(word)[0].type, subtrees(word)[0], words, tokens(word)[0])
 
     def twice(self, token: Token) -> None:
-        self.faults.append(self.token_fault(rules.TWICE, token, word=token.type))
+        self.faults.append(self.token_fault(rules.TWICE, token, word=str(token)))
 
     def token_fault(self, rule: Rule, token: Token, **fields: object) -> Diagnostic:
         start = token.column or 1
