@@ -208,6 +208,8 @@ class _Builder:
     """Included files: their blocks, and how deep blocks stand inside each other in them."""
     calls: list[Computed] = field(default_factory=list)
     lets: list[Let] = field(default_factory=list)
+    unread_routines: bool = False
+    """Whether a DEF can't be read: a routine that is not known may be that one."""
 
     def fault(self, rule: Rule, line: int, word: str = "", /, **fields: object) -> None:
         self.faults.append(Diagnostic(rule=rule, span=self.sources.locate(line, word), fields=fields))
@@ -261,6 +263,8 @@ class _Builder:
         for call in self.calls:
             name, given = call.statement.names[0], len(call.statement.arguments)
             routine = self.routines.get(name)
+            if routine is None and self.unread_routines:
+                continue  # It may be the one whose DEF can't be read.
             if routine is None:
                 near = nearest(name, self.routines)
                 hint = f"; did you mean {near}?" if near else ""
@@ -363,6 +367,8 @@ class _FileBuilder:
         done = stack.pop()
         at, line = done.row, int(rows.line[done.row])
         body, items = tuple(done.items), stack[-1].inner
+        if done.form == BROKEN and self.text.nodes[int(rows.column(Field.NODE)[at])].name == "DEF":
+            self.job.unread_routines = True
         if len(stack) > MAX_NESTING or done.form == BROKEN:
             return
         if done.form == "frame":
