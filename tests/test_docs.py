@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from tools import ROOT, calls_of, faults_in
 
+from gusjob.cli.check_command import judged
+from gusjob.cli.common import compiled
+from gusjob.diagnostics import Severity
+from gusjob.interpreter import interpret
 from gusjob.limits import CONTRADICTIONS, TABLE, Range
 from gusjob.rules import RULES
 from gusjob.stream import SIGNATURES
@@ -43,8 +49,8 @@ def calls() -> str:
 
 
 def rules() -> str:
-    rows = [[r.code, r.severity.value, r.title, r.section] for r in RULES.values()]
-    return table(["code", "severity", "what", "section"], rows)
+    rows = [[r.code, r.severity.value, r.title, r.why, r.section] for r in RULES.values()]
+    return table(["code", "severity", "what", "why it hurts", "section"], rows)
 
 
 TABLES: dict[str, Callable[[], str]] = {
@@ -74,12 +80,33 @@ def examples(kind: str) -> list[str]:
 
 
 @pytest.mark.parametrize("example", examples("job"))
-def test_examples_check_clean(example: str) -> None:
-    assert faults_in(example) == []
+def test_examples_check_clean_and_run(example: str, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "jobs" / "shared", tmp_path / "shared")
+    path = tmp_path / "example.job"
+    path.write_text(example, encoding="utf-8")
+    loaded = judged(path, None)
+    assert [f.message for f in loaded.faults if f.severity is not Severity.NOTE] == []
+    stream = compiled(loaded)
+    assert stream is not None
+    trace, faults = interpret(stream, loaded.machine)
+    assert trace is not None
+    assert faults == []
+
+
+def test_the_reference_names_every_statement() -> None:
+    """Each keyword that begins a statement has an example."""
+    said = "\n".join(examples("job")).upper()
+    laser = "MODE DUTY,MODE FREQUENCY,MODE ANALOG,DELAY,STANDBY,PREVOLT,FPK,DISTANCE,POWER,FOLLOW,ON NOW,OFF"
+    others = (
+        "UNITS,COORDS,CRD,LINE,JUMP,ARC CW,ARC CCW,DWELL,WAIT,LOOKAHEAD OFF,LOOKAHEAD TIME,LET,REPEAT,FOR,IF,ELSE,DEF,"
+        "CALL,FRAME,INCLUDE,VEL,ACC,JUMPVEL,CHANNEL"
+    )
+    for word in [*(f"LASER {w}" for w in laser.split(",")), *others.split(",")]:
+        assert word in said, word
 
 
 def test_the_compiled_example_is_what_compile_prints() -> None:
-    job = next(e for e in examples("job") if e.startswith("UNITS PULSE"))
+    job = next(e for e in examples("job") if e.startswith("UNITS PULSE\nLOOKAHEAD OFF"))
     assert calls_of(job) == examples("calls")[0].splitlines()
 
 

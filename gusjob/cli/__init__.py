@@ -36,7 +36,7 @@ def cli() -> None:
     """Compile, lint and run laser jobs for Googol GUS galvo controllers.
 
     FILE is a job (.job), or the GT_ calls of a C program or listing (.gts, .c). Exit status: 0 clean, 1 errors were
-    found, 2 wrong usage or a file that can't be read.
+    found or something moved (report --against), 2 wrong usage or a file that can't be read.
     """
 
 

@@ -142,7 +142,9 @@ class _Full(Exception):  # noqa: N818  (no error: the way out of a program that 
 
 def expand(program: Program, machine: Machine) -> Expanded:
     """All rows of a program."""
-    executor = _Executor(program=program, machine=machine, setups=list(program.setups))
+    executor = _Executor(
+        program=program, machine=machine, setups=list(program.setups), failed=set(program.unread_names)
+    )
     names = _Scope({}, {})
     sink: _Sink = []
     with np.errstate(all="ignore"):
@@ -174,7 +176,7 @@ class _Executor:
     faults: dict[tuple[str, int, str], tuple[Rule, int, dict[str, Any], int]] = field(default_factory=dict)
     """By code, line and word: the rule, the first one's trail and fields, and how many there are."""
     failed: set[str] = field(default_factory=set)
-    """Names whose LET has no value: that was said where they are set."""
+    """Names whose LET has no value or can't be read: that was said where they are set."""
 
     # What is wrong.
 

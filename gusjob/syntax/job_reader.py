@@ -60,6 +60,8 @@ class JobText:
     nodes: tuple[Statement, ...]
     diagnostics: tuple[Diagnostic, ...]
     faults_not_listed: int
+    unread_names: frozenset[str] = frozenset()
+    """Names whose LET can't be read."""
 
 
 def read_job_text(source: Source) -> JobText:
@@ -73,6 +75,7 @@ def read_job_text(source: Source) -> JobText:
         nodes=tuple(reader.nodes),
         diagnostics=tuple(reader.diagnostics),
         faults_not_listed=reader.not_listed,
+        unread_names=frozenset(reader.unread_names),
     )
 
 
@@ -85,6 +88,7 @@ class _JobReader:
     nodes: list[Statement] = field(default_factory=list)
     diagnostics: list[Diagnostic] = field(default_factory=list)
     not_listed: int = 0
+    unread_names: set[str] = field(default_factory=set)
 
     def learn(self, line: str) -> Template | None:
         """The template of a path, modal or steering statement; None for all others."""
@@ -139,6 +143,7 @@ class _JobReader:
         self.diagnostics += faults
         if statement is None:
             word = text.split(maxsplit=1)[0].upper() if faults and text.strip() else ""
+            self.unread_names.update(_LET.findall(text))
             if word not in BLOCK_WORDS:
                 return ()
             statement = Statement(form=BROKEN, name=word)
@@ -163,6 +168,7 @@ class _JobReader:
 BLOCK_WORDS = ("REPEAT", "FOR", "IF", "DEF", "FRAME")
 BROKEN = "broken"
 """Form of a line that can't be read but surely begins a block: its END is not another fault."""
+_LET = re.compile(r"^\s*LET\s+(\w+)", re.IGNORECASE)
 _DIGITS = re.compile(r"[0-9]+")
 _LEADING_ZERO = re.compile(rb"[A-Za-z_]0[0-9]")
 _EXACT_DIGITS = 15

@@ -152,6 +152,7 @@ class Program:
     carried: frozenset[int]
     sources: SourceMap
     lets: dict[str, list[int]]
+    unread_names: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
@@ -192,6 +193,7 @@ def read_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagnos
         carried=carried,
         sources=builder.sources,
         lets=lets,
+        unread_names=frozenset(builder.unread_names),
     )
     return program, builder.faults
 
@@ -208,6 +210,7 @@ class _Builder:
     """Included files: their blocks, and how deep blocks stand inside each other in them."""
     calls: list[Computed] = field(default_factory=list)
     lets: list[Let] = field(default_factory=list)
+    unread_names: set[str] = field(default_factory=set)
     unread_routines: bool = False
     """Whether a DEF can't be read: a routine that is not known may be that one."""
 
@@ -219,6 +222,7 @@ class _Builder:
         base = self.sources.add(text.source)
         first_setup = len(self.setups)
         self.setups += text.setups
+        self.unread_names |= text.unread_names
         builder = _FileBuilder(self, text, base, first_setup, chain)
         return builder.block(), builder.height
 
