@@ -15,8 +15,7 @@ from gusjob.job import Job
 from gusjob.machine import Machine
 from gusjob.syntax.elaborate import Told, elaborate
 from gusjob.syntax.files import SourceMap
-from gusjob.syntax.job_reader import JobText, read_job_text
-from gusjob.syntax.program import more_faults, plain, read_program
+from gusjob.syntax.job_reader import JobText, more_faults, plain, read_job_text
 from gusjob.syntax.source import Source, check_text, read_source
 
 if TYPE_CHECKING:
@@ -62,6 +61,7 @@ def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
 def _carried_out(text: JobText, machine: Machine) -> tuple[Told, list[Diagnostic]]:
     """A text with loops, names, routines, frames or includes, carried out."""
     from gusjob.syntax.expand import expand  # Start-up time is part of the tool.
+    from gusjob.syntax.program import read_program
 
     program, faults = read_program(text, machine)
     done = expand(program, machine)

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from gusjob import diagnostics as d
+from gusjob import rules
 from gusjob.diagnostics import Diagnostic
 from gusjob.syntax.expressions import Apply, Literal
 from gusjob.syntax.forms import FORMS, Field
@@ -62,6 +64,17 @@ class JobText:
     faults_not_listed: int
     unread_names: frozenset[str] = frozenset()
     """Names whose LET can't be read."""
+
+
+def plain(text: JobText) -> bool:
+    """Whether a text has nothing to carry out: its rows are the job's."""
+    return Field.NODE not in text.rows.columns and not (text.rows.op == RowOp.FRAME).any()
+
+
+def more_faults(text: JobText) -> Diagnostic:
+    """How many lines of a text are not listed."""
+    fields = {"count": text.faults_not_listed, "code": "the lines", "shown": len(text.diagnostics)}
+    return Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=text.source.name)
 
 
 def read_job_text(source: Source) -> JobText:

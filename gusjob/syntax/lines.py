@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+import lark
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 _JOINS = {"AND", "OR", "NOT"}
@@ -23,9 +26,40 @@ def grammar_path(name: str) -> Path:
 
 @cache
 def parser(name: str) -> Lark:
-    """The line parser of a grammar (LALR, one scanner)."""
+    """The line parser of a grammar (LALR)."""
     text = grammar_path(name).read_text(encoding="utf-8")
+    return _ready_made(name, text) or fresh_parser(text)
+
+
+def fresh_parser(text: str) -> Lark:
+    """The parser of a grammar's text, its tables worked out anew."""
     return Lark(text, parser="lalr", lexer="contextual", maybe_placeholders=False)
+
+
+def tables_path(name: str) -> Path:
+    """Where the tables of a grammar's parser are kept: working them out takes longer than all else at start-up."""
+    return Path(__file__).with_name(name).with_suffix(".tables.json")
+
+
+def tables_key(text: str) -> list[str | int]:
+    """What tables hang on: lark's version and the grammar."""
+    return [lark.__version__, zlib.crc32(text.encode())]
+
+
+def _ready_made(name: str, text: str) -> Lark | None:
+    """The parser from kept tables; None if there are none for this grammar and this lark."""
+    path = tables_path(name)
+    if not path.is_file():
+        return None
+    import json
+
+    kept = json.loads(path.read_bytes(), object_hook=_numbered)
+    return Lark.load(kept["parser"]) if kept["key"] == tables_key(text) else None
+
+
+def _numbered(table: dict[str, Any]) -> dict[str | int, Any]:
+    """States are numbered; JSON makes texts of them."""
+    return {int(key) if key.isdecimal() else key: value for key, value in table.items()}
 
 
 @cache

@@ -18,7 +18,7 @@ from gusjob.machine import Machine
 from gusjob.syntax.expressions import Expression
 from gusjob.syntax.files import SourceMap, included
 from gusjob.syntax.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Field, Word
-from gusjob.syntax.job_reader import BROKEN, JobText, RowOp, literals, read_job_text
+from gusjob.syntax.job_reader import BROKEN, JobText, RowOp, literals, more_faults, read_job_text
 from gusjob.syntax.lines import nearest
 from gusjob.syntax.shapes import Rows
 from gusjob.syntax.source import Source
@@ -170,11 +170,6 @@ class _Open:
         return self.items if self.otherwise is None else self.otherwise
 
 
-def plain(text: JobText) -> bool:
-    """Whether a text has nothing to carry out: its rows are the job's."""
-    return Field.NODE not in text.rows.columns and not (text.rows.op == RowOp.FRAME).any()
-
-
 def read_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagnostic]]:
     """The program of a job's text, with all the files that it includes."""
     builder = _Builder(machine=machine, top=text.source)
@@ -283,12 +278,6 @@ class _Builder:
                     takes=f"({takes})",
                     found=given,
                 )
-
-
-def more_faults(text: JobText) -> Diagnostic:
-    """How many lines of a text are not listed."""
-    fields = {"count": text.faults_not_listed, "code": "the lines", "shown": len(text.diagnostics)}
-    return Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=text.source.name)
 
 
 @dataclass(slots=True)
