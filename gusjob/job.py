@@ -321,8 +321,9 @@ class Job:
     """A whole job. `setups` in job order. `locate` finds the columns of a fault in the source, when one is reported.
 
     Lines are numbered through all files of a job; `file_of` tells a line's file ('' for the job's own) and its number
-    there, `text_of` the text of the line of a span, `set_here` where the names in a word of a line were set. `trails`
-    is None for a job without loops, routines and includes.
+    there, `text_of` the text of the line of a span, `set_here` where the names in a word of a line were set.
+    `in_pulses`: it is written in the controller's units (UNITS PULSE). `trails` is None for a job without loops,
+    routines and includes.
     """
 
     name: str
@@ -333,6 +334,9 @@ class Job:
     file_of: Callable[[int], tuple[str, int]]
     text_of: Callable[[Span], str]
     set_here: Callable[[int, str], tuple[Remark, ...]]
+    files: tuple[tuple[str, int], ...] = ()
+    """Of a job that includes files: the name of each, its own first, and what is added to its line numbers."""
+    in_pulses: bool = False
     trails: Trails | None = None
 
     def remarks(self, trail: int) -> tuple[Remark, ...]:
@@ -348,6 +352,35 @@ class Job:
     def has_forced_ends(self) -> bool:
         """Whether an END is written somewhere: only the planner can say whether it can be met."""
         return not bool(np.isnan(self.path.end).all())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """Lengths and speeds as messages show them: in the units in which the job is written.
+
+    `per_pulse`, `per_pulse_per_ms`, `per_pulse_per_ms2`: what a value in X's pulses is multiplied with.
+    """
+
+    length: str
+    speed: str
+    acceleration: str
+    per_pulse: float
+    per_pulse_per_ms: float
+    per_pulse_per_ms2: float
+
+
+def shown_units(job: Job, machine: Machine) -> Shown:
+    """The units of a job's messages."""
+    if job.in_pulses:
+        return Shown(
+            length="pulse", speed="pulse/ms", acceleration="pulse/ms2", per_pulse=1.0, per_pulse_per_ms=1.0,
+            per_pulse_per_ms2=1.0,
+        )  # fmt: skip
+    px = machine.pulses_per_mm[0]
+    return Shown(
+        length="mm", speed="mm/s", acceleration="mm/s2", per_pulse=1 / px, per_pulse_per_ms=1e3 / px,
+        per_pulse_per_ms2=1e6 / px,
+    )  # fmt: skip
 
 
 def opens_stage(job: Job) -> list[bool]:

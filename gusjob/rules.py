@@ -318,7 +318,7 @@ CARRIER_TOO_FAST = _rule(
 )  # fmt: skip
 SATURATES = _rule(
     "GJ209", _W, "following saturates",
-    "at the programmed velocity following asks for {value} {unit} (velocity {velocity} pulse/ms), above "
+    "at the programmed velocity, {velocity} {speed}, following asks for {value} {unit}, above "
     "its MAX {high} {unit}",
     "Above that velocity the power no longer follows: the energy per mm falls.",
     bad=_HEAD + "LASER FOLLOW RATIO 1 MIN 5 MAX 50\nLASER ON\nLINE X 1\nLASER OFF\n",
@@ -487,19 +487,19 @@ ARC_SHORT = _also(
 )
 END_UNREACHABLE = _rule(
     "GJ506", _E, "END can't be reached",
-    "END {value} pulse/ms can't be reached: length and acceleration here and behind allow {high} pulse/ms",
+    "END {value} {speed} can't be reached: length and acceleration here and behind allow {high} {speed}",
     "The controller would stop hard or leave the path.",
     bad=_HEAD + "LINE X 0.001 END 100\nLINE X 10\n", good=_HEAD + "LINE X 5 END 100\nLINE X 10\n",
 )  # fmt: skip
 END_ABOVE_VEL = _rule(
-    "GJ507", _E, "END above VEL", "END {value} pulse/ms is above this segment's VEL {velocity} pulse/ms",
+    "GJ507", _E, "END above VEL", "END {value} {speed} is above this segment's VEL {velocity} {speed}",
     "A segment can't end faster than it may go.",
     bad=_HEAD + "LINE X 5 END 200\nLINE X 10\n", good=_HEAD + "LINE X 5 END 100\nLINE X 10\n",
 )  # fmt: skip
 ARC_TOO_FAST = _rule(
     "GJ508", _W, "arc too fast",
-    "VEL {velocity} pulse/ms on a radius of {radius} pulse needs {value} pulse/ms2, above the machine's "
-    "{limit}: the planner slows it down",
+    "VEL {velocity} {speed} on a radius of {radius} {length} needs {value} {acceleration}, above the machine's "
+    "{limit} {acceleration}: the planner slows it down",
     "On a small circle the mirrors need more acceleration than the machine has.",
     bad="VEL 5000\nACC 100000\nARC CW I 1 J 0\n", good="VEL 500\nACC 100000\nARC CW I 1 J 0\n",
 )  # fmt: skip
@@ -509,7 +509,7 @@ FOLLOW_SCALES = _rule(
     "The controller follows the velocity in pulses, which has another mm value in each direction.", section="四.2",
 )  # fmt: skip
 END_AT_STOP = _rule(
-    "GJ510", _W, "END where motion stops", "motion stops behind this segment, at once from END {value} pulse/ms",
+    "GJ510", _W, "END where motion stops", "motion stops behind this segment, at once from END {value} {speed}",
     "The axes stop at once, and the mirrors overshoot.",
     bad=_HEAD + "LINE X 5 END 50\n", good=_HEAD + "LINE X 5 END 50\nLINE X 10\n",
 )  # fmt: skip
@@ -520,8 +520,8 @@ NO_LENGTH = _rule(
 )  # fmt: skip
 CORNER_TOO_FAST = _rule(
     "GJ514", _W, "corner too fast",
-    "END takes the corner behind this segment at {value} pulse/ms: the velocity vector changes by {jump} pulse/ms, "
-    "more than the {limit} that look-ahead would allow (TIME x ACC)",
+    "END takes the corner behind this segment at {value} {speed}: the velocity vector changes by {jump} {speed}, "
+    "more than the {limit} {speed} that look-ahead would allow (TIME x ACC)",
     "The mirrors overshoot at the corner.",
     bad=_HEAD + "LINE X 5 END 100\nLINE Y 5\n", good=_HEAD + "LINE X 5\nLINE Y 5\n",
 )  # fmt: skip

@@ -165,14 +165,18 @@ def arc_speed(view: View, findings: Findings) -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = path.vel[rows] ** 2 / radius
     fast = (needed > limit * (1 + 1e-9)) & (radius > 0)
+    shown = view.shown
     findings.at_rows(
         rules.ARC_TOO_FAST,
         rows[fast],
         "",
-        velocity=path.vel[rows[fast]],
-        radius=radius[fast],
-        value=needed[fast],
-        limit=limit,
+        velocity=path.vel[rows[fast]] * shown.per_pulse_per_ms,
+        radius=radius[fast] * shown.per_pulse,
+        value=needed[fast] * shown.per_pulse_per_ms2,
+        limit=limit * shown.per_pulse_per_ms2,
+        speed=shown.speed,
+        length=shown.length,
+        acceleration=shown.acceleration,
     )
 
 
@@ -224,4 +228,6 @@ def forced_ends(view: View, findings: Findings) -> None:
     good = findings.ranged(rows, path.end[rows], limits.END_VELOCITY, "END", "END")
     rows = rows[good]
     above = rows[path.end[rows] > path.vel[rows] * (1 + 1e-12)]
-    findings.at_rows(rules.END_ABOVE_VEL, above, "END", value=path.end[above], velocity=path.vel[above])
+    per_ms, speed = view.shown.per_pulse_per_ms, view.shown.speed
+    ends, velocities = path.end[above] * per_ms, path.vel[above] * per_ms
+    findings.at_rows(rules.END_ABOVE_VEL, above, "END", value=ends, velocity=velocities, speed=speed)

@@ -124,8 +124,8 @@ def saturation(view: View, findings: Findings) -> None:
         rows, first = np.unique(source[over], return_index=True)
         which = np.flatnonzero(over)[first]
         findings.at_rows(
-            rules.SATURATES, rows, "", value=asked[which], velocity=path.vel[marks[which]], high=path.high[rows],
-            unit=_unit_at(view, channel, rows),
+            rules.SATURATES, rows, "", value=asked[which], high=path.high[rows], unit=_unit_at(view, channel, rows),
+            velocity=path.vel[marks[which]] * view.shown.per_pulse_per_ms, speed=view.shown.speed,
         )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.diagnostics import Collector, Remark, Rule
-from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, SwitchNow, arcs_mm
+from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, Shown, SwitchNow, arcs_mm, shown_units
 from gusjob.limits import Range, Verdict
 from gusjob.machine import Machine
 from gusjob.units import PowerUnit
@@ -231,6 +231,11 @@ class View:
         begins = on & ~np.concatenate([[False], on[:-1]])
         begun = np.maximum.accumulate(np.where(begins, np.arange(len(on)), 0))
         return state, lines[begun[last]], bool(on[-1]), int(lines[begun[-1]])
+
+    @property
+    def shown(self) -> Shown:
+        """The units of messages."""
+        return shown_units(self.job, self.machine)
 
     def starts(self) -> tuple[Floats, Floats]:
         """Where the head is before each row, unrounded pulse."""

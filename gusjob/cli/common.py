@@ -50,6 +50,11 @@ class Loaded:
         """Whether the calls come from a listing."""
         return self.stream is not None and self.job is None
 
+    @property
+    def files(self) -> tuple[tuple[str, int], ...]:
+        """The files that a job is made of, if they are more than one."""
+        return self.job.files if self.job is not None else ()
+
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""
         if span.path and self.job is not None:
@@ -96,7 +101,7 @@ def compiled(loaded: Loaded) -> Stream | None:
     from gusjob.planner import compile_job
 
     stream, faults = compile_job(loaded.job, loaded.machine)
-    loaded.faults += faults
+    loaded.faults = in_order([*loaded.faults, *faults])
     return None if has_errors(faults) else stream
 
 

@@ -113,7 +113,7 @@ def _reported(loaded: Loaded) -> Report | None:
 
     trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
     interpreted_faults(loaded, faults)
-    return None if trace is None else make_report(trace, loaded.machine)
+    return None if trace is None else make_report(trace, loaded.machine, loaded.files)
 
 
 def _written(

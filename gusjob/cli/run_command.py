@@ -44,7 +44,7 @@ def command(path: Path, machine_path: Path | None, backend: str) -> None:
             runner: Backend = SimBackend()
             trace, faults = runner.run(stream, loaded.machine, foreign=loaded.foreign)
             interpreted_faults(loaded, faults)
-            report = None if trace is None else make_report(trace, loaded.machine)
+            report = None if trace is None else make_report(trace, loaded.machine, loaded.files)
     if report is not None:
         from gusjob.report.table import report_table
 

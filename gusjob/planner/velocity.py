@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
 from gusjob.diagnostics import Collector, Rule
-from gusjob.job import LookAhead, Op
+from gusjob.job import LookAhead, Op, shown_units
 from gusjob.motion import corner_velocity, look_ahead
 from gusjob.planner.plan import Plan
 
@@ -106,11 +107,16 @@ def _report(
     at = np.flatnonzero(where)
     path, timed = state.path, state.timed
     _, first, counts = np.unique(path.line[timed[at]], return_index=True, return_counts=True)
-    listed = collector.room(rule)
+    listed, shown = collector.room(rule), shown_units(state.job, state.machine)
     for i, count in zip(at[first[:listed]].tolist(), counts[:listed].tolist(), strict=True):
         row = int(timed[i])
         span, remarks = state.job.locate(int(path.line[row]), "END"), state.job.remarks(int(path.trail[row]))
-        fields = {"value": float(state.vel_end[i]), "high": float(reached[i])}
-        fields.update({name: float(column[i]) for name, column in columns.items()})
+        # As written: where the axes differ, a velocity in mm is another one in pulses for each direction.
+        written = float(path.end[row] / state.vel_end[i]) if state.vel_end[i] > 0 else 1.0
+        values = {"value": state.vel_end, "high": reached, **columns}
+        fields: dict[str, Any] = {
+            name: float(column[i]) * written * shown.per_pulse_per_ms for name, column in values.items()
+        }
+        fields["speed"] = shown.speed
         collector.add(rule, span, fields, count, remarks)
     collector.uncounted(rule, max(len(first) - listed, 0))

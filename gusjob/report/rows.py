@@ -46,8 +46,12 @@ class Report:
         return len(self.columns["line"])
 
 
-def make_report(trace: Trace, machine: Machine) -> Report:
-    """Rows and totals of a trace."""
+def make_report(trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = ()) -> Report:
+    """Rows and totals of a trace.
+
+    `files`: of a job that includes others, name and base of each; then `line` counts in the line's own file, and
+    `file` is that file's place among the names in the notes.
+    """
     clock, laid = trace.clock, trace.clock.laid
     px, py = machine.pulses_per_mm
     length_mm = _length_mm(trace, machine)
@@ -76,6 +80,13 @@ def make_report(trace: Trace, machine: Machine) -> Report:
     for channel in trace.channels:
         columns.update(_channel_columns(channel, clock.stage, machine))
         totals += _channel_totals(channel, clock.stage, machine)
+    notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
+    if files:
+        bases = np.array([base for _, base in files], dtype=np.int32)
+        file = (np.searchsorted(bases, trace.line - 1, side="right") - 1).astype(np.int16)
+        columns["line"] = trace.line - bases[file]
+        columns["file"] = file
+        notes["files"] = [name for name, _ in files]
     return Report(
         job=trace.name,
         period_us=trace.period_us,
@@ -88,7 +99,7 @@ def make_report(trace: Trace, machine: Machine) -> Report:
             "channels": totals,
         },
         columns=columns,
-        notes={"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]},
+        notes=notes,
     )
 
 

@@ -97,6 +97,8 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         file_of=told.sources.file_of,
         text_of=told.sources.text_of,
         set_here=lambda line, word: told.sources.set_here(line, word, told.lets),
+        files=told.sources.files,
+        in_pulses=bool((told.rows.op == RowOp.UNITS_PULSE).any()),
         trails=told.trails,
     )
     return job, reader.faults(job)

@@ -40,6 +40,12 @@ class SourceMap:
         source, number = self.find(line)
         return ("" if source is self.sources[0] else source.name), number
 
+    @property
+    def files(self) -> tuple[tuple[str, int], ...]:
+        """Name and base of every text, where there is more than one."""
+        named = tuple((source.name, base) for source, base in zip(self.sources, self.bases, strict=True))
+        return named if len(named) > 1 else ()
+
     def text_of(self, span: Span) -> str:
         """The text of a span's first line."""
         named = (source for source in self.sources[1:] if source.name == span.path)
