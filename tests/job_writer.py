@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from random import Random
@@ -12,17 +12,16 @@ MODES = ("DUTY", "DUTY2", "FREQUENCY", "ANALOG")
 UNIT = {"DUTY": "%", "DUTY2": "%", "FREQUENCY": "kHz", "ANALOG": "V"}
 POWERS = {"DUTY": (1.0, 99.0), "DUTY2": (1.0, 99.0), "FREQUENCY": (2.0, 40.0), "ANALOG": (0.5, 9.5)}
 """Powers that fit the mode; in frequency mode a laser pulse of 1..20 us fits them, too."""
+HIGHEST = {"DUTY": 100.0, "DUTY2": 100.0, "FREQUENCY": 60.0, "ANALOG": 10.0}
 
 LENGTHS = (0.0, 0.0001, 0.0005, 0.001, 0.0015, 0.01, 0.1, 0.3, 1.0, 2.5, 10.0, 30.0)
 SPEEDS = (10.0, 20.0, 33.3, 100.0, 250.0, 800.0, 1000.0, 5000.0, 9999.0)
-ACCELERATIONS = (2.0, 100.0, 1000.0, 5000.0, 50000.0, 1e6)
+ACCELERATIONS = (2.0, 100.0, 1000.0, 5000.0, 50000.0, 1e5)
 ODD = ("0", "-1", "1e9", "1e308", "99999", "0.5", "-0.0", "1e-15", "50%", "5kHz", "3ms", "(1/3)", "(0-7)", "(2**0.5)")
 """Mostly out of range or of the wrong kind. No velocity that would take hours rather than ages."""
 
 NUMBERS = ("a", "b", "n1")
 """Names for plain numbers from 0.5 to 5."""
-
-LIMITS = {"a": "0.5, 5", "b": "1, 4", "n1": "1, 3"}
 TOP = 2
 """How deep blocks stand in each other."""
 
@@ -46,10 +45,11 @@ class State:
 
 @dataclass
 class Writer:
-    """Writes one job. `odd`: one number or order in so many is off, 0 for none."""
+    """Writes one job. `odd`: one number or order in so many is off, 0 for none; `unequal`: for unequal axes."""
 
     rng: Random
     odd: int = 0
+    unequal: bool = False
     lines: list[str] = field(default_factory=list)
     state: State = field(default_factory=State)
     names: list[str] = field(default_factory=list)
@@ -82,7 +82,7 @@ class Writer:
         """A statement, in one of its spellings."""
         line = " ".join(word for word in words if word)
         match self.rng.randrange(12):
-            case 0 if "INCLUDE" not in line:
+            case 0:
                 line = line.lower()
             case 1:
                 line += "   ; said twice: LINE X 1"
@@ -208,13 +208,11 @@ class Writer:
         if state.distance[channel] and not self.slip():
             self.laser(channel, "DISTANCE OFF")
             state.distance[channel] = False
-        if mode != "DUTY2" or before in ("", "ANALOG"):
-            pass
-        elif not self.slip():
+        if mode == "DUTY2" and before in ("DUTY", "FREQUENCY"):
             self.laser(channel, "FPK OFF")
         least, most = POWERS[mode]
         low = self.word("MIN", self.number(self.of((0.0, least)))) if self.one_in(3) else ""
-        high = self.word("MAX", self.number(self.of((most, 100.0 if UNIT[mode] == "%" else 10.0 if mode == "ANALOG" else 60.0)))) if self.one_in(3) else ""
+        high = self.word("MAX", self.number(self.of((most, HIGHEST[mode])))) if self.one_in(3) else ""
         own = ""
         if mode in ("DUTY", "DUTY2"):
             own = self.word("CARRIER", self.number(self.of((1.0, 10.0, 20.5, 2000.0)), self.some("", "kHz")))
@@ -236,16 +234,22 @@ class Writer:
                 if self.one_in(5):
                     on, off = off, on
                 unit = self.some("", "us")
-                self.laser(channel, "DELAY", self.words(self.word("ON", self.whole(on, unit)), self.word("OFF", self.whole(off, unit))))
+                words = [self.word("ON", self.whole(on, unit)), self.word("OFF", self.whole(off, unit))]
+                self.laser(channel, "DELAY", self.words(*words))
             case 2 if mode not in ("", "ANALOG"):
-                words = self.words(self.word("FREQ", self.number(self.of((0.5, 5.0, 2000.0)))), self.word("DUTY", self.number(self.of((0.0, 2.0, 100.0)))))
-                self.laser(channel, "STANDBY", self.some("OFF", words, words))
+                frequency = self.word("FREQ", self.number(self.of((0.5, 5.0, 2000.0))))
+                pulse = self.words(frequency, self.word("DUTY", self.number(self.of((0.0, 2.0, 100.0)))))
+                self.laser(channel, "STANDBY", self.some("OFF", pulse, pulse))
             case 3 if mode in ("DUTY", "FREQUENCY"):
-                width, gap, off = (self.whole(self.rng.choice(times[i > 0 or 1 :])) for i in range(3))
-                words = self.words(self.word("WIDTH", width), self.word("GAP", gap), self.word("OFFDELAY", off))
-                self.laser(channel, "FPK", self.some("OFF", words, words))
+                fpk = self.words(
+                    self.word("WIDTH", self.whole(self.rng.choice(times[1:]))),
+                    self.word("GAP", self.whole(self.rng.choice(times))),
+                    self.word("OFFDELAY", self.whole(self.rng.choice(times))),
+                )
+                self.laser(channel, "FPK", self.some("OFF", fpk, fpk))
             case 4 if mode == "ANALOG":
-                self.laser(channel, "PREVOLT", self.some("OFF", self.number(self.of((0.0, 0.4, 10.0)), self.some("", "V"))))
+                volts = self.number(self.of((0.0, 0.4, 10.0)), self.some("", "V"))
+                self.laser(channel, "PREVOLT", self.some("OFF", volts))
             case 5 if mode:
                 self.distance(channel)
             case 6 if mode and self.state.powered[channel]:
@@ -268,11 +272,12 @@ class Writer:
             self.laser(channel, "DISTANCE OFF")
             self.state.distance[channel] = False
             return
-        places = [self.word(axis, self.length(self.of(LENGTHS))) for axis in ("XYZA" if self.one_in(4) else "XY")]
-        ratios = [self.word(a, self.number(self.of((0.0, 0.01, 1.0, -0.5, 30.0)))) for a in ("XYZA" if self.one_in(4) else "XY")]
-        low, high = (self.word("MIN", self.power(channel, high=0.4)), self.word("MAX", self.power(channel, low=0.6)))
+        axes = self.some("XY", "XY", "XYZA")
+        places = " ".join(self.word(axis, self.length(self.of(LENGTHS))) for axis in axes)
+        ratios = " ".join(self.word(axis, self.number(self.of((0.0, 0.01, 1.0, -0.5, 30.0)))) for axis in axes)
+        low, high = self.word("MIN", self.power(channel, high=0.4)), self.word("MAX", self.power(channel, low=0.6))
         source = self.some("", "", "SOURCE PLANNED", "SOURCE ACTUAL")
-        self.laser(channel, "DISTANCE", self.words("REF " + " ".join(places), "RATIO " + " ".join(ratios), low, high, source))
+        self.laser(channel, "DISTANCE", self.words(f"REF {places}", f"RATIO {ratios}", low, high, source))
         self.state.distance[channel] = True
 
     # The path.
@@ -284,23 +289,18 @@ class Writer:
         if self.one_in(3):
             low = self.word("MIN", self.power(channel, whole=True, high=0.4))
             high = self.word("MAX", self.power(channel, whole=True, low=0.6))
-            if self.one_in(2):
+            by_velocity = not self.unequal and self.one_in(2)
+            if self.unequal and self.state.units != "PULSE" and not self.slip():
+                self.state.units = "PULSE"
+                self.put("UNITS PULSE")
+            if by_velocity or self.slip():
                 rate = self.word("AT", self.speed(self.of(SPEEDS)))
             else:
-                rate = self.word("RATIO", self.number(self.of((0.001, 0.1, 1.0, 7.5))))
-            units, self_units = "PULSE", self.state.units
-            if self_units != units and self.unequal and not self.slip():
-                self.put("UNITS PULSE")
-                self.state.units = units
-                rate = self.word("RATIO", self.number(self.of((0.001, 0.1, 1.0, 7.5))))
-            elif self.unequal:
                 rate = self.word("RATIO", self.number(self.of((0.001, 0.1, 1.0, 7.5))))
             self.laser(channel, "FOLLOW", self.words(rate, low, high))
         else:
             self.laser(channel, "POWER", self.power(channel))
         self.state.powered[channel] = True
-
-    unequal: bool = False
 
     def switch(self, channel: int) -> None:
         state = self.state
@@ -358,10 +358,11 @@ class Writer:
         state = self.state
         turn = f"ARC {self.some('CW', 'CCW')}"
         radius = self.of((0.0004, 0.001, 0.01, 0.5, 3.0, 12.0, 40.0))
-        towards = self.rng.choice((0.0, 90.0, 45.0, self.rng.uniform(0, 360)))
-        cx, cy = radius * math.cos(math.radians(towards)), radius * math.sin(math.radians(towards))
+        towards = math.radians(self.rng.choice((0.0, 90.0, 45.0, self.rng.uniform(0, 360))))
+        cx, cy = radius * math.cos(towards), radius * math.sin(towards)
         if self.one_in(3):
-            self.put(turn, self.words(self.word("I", self.length(cx)), self.word("J", self.length(cy)), self.motion_words()))
+            centre = self.word("I", self.length(cx)), self.word("J", self.length(cy))
+            self.put(turn, self.words(*centre, self.motion_words()))
             return
         swept = math.radians(self.rng.choice((180.0, 90.0, 359.99, 0.01, self.rng.uniform(1, 359))))
         dx = cx - cx * math.cos(swept) + cy * math.sin(swept)
@@ -372,11 +373,14 @@ class Writer:
             self.put(self.some("LINE", "LINE", "LINE" if any(state.lit) else "JUMP"), f"X {x0!r}mm Y {y0!r}mm")
         ends = self.words(self.word("X", self.exact(x0 + dx)), self.word("Y", self.exact(y0 + dy)))
         if self.one_in(2):
-            self.put(turn, ends, self.words(self.word("I", self.exact(cx)), self.word("J", self.exact(cy)), self.motion_words()))
+            centre = self.word("I", self.exact(cx)), self.word("J", self.exact(cy))
+            self.put(turn, ends, self.words(*centre, self.motion_words()))
         else:
             chord = math.hypot(dx, dy) / 2
             r = max(chord * self.of((1.0, 1.0001, 1.2, 5.0)), radius if self.one_in(2) else 0.0)
-            self.put(turn, ends, self.words(self.word("R", self.some("", "", "-") + self.exact(r)), self.motion_words()))
+            self.put(
+                turn, ends, self.words(self.word("R", self.some("", "", "-") + self.exact(r)), self.motion_words())
+            )
 
     def exact(self, mm: float) -> str:
         """A length to many digits."""
@@ -399,7 +403,8 @@ class Writer:
     def let(self) -> None:
         name = self.rng.choice(NUMBERS)
         if name in self.names and self.one_in(2):
-            self.put(f"LET {name} = min(max({name}*1.1 + {self.of((0.0, 0.5, -0.25))!r}, {LIMITS[name].split(',')[0]}),{LIMITS[name].split(',')[1]})")
+            grown = f"{name}*1.1 + {self.of((0.0, 0.5, -0.25))!r}"
+            self.put(f"LET {name} = min(max({grown}, 0.5), 5)")
             return
         if self.rounds > 1 or self.local:
             return
@@ -407,7 +412,7 @@ class Writer:
             self.put(f"LET pitch = {self.some('500um', '1.5mm', '250pulse')}")
             self.lengths = ["pitch"]
             return
-        self.put(f"LET {name} = {self.of((1.0, 1.5, 2.0, 3.0)) :g}")
+        self.put(f"LET {name} = {self.of((1.0, 1.5, 2.0, 3.0)):g}")
         self.names = sorted({*self.names, name})
 
     def condition(self) -> str:
@@ -451,7 +456,10 @@ class Writer:
                         self.put("LINE", self.word("X", f"(i % 3 * 0.1mm{' + 1mm' if state.coords == 'ABS' else ''})"))
             case 1:
                 to = self.rng.choice((0, 2, 4, 6))
-                self.put(f"FOR v FROM {to} TO {self.whole(0)} STEP -2" if self.one_in(3) else f"FOR v FROM 0 TO {to} STEP {self.some('1', '2', '0.5')}")
+                first, last, steps = (
+                    (f"{to}", self.whole(0), ("-2", "(-1)")) if self.one_in(3) else ("0", f"{to}", ("1", "0.5"))
+                )
+                self.put(f"FOR v FROM {first} TO {last} STEP {self.some(*steps)}")
                 with self.body(runs=to + 1):
                     self.statements(depth - 1)
                     self.put("LINE", self.word("Y", "(v * 1mm/3)"))
@@ -464,8 +472,11 @@ class Writer:
                     with self.body(runs=1):
                         self.statements(depth - 1)
             case _:
-                shift = f"SHIFT {self.words(self.word('X', self.length(self.of((0.0, 1.0, 0.3333)))), self.word('Y', self.length(self.of((-2.0, 0.5)))))}"
-                rotate = self.word("ROTATE", self.number(self.of((0.0, 30.0, 90.0, 180.0, -45.5)), self.some("", "deg")))
+                along = self.word("X", self.length(self.of((0.0, 1.0, 0.3333))))
+                shift = f"SHIFT {self.words(along, self.word('Y', self.length(self.of((-2.0, 0.5)))))}"
+                rotate = self.word(
+                    "ROTATE", self.number(self.of((0.0, 30.0, 90.0, 180.0, -45.5)), self.some("", "deg"))
+                )
                 scale = self.word("SCALE", self.number(self.of((1.0, 0.5, 1.25, 0.001))))
                 self.put("FRAME", self.words(*(w for w in (shift, rotate, scale) if self.one_in(2))))
                 with self.body(runs=1):
@@ -506,12 +517,12 @@ class Writer:
         state.powered = [False, False]
 
     def statements(self, depth: int) -> None:
-        for _ in range(self.rng.randint(1, 6 if depth < TOP else 14)):
+        for _ in range(self.rng.randint(*((1, 6) if depth < TOP else (4, 22)))):
             self.statement(depth)
 
     def statement(self, depth: int) -> None:
         state = self.state
-        pick = self.rng.randrange(34)
+        pick = self.rng.randrange(36)
         if pick < 8:
             self.straight(self.some("LINE", "LINE", "LINE", "JUMP"))
         elif pick < 11:
@@ -541,12 +552,15 @@ class Writer:
         elif pick < 30:
             if depth and self.rounds < 30:
                 self.block(depth)
-        elif pick < 31:
-            self.call()
-        elif pick < 32:
-            if depth == TOP and len(self.routines) < 2:
+        elif pick < 33:
+            if self.routines:
+                self.call()
+            elif depth == TOP:
                 self.routine()
-        elif pick < 33 and not self.kept and not any(state.lit) and self.one_in(2):
+        elif pick < 34:
+            if depth == TOP and len(self.routines) < 3:
+                self.routine()
+        elif pick < 35 and not self.kept and not any(state.lit) and self.one_in(2):
             self.mode(self.a_channel(), self.some(*MODES))
         else:
             self.straight("LINE")

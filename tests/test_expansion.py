@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from tools import MACHINE, MARK, calls_of, path_calls
+from tools import MACHINE, MARK, calls_of, faults_in, path_calls
 
 from gusjob.checks import check
 from gusjob.diagnostics import Diagnostic
@@ -488,3 +488,9 @@ def test_an_include_is_read_in_place(tmp_path: Path) -> None:
     source, _ = read_source(top)
     assert source is not None
     assert "GJ138" in [f.rule.code for f in read_job(source, MACHINE)[1]]
+
+
+@pytest.mark.parametrize("body", ["LET a = a + 1\nWAIT\n", "WAIT\n", "LASER DELAY ON (a) OFF 9\nLET a = a + 1\n"])
+def test_too_many_setup_statements_end_in_a_word(body: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gusjob.syntax.expand.MAX_SETUPS", 3)
+    assert "GJ130" in [code for _, code in faults_in(f"LET a = 0\nREPEAT 10\n{body}END\n")]

@@ -600,7 +600,7 @@ class _Executor:
         if len(run.rows.op) == 1 and run.calls:
             self.call(run.calls[0], lanes, sink)
             return
-        self.room(len(run.rows.op) * lanes.count, line, lanes.trail)
+        self.room(run, lanes, line)
         numbers: list[Any] = []
         systems: list[int] = []
         for one in run.computed:
@@ -637,12 +637,19 @@ class _Executor:
         merged = _merged([p for p in pieces if isinstance(p, _Piece)])
         sink.append(_Piece(merged.rows, merged.lane // rows))
 
-    def room(self, rows: int, line: int, trail: Any) -> None:
+    def room(self, run: Run, lanes: _Lanes, line: int) -> None:
         """Count rows before they are made. Those that stand in the open once cost no more than they are."""
-        self.rows += rows
+        if not _some(lanes.trail > 0):
+            return
+        self.rows += len(run.rows.op) * lanes.count
+        self.setup_rows += run.setups * lanes.count
         limit = self.machine.expansion_max_statements
-        if self.rows > limit and _some(trail > 0):
-            self.stop("statements", limit, "max_statements", line, trail)
+        if self.rows > limit:
+            self.stop("statements", limit, "max_statements", line, lanes.trail)
+        if self.setup_rows > MAX_SETUPS:
+            at = int(np.flatnonzero(run.rows.op == RowOp.SETUP)[0])
+            self.fault(rules.TOO_MANY_SETUPS, int(run.rows.line[at]), "", lanes.trail, limit=MAX_SETUPS)
+            raise _Full
 
     def spread(
         self,
@@ -680,7 +687,6 @@ class _Executor:
                     system = system if not written else _added(system, at, written << (2 * slot.column))
             if base.op[one.at[0]] == RowOp.SETUP:
                 columns[Field.VALUE] = _with(columns[Field.VALUE], len(op), at, self.filled_in(one.statement, found))
-        self.count_setups(op, line, trail)
         for column, numbers_ in ((Field.TRAIL, trail), (Field.FRAME, frame)):
             if isinstance(numbers_, np.ndarray):
                 columns[column] = np.repeat(numbers_, rows).astype(np.float64)
@@ -694,15 +700,6 @@ class _Executor:
         kept = np.ones(len(op), dtype=np.bool_)
         kept[gone] = False
         return _Piece(made.pick(kept), lane[kept])
-
-    def count_setups(self, op: npt.NDArray[np.uint8], line: npt.NDArray[np.int32], trail: Any) -> None:
-        """Setup statements that are made: each costs more than a row."""
-        if _some(trail > 0):
-            self.setup_rows += int(np.count_nonzero(op == RowOp.SETUP))
-            if self.setup_rows > MAX_SETUPS:
-                at = int(np.flatnonzero(op == RowOp.SETUP)[0])
-                self.fault(rules.TOO_MANY_SETUPS, int(line[at]), "", trail, limit=MAX_SETUPS)
-                raise _Full
 
     def filled_in(self, statement: Statement, found: dict[str, tuple[Floats, int]]) -> Floats:
         """A setup statement with each set of numbers that its expressions came to; the numbers of the new ones."""

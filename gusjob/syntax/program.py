@@ -64,11 +64,12 @@ class Computed:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
-    """Statements one behind the other: rows of a file, and what of them is computed."""
+    """Statements one behind the other: rows of a file, what of them is computed, how many are setup statements."""
 
     rows: Rows
     computed: tuple[Computed, ...] = ()
     calls: tuple[Computed, ...] = ()
+    setups: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -421,8 +422,9 @@ class _FileBuilder:
     def _run(self, rows: Rows, first: int, last: int) -> Run:
         part = rows.pick(slice(first, last))
         node = part.columns.pop(Field.NODE, None)
+        setups = int(np.count_nonzero(part.op == RowOp.SETUP))
         if node is None:
-            return Run(rows=part)
+            return Run(rows=part, setups=setups)
         at = np.flatnonzero(~np.isnan(node))
         computed, calls = [], []
         order = at[np.argsort(node[at], kind="stable")]
@@ -444,7 +446,7 @@ class _FileBuilder:
         # Numbers of expressions are known here; what goes on are the rows' own columns.
         columns = {k: v for k, v in part.columns.items() if k < Field.NODE}
         kept = Rows(op=part.op, line=part.line, system=part.system, columns=columns)
-        return Run(rows=kept, computed=tuple(computed), calls=tuple(calls))
+        return Run(rows=kept, computed=tuple(computed), calls=tuple(calls), setups=setups)
 
 
 def _slots(statement: Statement) -> Iterator[Slot]:
