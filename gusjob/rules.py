@@ -327,8 +327,8 @@ SATURATES = _rule(
 POWER_UNUSED = _rule(
     "GJ210", _W, "power that nothing uses", "no light comes between this {word} and what sets the power next",
     "A power that nothing uses was meant for a mark that now has another one.",
-    bad=_HEAD + "LASER POWER 30\nLASER POWER 50\nLASER ON\nLINE X 1\nLASER OFF\n",
-    good=_HEAD + "LASER POWER 50\nLASER ON\nLINE X 1\nLASER OFF\n",
+    bad=_LIT + "LINE X 1\nLASER POWER 40\nLASER POWER 50\nLINE X 2\nLASER OFF\n",
+    good=_LIT + "LINE X 1\nLASER POWER 50\nLINE X 2\nLASER OFF\n",
 )  # fmt: skip
 
 # GJ3: modes and order.
@@ -403,6 +403,18 @@ DELAY_TOO_LONG = _rule(
     section="二.2",
 )  # fmt: skip
 
+DELAY_BRIDGES = _rule(
+    "GJ313", _W, "delay that bridges a jump",
+    "the off delay of {off} us outlasts the way to the next LASER ON, which takes at most {most} us: the light does "
+    "not go off between",
+    "What should be dark is burnt: the jump between the two marks.",
+    bad="LASER DELAY ON 50us OFF 50ms\nLASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\nLASER ON\n"
+    "LINE X 90\nLASER OFF\nJUMP X 91\nLASER ON\nLINE X 0\nLASER OFF\n",
+    good="LASER DELAY ON 50us OFF 60us\nLASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\nLASER ON\n"
+    "LINE X 90\nLASER OFF\nJUMP X 91\nLASER ON\nLINE X 0\nLASER OFF\n",
+    section="二.2",
+)  # fmt: skip
+
 # GJ4: light.
 LEFT_ON = _rule(
     "GJ401", _E, "light left on", "the job ends with the laser of channel {channel} on: add LASER OFF{hint}",
@@ -440,7 +452,7 @@ LIT_NOTHING = _rule(
     bad=_LIT + "LASER OFF\nLINE X 1\n", good=_LIT + "LINE X 1\nLASER OFF\n",
 )  # fmt: skip
 BURNT_TWICE = _rule(
-    "GJ407", _W, "the same mark burnt twice", "this mark was burnt before, with the same power",
+    "GJ407", _W, "the same mark burnt twice", "this mark was burnt before, with the same power and velocity",
     "Drawings with doubled lines burn twice as deep there. Passes that are meant are a REPEAT.",
     bad=_LIT + "LINE X 5\nLINE X 0\nLASER OFF\n",
     good=_HEAD + "LASER POWER 30\nREPEAT 2\nJUMP X 0\nLASER ON\nLINE X 5\nLASER OFF\nEND\n",

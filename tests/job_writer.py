@@ -39,8 +39,7 @@ class State:
     distance: list[bool] = field(default_factory=lambda: [False, False])
 
     def copy(self) -> State:
-        lists = {name: list(getattr(self, name)) for name in ("modes", "powered", "lit", "distance")}
-        return replace(self, **lists)
+        return replace(self, modes=[*self.modes], powered=[*self.powered], lit=[*self.lit], distance=[*self.distance])
 
 
 @dataclass
@@ -449,7 +448,7 @@ class Writer:
             case 0:
                 runs = self.rng.choice((0, 1, 2, 3, 5, 6))
                 named = self.one_in(2)
-                self.put(f"REPEAT {self.whole(runs)}", "AS i" if named else "")
+                self.put(f"REPEAT {self.some('0.5', '-1', '1e9') if self.slip() else runs}", "AS i" if named else "")
                 with self.body(runs=runs):
                     self.statements(depth - 1)
                     if named:

@@ -32,7 +32,7 @@ CHECKS: tuple[Check, ...] = (
     light.waits,
     light.switching,
     light.burnt_twice,
-    light.delay_against_mark,
+    light.delays_against_path,
     motion.speeds,
     motion.given_speeds,
     motion.speeds_along,

@@ -9,7 +9,7 @@ from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.checks.view import CHANNELS, Findings, Floats, Indices, Remarks, View
 from gusjob.diagnostics import Remark
-from gusjob.job import LaserDelay, Op, Setup, opens_stage
+from gusjob.job import LaserDelay, LaserFpk, Op, opens_stage
 
 
 def left_on(view: View, findings: Findings) -> None:
@@ -40,7 +40,7 @@ def switched_on(view: View, lines: Indices) -> Remarks:
 
 
 def dwells(view: View, findings: Findings) -> None:
-    """A dwell with light behind motion burns a point; right behind LASER ON it is a pierce."""
+    """A dwell with light and motion on both sides burns a point; at the start of a mark it is a pierce."""
     path = view.job.path
     rows = view.rows(Op.DWELL)
     if not len(rows):
@@ -50,20 +50,21 @@ def dwells(view: View, findings: Findings) -> None:
         lit, on_line, _, _ = view.lit(channel)
         mine = rows[lit[rows]]
         begins = np.flatnonzero(lit & ~np.concatenate([[False], lit[:-1]]))
-        since = begins[np.searchsorted(begins, mine, side="right") - 1]
-        bad = mine[moved[mine] > moved[since]]
+        ends = np.flatnonzero(lit & ~np.concatenate([lit[1:], [False]])) + 1
+        number = np.searchsorted(begins, mine, side="right") - 1
+        bad = mine[(moved[mine] > moved[begins[number]]) & (moved[ends[number]] > moved[mine])]
         findings.at_rows(rules.DWELL_LIT, bad, "", channel=channel, remarks=switched_on(view, on_line[bad]))
 
 
 def waits(view: View, findings: Findings) -> None:
     """Light at the end of a stage stays on until the next one moves."""
-    for setup, opens in zip(view.job.setups, opens_stage(view.job), strict=True):
-        if not opens:
-            continue
-        for channel in CHANNELS:
-            before, behind = view.lit_at(channel, np.array([setup.at * 2, setup.at * 2 + 1])).tolist()
-            if before and behind:  # LASER OFF NOW is a way to end light, too.
-                findings.at(rules.WAIT_LIT, setup, word=setup.word, channel=channel)
+    stops = [s for s, opens in zip(view.job.setups, opens_stage(view.job), strict=True) if opens]
+    places = np.array([s.at * 2 for s in stops], dtype=np.intp)
+    for channel in CHANNELS:
+        # LASER OFF NOW is a way to end light, too.
+        lit = view.lit_at(channel, places) & view.lit_at(channel, places + 1)
+        for i in np.flatnonzero(lit).tolist():
+            findings.at(rules.WAIT_LIT, stops[i], word=stops[i].word, channel=channel)
 
 
 def switching(view: View, findings: Findings) -> None:
@@ -95,13 +96,13 @@ def burnt_twice(view: View, findings: Findings) -> None:
         rows = np.flatnonzero(path.moves & lit)
         if len(rows) < 2:
             continue
-        power = _power_in_force(view, channel)[rows]
+        dose = _dose(view, channel)[rows]
         ax, ay, bx, by = (np.rint(v[rows]) for v in (x0, y0, path.x, path.y))
         turned = (ax > bx) | ((ax == bx) & (ay > by))
         low_x, high_x = np.where(turned, bx, ax), np.where(turned, ax, bx)
         low_y, high_y = np.where(turned, by, ay), np.where(turned, ay, by)
         round_ = path.op[rows] != Op.LINE
-        marks = [low_x, low_y, high_x, high_y, power]
+        marks = [low_x, low_y, high_x, high_y, dose]
         if round_.any():
             bend = np.where(path.ccw[rows] != turned, 1.0, -1.0)
             arc = [np.rint(np.nan_to_num(v[rows])) for v in (path.cx, path.cy, path.radius)]
@@ -118,6 +119,17 @@ def burnt_twice(view: View, findings: Findings) -> None:
         again = again[np.argsort(order[again])]
         bad, earlier = rows[order[again]], path.line[rows[first[again]]]
         findings.at_rows(rules.BURNT_TWICE, bad, "", remarks=_first_here(view, earlier))
+
+
+def _dose(view: View, channel: int) -> Floats:
+    """A number for each row that is the same where mode, power and velocity are the same: another pass is meant."""
+    path = view.job.path
+    beam = np.zeros(len(path))
+    for span in view.modes(channel):
+        kept = (span.mode.mode, span.mode.carrier_khz, span.mode.pulse_width_us)
+        beam[span.first : span.last] = hash(kept) % 1_000_003
+    velocity = path.vel if view.job.path.vel.any() else np.zeros(len(path))
+    return _mixed([_power_in_force(view, channel), beam, np.nan_to_num(velocity)]).astype(np.float64)
 
 
 def _power_in_force(view: View, channel: int) -> Floats:
@@ -148,34 +160,55 @@ def _first_here(view: View, lines: Indices) -> Remarks:
     return remarks
 
 
-def delay_against_mark(view: View, findings: Findings) -> None:
-    """An on delay that is longer than the whole mark: the light comes when the mark is over, or not at all."""
+def delays_against_path(view: View, findings: Findings) -> None:
+    """Delays that outlast what they belong to.
+
+    An on delay longer than the whole mark: the light comes when the mark is over, or not at all. An off delay longer
+    than the way to the next mark: the light never goes off between. Both against the longest that the path can take.
+    """
     path = view.job.path
     timed = np.flatnonzero(path.takes_time)
     for channel in CHANNELS:
-        delays = [s for s in view.setups(LaserDelay) if s.channel == channel]
         keys, on, _ = view.switches(channel)
-        marks = np.flatnonzero(on[:-1] & ~on[1:])
-        if not delays or not len(marks):
+        places, on_us, off_us = _delays_in_force(view, channel)
+        if len(places) == 1 or len(keys) < 2:
             continue
         at = np.concatenate([[0.0], np.cumsum(_longest_ms(view, timed))])
-        place = np.searchsorted(timed, (keys + 1) // 2)
-        most_us = (at[place[marks + 1]] - at[place[marks]]) * 1e3
-        last = np.searchsorted([s.at * 2 for s in delays], keys[marks], side="right") - 1
-        on_us = np.array([0.0, *(_delays(s)[0] for s in delays)])[last + 1]
-        off_us = np.array([0.0, *(_delays(s)[1] for s in delays)])[last + 1]
-        bad = np.flatnonzero((on_us > most_us) & (most_us > 0) & (keys[marks] % 2 == 1))
+        reached = at[np.searchsorted(timed, (keys + 1) // 2)]
+        most_us = np.diff(reached) * 1e3
+        force = np.searchsorted(places, keys[:-1], side="right") - 1
+        ons, offs = on_us[force], off_us[force]
+        buffered = (keys % 2 == 1) & np.concatenate([[True], keys[1:] % 2 == 1])
+        marks = np.flatnonzero(on[:-1] & ~on[1:] & (ons > most_us) & (most_us > 0) & buffered[:-1])
         for none, lost in ((True, "no light comes at all"), (False, "light comes when the mark is over")):
-            which = bad[(on_us[bad] >= most_us[bad] + off_us[bad]) == none]
+            which = marks[(ons[marks] >= most_us[marks] + offs[marks]) == none]
             findings.at_rows(
-                rules.DELAY_TOO_LONG, keys[marks[which]] // 2, "", on=on_us[which], most=np.round(most_us[which], 3),
-                lost=lost,
-            )  # fmt: skip
+                rules.DELAY_TOO_LONG, keys[which] // 2, "", on=ons[which], most=np.round(most_us[which], 3), lost=lost
+            )
+        gaps = np.flatnonzero(~on[:-1] & on[1:] & (offs >= most_us + ons) & (offs > 0) & (most_us > 0) & buffered[:-1])
+        findings.at_rows(
+            rules.DELAY_BRIDGES, keys[gaps] // 2, "", off=offs[gaps], on=ons[gaps], most=np.round(most_us[gaps], 3)
+        )
 
 
-def _delays(setup: Setup) -> tuple[float, float]:
-    assert isinstance(setup.what, LaserDelay)
-    return setup.what.on_delay_us, setup.what.off_delay_us
+def _delays_in_force(view: View, channel: int) -> tuple[Indices, Floats, Floats]:
+    """From which place on light begins and ends so much behind the switch: delays and first pulse killer together."""
+    places, on_us, off_us = [-1], [0.0], [0.0]
+    delay, killer = (0.0, 0.0), (0.0, 0.0)
+    for setup in view.job.setups:
+        if setup.channel != channel:
+            continue
+        match setup.what:
+            case LaserDelay(on_delay_us=on, off_delay_us=off):
+                delay = (on, off)
+            case LaserFpk(times_us=times):
+                killer = (0.0, 0.0) if times is None else (times[1], times[2])
+            case _:
+                continue
+        places.append(setup.at * 2)
+        on_us.append(delay[0] + killer[0])
+        off_us.append(delay[1] + killer[1])
+    return np.array(places, dtype=np.intp), np.array(on_us), np.array(off_us)
 
 
 def _longest_ms(view: View, rows: Indices) -> Floats:
@@ -199,7 +232,7 @@ def no_power(view: View, findings: Findings) -> None:
         for span in view.modes(channel):
             # A LASER MODE that says the same mode again keeps the power.
             changed = span if changed is None or changed.mode.mode is not span.mode.mode else changed
-            rows = timed[(timed >= span.first) & (timed < span.last)]
+            rows = timed[slice(*np.searchsorted(timed, [span.first, span.last]))]
             rows = rows[lit[rows]]
             if not len(rows):
                 continue

@@ -43,12 +43,18 @@ def direct_power(view: View, findings: Findings) -> None:
     """LASER POWER against its unit, range and the mode's limits."""
     path = view.job.path
     for channel in CHANNELS:
+        before: ModeSpan | None = None
         for span in view.modes(channel):
             rows = _rows_in(view, Op.POWER, span)
             values = path.power[rows]
             good = _units(findings, span, rows, path.power_unit[rows], "LASER POWER", "value")
             rows, values = rows[good], values[good]
             inside = findings.ranged(rows, values, POWER[span.mode.mode], "LASER POWER", "value")
+            kept = _kept(view, Op.POWER, span, before)
+            before = span
+            if len(kept):
+                _clamped(findings, span, kept, path.power[kept], "LASER POWER", "value")
+                _frequency(view, findings, span, kept, path.power[kept], "LASER POWER", "value")
             _clamped(findings, span, rows[inside], values[inside], "LASER POWER", "value")
             _frequency(view, findings, span, rows[inside], values[inside], "LASER POWER", "value")
     for setup in view.setups(PowerNow):
@@ -140,6 +146,9 @@ def unused(view: View, findings: Findings) -> None:
         shone = np.concatenate([[0], np.cumsum(lit & path.takes_time)])
         begins = (places + 1) // 2
         used = shone[np.append(begins[1:], len(path))] > shone[begins]
+        # Before any light powers may be a header's defaults; the last one may leave the least behind.
+        used |= shone[begins] == 0
+        used[-1:] = True
         spans = view.modes(channel)
         buffered = (places % 2 == 1) & (places >= (spans[0].first * 2 if spans else 0))
         rows, used = places[buffered] // 2, used[buffered]
@@ -156,6 +165,24 @@ def _unit_at(view: View, channel: int, rows: np.ndarray) -> np.ndarray:
     for span in view.modes(channel):
         units[(rows >= span.first) & (rows < span.last)] = span.mode.mode.unit
     return np.array(units, dtype=str)
+
+
+def _kept(view: View, op: Op, span: ModeSpan, before: ModeSpan | None) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """The power that a LASER MODE leaves in force since it says the same mode again, where light comes before the next.
+
+    Its limits, its pulse width and its unit are the new ones.
+    """
+    none = np.empty(0, dtype=np.intp)
+    if before is None or before.mode.mode is not span.mode.mode:
+        return none
+    places = view.power_keys(span.channel)
+    at = int(np.searchsorted(places, span.first * 2)) - 1
+    if at < 0 or places[at] % 2 == 0 or view.job.path.op[places[at] // 2] != op:
+        return none
+    until = min(int(places[at + 1]) // 2 if at + 1 < len(places) else len(view.job.path), span.last)
+    part = slice(span.first, until)
+    shines = (view.lit(span.channel)[0][part] & view.job.path.takes_time[part]).any()
+    return np.array([places[at] // 2], dtype=np.intp) if shines else none
 
 
 def _rows_in(view: View, op: Op, span: ModeSpan) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gusjob import limits, rules
 from gusjob.checks.power import UNIT_OF_MODE
-from gusjob.checks.view import Findings, ModeSpan, View
+from gusjob.checks.view import Findings, View
 from gusjob.job import (
     Crd,
     LaserDelay,
@@ -18,7 +18,7 @@ from gusjob.job import (
     Wait,
     opens_stage,
 )
-from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT, PowerMode
+from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT, PULSE_DUTY_PCT, PowerMode, Verdict
 
 
 def laser_mode(view: View, findings: Findings) -> None:
@@ -73,7 +73,7 @@ def output_when_off(view: View, findings: Findings) -> None:
         if prevolt.prevoltage_v is not None:
             findings.one(setup, prevolt.prevoltage_v, limits.PREVOLTAGE_V, "pre-voltage")
             _wants(view, findings, setup, pwm=False)
-    for setup in view.setups(LaserFpk):
+    for setup, behind in _with_next(view.setups(LaserFpk)):
         fpk = setup.what
         assert isinstance(fpk, LaserFpk)
         if fpk.times_us is not None:
@@ -89,6 +89,14 @@ def output_when_off(view: View, findings: Findings) -> None:
             if span is not None and span.mode.mode is PowerMode.DUTY2:
                 remarks = findings.mode_remark(span.setup)
                 findings.at(rules.FPK_SWITCH, setup, channel=setup.channel, remarks=remarks)
+                continue
+            for later in view.modes_behind(setup):
+                if behind is not None and later.setup.at >= behind.at:
+                    break
+                if later.mode.mode is PowerMode.DUTY2 and span is not later:
+                    remarks = findings.set_remark(setup)
+                    findings.at(rules.FPK_SWITCH, later.setup, channel=setup.channel, remarks=remarks)
+                    break
 
 
 def _wants(view: View, findings: Findings, setup: Setup, *, pwm: bool) -> None:
@@ -102,16 +110,15 @@ def _wants(view: View, findings: Findings, setup: Setup, *, pwm: bool) -> None:
 
 def distance(view: View, findings: Findings) -> None:
     """LASER DISTANCE: after its mode, with limits in the mode's range and unit."""
-    for setup in view.setups(LaserDistance):
+    for setup, behind in _with_next(view.setups(LaserDistance)):
         what = setup.what
         assert isinstance(what, LaserDistance)
         if what.settings is None:
             continue
-        spans = [s for s in view.modes(setup.channel) if s.setup.order < setup.order]
-        if not spans:
+        mode, settings = view.mode_of(setup), what.settings
+        if mode is None or mode.setup.order > setup.order:
             findings.at(rules.DISTANCE_NEEDS_MODE, setup, channel=setup.channel)
             continue
-        mode, settings = spans[-1], what.settings
         allowed, wanted = DISTANCE_LIMIT[mode.mode.mode], UNIT_OF_MODE[mode.mode.mode]
         good = True
         for word, value, unit in (("MIN", settings.low, settings.low_unit), ("MAX", settings.high, settings.high_unit)):
@@ -126,9 +133,20 @@ def distance(view: View, findings: Findings) -> None:
                     rules.POWER_CLAMPED, setup, word, what=f"distance {word}", value=value, low=mode.mode.low,
                     high=mode.mode.high, unit=mode.mode.mode.unit, remarks=findings.mode_remark(mode.setup),
                 )  # fmt: skip
-        for span in view.modes(setup.channel):
-            later = span.setup.order > setup.order and span.mode.mode.unit != mode.mode.mode.unit
-            if later and not _set_again(view, setup, span):
+        width = mode.mode.pulse_width_us
+        if good and mode.mode.mode is PowerMode.FREQUENCY and width:
+            # What distance follow may ask for is a frequency that the job commands (M 二.2).
+            for word, value in (("MIN", settings.low), ("MAX", settings.high)):
+                duty = min(max(value, mode.mode.low), mode.mode.high) * width / 10
+                if value > 0 and PULSE_DUTY_PCT.verdict(duty) is not Verdict.INSIDE:
+                    findings.at(
+                        rules.PULSE_TOO_WIDE, setup, word, value=value, width=width, duty=duty,
+                        range=str(PULSE_DUTY_PCT), remarks=findings.mode_remark(mode.setup),
+                    )  # fmt: skip
+        for span in view.modes_behind(setup):
+            if behind is not None and span.setup.at >= behind.at:
+                break  # Another LASER DISTANCE takes over before anything moves in this mode.
+            if span.mode.mode.unit != mode.mode.mode.unit:
                 findings.at(
                     rules.DISTANCE_STALE, span.setup, distance_line=view.job.shown_line(setup.line),
                     unit=mode.mode.mode.unit, mode_unit=span.mode.mode.unit,
@@ -138,12 +156,14 @@ def distance(view: View, findings: Findings) -> None:
             findings.one(setup, place, limits.COORDINATE_PULSE, f"REF {axis}", "REF")
 
 
-def _set_again(view: View, setup: Setup, span: ModeSpan) -> bool:
-    """Whether another LASER DISTANCE of the channel takes over before anything moves in a mode."""
-    return any(
-        other.channel == setup.channel and setup.order < other.order and other.at <= span.setup.at
-        for other in view.setups(LaserDistance)
-    )
+def _with_next(setups: tuple[Setup, ...]) -> list[tuple[Setup, Setup | None]]:
+    """Each setup statement with the next one of its channel."""
+    following: dict[int, Setup] = {}
+    found: list[tuple[Setup, Setup | None]] = []
+    for setup in reversed(setups):
+        found.append((setup, following.get(setup.channel)))
+        following[setup.channel] = setup
+    return found[::-1]
 
 
 def coordinate_system(view: View, findings: Findings) -> None:

@@ -124,6 +124,10 @@ class Findings:
         self.at(rules.WRONG_UNIT, setup, word, remarks=self.mode_remark(mode), **unit_fields(what, written, wanted))
         return False
 
+    def set_remark(self, setup: Setup) -> tuple[Remark, ...]:
+        """Where something was set."""
+        return (Remark(text=d.SET_HERE, span=self.job.locate(setup.line, ""), fields={"name": setup.word}),)
+
     def mode_remark(self, mode: Setup) -> tuple[Remark, ...]:
         """Where the mode was set."""
         return (Remark(text=d.MODE_HERE, span=self.job.locate(mode.line, ""), fields={"mode": mode.word}),)
@@ -162,6 +166,8 @@ class View:
     mode_spans: tuple[tuple[ModeSpan, ...], ...]
     known: dict[int, tuple[Bools, Indices, bool, int]] = field(default_factory=dict)
     """What `lit` has found, by channel."""
+    by_kind: dict[type, tuple[Setup, ...]] = field(default_factory=dict)
+    """Setup statements by kind, as `setups` has found them."""
 
     def rows(self, *ops: Op) -> Indices:
         """Rows of some kinds."""
@@ -171,9 +177,11 @@ class View:
             found |= path.op == op
         return np.flatnonzero(found)
 
-    def setups(self, kind: type) -> Iterator[Setup]:
+    def setups(self, kind: type) -> tuple[Setup, ...]:
         """Setup statements of a kind."""
-        return (s for s in self.job.setups if isinstance(s.what, kind))
+        if kind not in self.by_kind:
+            self.by_kind[kind] = tuple(s for s in self.job.setups if isinstance(s.what, kind))
+        return self.by_kind[kind]
 
     def modes(self, channel: int) -> tuple[ModeSpan, ...]:
         """The LASER MODEs of a channel in order."""
@@ -187,6 +195,12 @@ class View:
         spans = self.modes(setup.channel)
         above = bisect_right(spans, setup.order, key=lambda span: span.setup.order)
         return spans[max(above - 1, 0)] if spans else None
+
+    def modes_behind(self, setup: Setup) -> Iterator[ModeSpan]:
+        """The LASER MODEs of a setup statement's channel behind it."""
+        spans = self.modes(setup.channel)
+        for i in range(bisect_right(spans, setup.order, key=lambda span: span.setup.order), len(spans)):
+            yield spans[i]
 
     def switches(self, channel: int) -> tuple[Indices, Bools, Indices]:
         """Everything that switches a channel: (place, on, line), ascending.

@@ -192,11 +192,11 @@ def make_job(kind: str, size: int, folder: Path) -> Job:
     return Job(kind=kind, path=path, statements=statements, megabytes=megabytes, ticks=ticks)
 
 
-def run_gusjob(job: Job, name: str) -> Run:
-    """One run of a gusjob command on a job; what it writes is deleted."""
-    out = job.path.with_name("out.tmp")
-    words = [word.format(job=job.path.name, out=out.name) for word in COMMANDS[name]]
-    done = run(gusjob(*words), job.path.parent)
+def run_gusjob(path: Path, name: str) -> Run:
+    """One run of a gusjob command on a file; what it writes is deleted."""
+    out = path.with_name("out.tmp")
+    words = [word.format(job=path.name, out=out.name) for word in COMMANDS[name]]
+    done = run(gusjob(*words), path.parent)
     out.unlink(missing_ok=True)
     return done
 
@@ -212,7 +212,7 @@ def measure(job: Job, commands: list[str], runs: int) -> list[Row]:
     """Run the commands on a job, all of them in turn, `runs` times over, so that a slow minute hits all alike."""
     done: dict[str, list[Run]] = {command: [] for command in commands}
     for command in [*commands] * runs:
-        one = run_lark(job) if command == "lark" else run_gusjob(job, command)
+        one = run_lark(job) if command == "lark" else run_gusjob(job.path, command)
         done[command].append(one)
         print(f"  {command}: {one.seconds:.2f} s", file=sys.stderr, flush=True)
     return [_row(job, command, runs_of) for command, runs_of in done.items()]
@@ -357,7 +357,9 @@ def _sizes(text: str) -> list[int]:
     return sizes
 
 
-def _one_of(known: dict[str, Any]) -> Callable[[str], list[str]]:
+def one_of(known: dict[str, Any]) -> Callable[[str], list[str]]:
+    """Reads names with commas between, all of them known."""
+
     def chosen(text: str) -> list[str]:
         names = text.split(",")
         wrong = [name for name in names if name not in known]
@@ -368,7 +370,8 @@ def _one_of(known: dict[str, Any]) -> Callable[[str], list[str]]:
     return chosen
 
 
-def _runs(text: str) -> int:
+def run_count(text: str) -> int:
+    """Reads a number of runs."""
     if (runs := int(text)) < 1:
         raise argparse.ArgumentTypeError("at least one run")
     return runs
@@ -378,11 +381,11 @@ def arguments(words: list[str]) -> argparse.Namespace:
     """The command line, read."""
     parser = argparse.ArgumentParser(description="Time whole gusjob commands on generated jobs, beside plain lark.")
     parser.add_argument("--sizes", type=_sizes, default=DEFAULT_SIZES, help="statements a job (%(default)s)")
-    parser.add_argument("--runs", type=_runs, default=3, help="runs of each command (%(default)s)")
+    parser.add_argument("--runs", type=run_count, default=3, help="runs of each command (%(default)s)")
     every = ",".join(SHORT)
-    parser.add_argument("--commands", type=_one_of(SHORT), default=every, help="which of %(default)s")
+    parser.add_argument("--commands", type=one_of(SHORT), default=every, help="which of %(default)s")
     every = ",".join(KINDS)
-    parser.add_argument("--kinds", type=_one_of(KINDS), default=every, help="which of %(default)s")
+    parser.add_argument("--kinds", type=one_of(KINDS), default=every, help="which of %(default)s")
     parser.add_argument("--output", type=Path, help="write the tables to this file too")
     return parser.parse_args(words)
 
