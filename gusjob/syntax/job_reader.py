@@ -10,7 +10,7 @@ from enum import IntEnum
 from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.diagnostics import Diagnostic
-from gusjob.syntax.expressions import Apply, Literal
+from gusjob.syntax.expressions import Apply, Expression, Literal
 from gusjob.syntax.forms import FORMS, Field
 from gusjob.syntax.shapes import MAX_FAULTS, Row, Rows, Slot, Template, number_runs, scan
 from gusjob.syntax.source import Source
@@ -198,16 +198,21 @@ def is_node(statement: Statement) -> bool:
     )
 
 
+def expressions(statement: Statement) -> list[Expression]:
+    """All expressions of a statement: of its words, its channel, its axes, then its arguments."""
+    numbers = [q for _, q in quantities(statement)]
+    numbers += [q for places in statement.axes.values() for q in places.values()]
+    return [*(q.expression for q in numbers if q.expression is not None), *statement.arguments]
+
+
 def literals(statement: Statement) -> list[Literal]:
     """The numbers in the expressions of a statement, in the order in which rows hold them."""
-    expressions = [q.expression for _, q in quantities(statement) if q.expression is not None]
-    return [literal for e in (*expressions, *statement.arguments) for literal in e.constants]
+    return [literal for expression in expressions(statement) for literal in expression.constants]
 
 
 def _names(statement: Statement) -> list[str]:
     """Every name in a statement, of functions too."""
-    expressions = [q.expression for _, q in quantities(statement) if q.expression is not None]
-    code = [step for e in (*expressions, *statement.arguments) for step in e.code]
+    code = [step for expression in expressions(statement) for step in expression.code]
     functions = [step.function.name for step in code if isinstance(step, Apply)]
     return [*statement.names, *functions, *(step for step in code if isinstance(step, str))]
 
