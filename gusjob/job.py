@@ -385,12 +385,22 @@ def shown_units(job: Job, machine: Machine) -> Shown:
 
 def opens_stage(job: Job) -> list[bool]:
     """For each setup statement whether it ends the motion before it and begins a new stage."""
+    return [opens for opens, _ in stages_of_setups(job)]
+
+
+def stages_of_setups(job: Job) -> list[tuple[bool, int]]:
+    """For each setup statement whether it begins a new stage, and the first row of its stage.
+
+    Setup statements are carried out at the start of their stage, before all of its rows: those too that stand above
+    them, where nothing has moved yet.
+    """
     before = np.concatenate([[0], np.cumsum(job.path.takes_time)])
-    first, opens = 0, []
+    first, found = 0, []
     for setup in job.setups:
-        opens.append(not isinstance(setup.what, LookAhead | Crd) and bool(before[setup.at] > before[first]))
-        first = setup.at if opens[-1] else first
-    return opens
+        opens = not isinstance(setup.what, LookAhead | Crd) and bool(before[setup.at] > before[first])
+        first = setup.at if opens else first
+        found.append((opens, first))
+    return found
 
 
 def arcs_mm(path: Path, at: npt.NDArray[np.intp], machine: Machine) -> Arcs:

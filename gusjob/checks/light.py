@@ -205,7 +205,7 @@ def _delays_in_force(view: View, channel: int) -> tuple[Indices, Floats, Floats]
                 killer = (0.0, 0.0) if times is None else (times[1], times[2])
             case _:
                 continue
-        places.append(setup.at * 2)
+        places.append(view.stage_first[setup.order] * 2)
         on_us.append(delay[0] + killer[0])
         off_us.append(delay[1] + killer[1])
     return np.array(places, dtype=np.intp), np.array(on_us), np.array(off_us)
@@ -218,7 +218,11 @@ def _longest_ms(view: View, rows: Indices) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         reached = length * acc >= vel * vel
         moving = np.where(reached, length / vel + vel / acc, 2 * np.sqrt(length / acc))
-    return np.where(path.op[rows] == Op.DWELL, np.nan_to_num(path.dwell_ms[rows]), np.nan_to_num(moving, posinf=1e12))
+    return np.where(
+        path.op[rows] == Op.DWELL,
+        np.nan_to_num(path.dwell_ms[rows]),
+        np.clip(np.nan_to_num(moving, posinf=1e12), 0, 1e12),
+    )
 
 
 def no_power(view: View, findings: Findings) -> None:

@@ -203,7 +203,7 @@ def starving(view: View, findings: Findings) -> None:
         return
     rows = np.arange(len(path))
     with np.errstate(divide="ignore", invalid="ignore"):
-        moving = np.nan_to_num(view.lengths(rows) / path.vel, posinf=0.0)
+        moving = np.clip(np.nan_to_num(view.lengths(rows) / path.vel, posinf=0.0, neginf=0.0), 0, 1e12)
     shortest_ms = np.where(path.op == Op.DWELL, np.nan_to_num(path.dwell_ms), moving)
     behind = np.cumsum(1 - shortest_ms * rate / 1e3)
     lowest = np.minimum.accumulate(np.concatenate([[0.0], behind]))[:-1]

@@ -23,7 +23,7 @@ def before_a_mode(view: View, findings: Findings) -> None:
     path = view.job.path
     for channel in CHANNELS:
         spans = view.modes(channel)
-        first = spans[0].first if spans else len(path)
+        first = spans[0].setup.at if spans else len(path)
         early = np.arange(len(path))[:first]
         early = early[(path.op[early] >= Op.POWER) & (path.channel[early] == channel)]
         for op in (Op.POWER, Op.FOLLOW):

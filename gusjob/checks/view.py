@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.diagnostics import Collector, Remark, Rule
-from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, Shown, SwitchNow, arcs_mm, shown_units
+from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, Shown, SwitchNow, arcs_mm, shown_units, stages_of_setups
 from gusjob.limits import Range, Verdict
 from gusjob.machine import Machine
 from gusjob.units import PowerUnit
@@ -164,6 +164,8 @@ class View:
     job: Job
     machine: Machine
     mode_spans: tuple[tuple[ModeSpan, ...], ...]
+    stage_first: tuple[int, ...]
+    """For each setup statement the first row of its stage: before that row it is carried out."""
     known: dict[int, tuple[Bools, Indices, bool, int]] = field(default_factory=dict)
     """What `lit` has found, by channel."""
     by_kind: dict[type, tuple[Setup, ...]] = field(default_factory=dict)
@@ -213,8 +215,9 @@ class View:
         keys = rows * 2 + 1
         on, lines = path.op[rows] == Op.ON, path.line[rows].astype(np.intp)
         now = [s for s in self.setups(SwitchNow) if s.channel == channel]
+        begin = self.stage_first
         if now:
-            keys = np.concatenate([[s.at * 2 for s in now], keys])
+            keys = np.concatenate([[begin[s.order] * 2 for s in now], keys])
             on = np.concatenate([[_is_on(s) for s in now], on]).astype(np.bool_)
             lines = np.concatenate([[s.line for s in now], lines]).astype(np.intp)
             order = np.argsort(keys, kind="stable")
@@ -270,21 +273,23 @@ class View:
         """Places of everything that sets power on a channel, in the keys of `lit`, ascending."""
         path = self.job.path
         rows = np.flatnonzero(((path.op == Op.POWER) | (path.op == Op.FOLLOW)) & (path.channel == channel)) * 2 + 1
-        now = [s.at * 2 for s in self.setups(PowerNow) if s.channel == channel]
+        now = [self.stage_first[s.order] * 2 for s in self.setups(PowerNow) if s.channel == channel]
         return np.sort(np.concatenate([rows, np.array(now, dtype=rows.dtype)]))
 
 
 def view_of(job: Job, machine: Machine) -> View:
     """The view of a job."""
-    return View(job=job, machine=machine, mode_spans=tuple(tuple(_modes(job, channel)) for channel in CHANNELS))
+    firsts = tuple(first for _, first in stages_of_setups(job))
+    spans = tuple(tuple(_modes(job, channel, firsts)) for channel in CHANNELS)
+    return View(job=job, machine=machine, mode_spans=spans, stage_first=firsts)
 
 
-def _modes(job: Job, channel: int) -> Iterator[ModeSpan]:
+def _modes(job: Job, channel: int, firsts: tuple[int, ...]) -> Iterator[ModeSpan]:
     found = [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel]
-    ends = [*(s.at for s in found), len(job.path)][1:]
+    ends = [*(firsts[s.order] for s in found), len(job.path)][1:]
     for setup, last in zip(found, ends, strict=True):
         assert isinstance(setup.what, LaserMode)
-        yield ModeSpan(setup=setup, mode=setup.what, channel=channel, first=setup.at, last=last)
+        yield ModeSpan(setup=setup, mode=setup.what, channel=channel, first=firsts[setup.order], last=last)
 
 
 def _is_on(setup: Setup) -> bool:

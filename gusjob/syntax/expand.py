@@ -679,7 +679,7 @@ class _Executor:
                 value, written = next(slots)
                 if isinstance(value, np.ndarray) and value.ndim == 1 and len(one.at) == 1:
                     value = value[:, None]
-                full = np.broadcast_to(value, (count, len(one.at))).ravel()
+                full = np.broadcast_to(value, (count, len(one.at))).ravel() + 0.0
                 found[slot.word] = (full, written)
                 dropped.append(at[np.isnan(full)])
                 if base.op[one.at[0]] != RowOp.SETUP or slot.word == "CHANNEL":

@@ -313,9 +313,9 @@ def _decimal(text: bytes) -> Floats:
     """Every number in a text whose words are to be passed over, correctly rounded."""
     words = text.translate(_NUMBERS_ONLY).split()
     try:
-        return np.array(orjson.loads(b"[" + b",".join(words) + b"]"), dtype=np.float64)
+        return np.array(orjson.loads(b"[" + b",".join(words) + b"]"), dtype=np.float64) + 0.0  # -0 is 0.
     except (orjson.JSONDecodeError, OverflowError):  # +5, .5, 5. and 05 are not JSON; float takes them.
-        return np.array([float(word) for word in words], dtype=np.float64)
+        return np.array([float(word) for word in words], dtype=np.float64) + 0.0
 
 
 def join(parts: list[Rows]) -> Rows:

@@ -455,7 +455,7 @@ class _Reader:
         if magnitude > MAX_NUMBER or magnitude * times / over > MAX_NUMBER:
             self.too_big(token, start, end)
             return None
-        signed = -magnitude if sign.type == "MINUS" else magnitude
+        signed = (-magnitude if sign.type == "MINUS" else magnitude) + 0.0
         glued = sign is token or (sign.column or 0) + 1 == token.column
         return Quantity(
             value=signed * times / over,
