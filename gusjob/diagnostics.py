@@ -121,12 +121,13 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 # What is said of other places.
 CALLED = "called here{values}"
 ROUND = "in the round where {values}"
+NTH_ROUND = "in round {number}"
 INCLUDED = "included here"
 SET_HERE = "{name} is set here"
 MODE_HERE = "the mode is set here: {mode}"
 ON_HERE = "the laser is switched on here"
 FIRST_HERE = "the first one is here"
-REMARKS = (CALLED, ROUND, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
+REMARKS = (CALLED, ROUND, NTH_ROUND, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
 """Every text of a Remark."""
 
 

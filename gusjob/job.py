@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import CALLED, INCLUDED, ROUND, Remark, Span, number
+from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span, number
 from gusjob.geometry import Arcs, arcs_by_centre, arcs_by_radius
 from gusjob.limits import PowerMode
 from gusjob.machine import Machine
@@ -250,7 +250,10 @@ Locate = Callable[[int, str], Span]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One step on the way to a statement, with the values of its names. `kind`: 'call', 'round' or 'include'."""
+    """One step on the way to a statement, with the values of its names.
+
+    `kind`: 'call', 'round', 'nth' (a round without a name) or 'include'.
+    """
 
     line: int
     kind: str
@@ -306,6 +309,8 @@ def trail_remarks(trails: Trails, trail: int, locate: Locate) -> tuple[Remark, .
                 text, fields = CALLED, {"values": f": {values}" if values else ""}
             case "include":
                 text, fields = INCLUDED, {}
+            case "nth":
+                text, fields = NTH_ROUND, {"number": number(next(iter(step.values.values())))}
             case _:
                 text, fields = ROUND, {"values": values}
         remarks.append(Remark(text=text, span=locate(step.line, ""), fields=fields))

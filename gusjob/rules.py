@@ -194,11 +194,11 @@ TOO_DEEP = _rule(
     good="DEF f(n)\nDWELL 1\nIF n > 0\nCALL f(n - 1)\nEND\nEND\nCALL f(3)\n",
 )  # fmt: skip
 TOO_SLOW = _rule(
-    "GJ129", _E, "too much to carry out one by one",
-    "more than {limit} statements are carried out one by one, in loops that carry a value from round to round: "
-    "let the value hang on the loop's variable instead",
+    "GJ129", _E, "too much work to carry out",
+    "more than {limit} steps of work here, in loops that carry a value from round to round, in routines that call "
+    "themselves or in long expressions: let values hang on the loop's variable instead",
     "A loop in which a round needs what the round before has set can't be carried out at once.",
-    bad="LET a = 0\nREPEAT 1000001\nLET a = a + 1\nEND\n", good="REPEAT 1000001 AS i\nLET a = i + 1\nEND\n",
+    bad="LET a = 0\nREPEAT 4000001\nLET a = a + 1\nEND\n", good="REPEAT 1000001 AS i\nLET a = i + 1\nEND\n",
 )  # fmt: skip
 TOO_MANY_SETUPS = _rule(
     "GJ130", _E, "too many setup statements", "loops and routines make more than {limit} setup statements",

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Rule
+from gusjob.diagnostics import Collector, Diagnostic, Rule
 from gusjob.job import Trails, trail_remarks
 from gusjob.machine import Machine
 from gusjob.syntax.expressions import PLAIN, TRUTH, Expression, Mismatch, Number, Type
@@ -44,12 +44,15 @@ from gusjob.units import Kind
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-MAX_STEPS = 1_000_000
-"""Statements that are carried out one by one, in loops that carry values and in routines that call themselves."""
+MAX_STEPS = 4_000_000
+"""Steps of work. What is carried out one by one, in loops that carry values and in routines that call themselves,
+comes to some five a statement; what is carried out at once, to some three in a hundred rounds."""
 MAX_SETUPS = 100_000
 """Setup statements that loops and routines make."""
-_CALL_STEPS = 4
-_MANY_LANES_STEPS = 10
+_CALL_STEPS = 12
+_LOOP_STEPS = 100
+_MANY_LANES_STEPS = 30
+_LANES_A_STEP = 30
 _FEW_ROUNDS = 4
 """So few rounds are quicker one by one."""
 _NOTHING: Type = (Kind.PLAIN, 0)
@@ -171,6 +174,7 @@ class _Executor:
     frame_parents: list[Ints] = field(default_factory=list)
     frames: int = 1
     rows: int = 0
+    rounds_made: float = 0.0
     setup_rows: int = 0
     steps: int = 0
     faults: dict[tuple[str, int, str], tuple[Rule, int, dict[str, Any], int]] = field(default_factory=dict)
@@ -193,16 +197,14 @@ class _Executor:
     def found(self) -> list[Diagnostic]:
         """All faults, each once."""
         sources = self.program.sources
-        return [
-            Diagnostic(
-                rule=rule,
-                span=sources.locate(line, word),
-                fields=fields,
-                count=count,
-                remarks=trail_remarks(self.trails, trail, sources.locate),
-            )
-            for (_, line, word), (rule, trail, fields, count) in self.faults.items()
-        ]
+        collector = Collector("")
+        for (_, line, word), (rule, trail, fields, count) in self.faults.items():
+            if collector.room(rule):
+                remarks = trail_remarks(self.trails, trail, sources.locate)
+                collector.add(rule, sources.locate(line, word), fields, count, remarks)
+            else:
+                collector.uncounted(rule, 1)
+        return collector.done(rules.MORE)
 
     def stop(self, what: str, limit: int, key: str, line: int, trail: Any) -> None:
         """Report a limit and leave."""
@@ -241,6 +243,7 @@ class _Executor:
         if isinstance(kind, Mismatch):
             self.mismatch(kind, lanes, line, word)
             return np.float64(np.nan), _NOTHING
+        self.spend(len(expression.code) * (1 + max(lanes.count, rows) // _LANES_A_STEP), line, lanes.trail)
         value = expression.run(values, constants)
         if not (np.isfinite(value).all() if isinstance(value, np.ndarray) else math.isfinite(value)):
             value = self.no_value(expression, value, values, lanes, line, word)
@@ -248,7 +251,9 @@ class _Executor:
 
     def unknown(self, name: str, lanes: _Lanes, line: int, word: str) -> tuple[Any, Type]:
         """A name that was never set."""
-        if name not in self.failed:
+        if (rules.UNKNOWN_NAME.code, line, word) in self.faults:
+            self.fault(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count)
+        elif name not in self.failed:
             near = nearest(name, {**lanes.scope.values, **lanes.top.values})
             hint = f"; did you mean {near}?" if near else f": write LET {name} = ... before it"
             self.fault(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count, name=name, hint=hint)
@@ -487,7 +492,12 @@ class _Executor:
             self.spend(1, item.line, before)
             value = start + number * step
             lanes.trail = self.trails.add(
-                item.line, names, before, (value if item.variable else number + 1,), kind="round", count=1
+                item.line,
+                names,
+                before,
+                (value if item.variable else number + 1,),
+                kind=item.kind,
+                count=1,
             )
             if item.variable:
                 lanes.scope.values[item.variable], lanes.scope.types[item.variable] = value, kind
@@ -522,9 +532,10 @@ class _Executor:
         """All rounds of all lanes together."""
         total = float(np.sum(np.broadcast_to(count, lanes.count)))
         limit = self.machine.expansion_max_statements
-        if total > limit:
+        self.rounds_made += total
+        if self.rounds_made > limit:
             self.stop("rounds", limit, "max_statements", item.line, lanes.trail)
-        self.spend(_MANY_LANES_STEPS, item.line, lanes.trail)
+        self.spend(_LOOP_STEPS, item.line, lanes.trail)
         counts = np.broadcast_to(count, lanes.count).astype(np.int64)
         outer = np.repeat(np.arange(lanes.count), counts)
         ends = np.cumsum(counts)
@@ -544,7 +555,7 @@ class _Executor:
         """Set the loop's variable and the trails of many rounds."""
         named = (item.variable or "round",)
         shown = values if item.variable else number + 1.0
-        first = self.trails.add(item.line, named, part.trail, (shown,), kind="round", count=part.count)
+        first = self.trails.add(item.line, named, part.trail, (shown,), kind=item.kind, count=part.count)
         part.trail = first + np.arange(part.count) if part.count > 1 else first
         if item.variable:
             part.scope.values[item.variable] = values if part.count > 1 else values[0]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Rule
+from gusjob.diagnostics import INCLUDED, Collector, Diagnostic, Remark, Rule
 from gusjob.machine import Machine
 from gusjob.syntax.expressions import Expression
 from gusjob.syntax.files import SourceMap, included
@@ -91,6 +91,11 @@ class Loop:
     constants: tuple[Any, ...]
     body: Block
     line: int
+
+    @property
+    def kind(self) -> str:
+        """Of its rounds: 'round', or 'nth' where they have no name."""
+        return "round" if self.variable else "nth"
 
     @property
     def variable(self) -> str:
@@ -191,7 +196,7 @@ def read_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagnos
         lets=lets,
         unread_names=frozenset(builder.unread_names),
     )
-    return program, builder.faults
+    return program, [*builder.faults, *builder.collector.done(rules.MORE)]
 
 
 @dataclass(slots=True)
@@ -202,6 +207,8 @@ class _Builder:
     setups: list[Statement] = field(default_factory=list)
     routines: dict[str, Routine] = field(default_factory=dict)
     faults: list[Diagnostic] = field(default_factory=list)
+    """What could not be read in the included files."""
+    collector: Collector = field(default_factory=lambda: Collector(""))
     read: dict[Path, tuple[Block, int]] = field(default_factory=dict)
     """Included files: their blocks, and how deep blocks stand inside each other in them."""
     calls: list[Computed] = field(default_factory=list)
@@ -211,7 +218,10 @@ class _Builder:
     """Whether a DEF can't be read: a routine that is not known may be that one."""
 
     def fault(self, rule: Rule, line: int, word: str = "", /, **fields: object) -> None:
-        self.faults.append(Diagnostic(rule=rule, span=self.sources.locate(line, word), fields=fields))
+        if self.collector.room(rule):
+            self.collector.add(rule, self.sources.locate(line, word), fields)
+        else:
+            self.collector.uncounted(rule, 1)
 
     def file(self, text: JobText, chain: tuple[Path, ...]) -> tuple[Block, int]:
         """The block of a whole file and its height; `chain`: the files that include it, from the job down."""
@@ -239,7 +249,10 @@ class _Builder:
             return (), 0
         if path not in self.read:
             text = read_job_text(found)
-            self.faults += [replace(fault, path=found.name) for fault in text.diagnostics]
+            here = (Remark(text=INCLUDED, span=self.sources.locate(line, "")),)
+            for fault in text.diagnostics:
+                span = replace(fault.span, path=found.name)
+                self.faults.append(replace(fault, span=span, remarks=(*fault.remarks, *here)))
             if text.faults_not_listed:
                 self.faults.append(more_faults(text))
             self.read[path] = self.file(text, (*chain, path))
@@ -305,8 +318,11 @@ class _FileBuilder:
             statement = None if op[at] == RowOp.FRAME else self.text.nodes[int(node[at])]
             self._steer(rows, at, statement, stack)
         stack[-1].inner.extend(self._straight(rows, first, len(op)))
-        for left in stack[1:]:
-            self.job.fault(rules.UNCLOSED, int(rows.line[left.row]), word=left.form.upper())
+        while len(stack) > 1:  # What is inside still counts: it may switch the light off.
+            left = stack[-1]
+            word = self.text.nodes[int(node[left.row])].name if left.form == BROKEN else left.form.upper()
+            self.job.fault(rules.UNCLOSED, int(rows.line[left.row]), word=word)
+            self._close(rows, stack)
         return tuple(stack[0].items)
 
     def _numbered(self) -> Rows:
