@@ -30,7 +30,11 @@ _CHUNK = 1 << 21
 _COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
 _NUMBERS_ONLY = bytes(c if c in b"0123456789.+-" else 32 for c in range(256))
 _RUN = re.compile(rb"[0-9.+-]+")
-_SIMPLE_RUN = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
+_NUMBER = rb"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_SIGNED = re.compile(rb"[+-]?" + _NUMBER)
+_SUM = re.compile(rb"[+-]*" + _NUMBER + rb"(?:[+-]+" + _NUMBER + rb")*")
+_SIGN_BEFORE_SIGN = re.compile(rb"[+-]+(?=[+-])")
+_SIGN_BEHIND_DIGIT = re.compile(rb"(?<=[0-9.])(?=[+-])")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,12 +97,15 @@ ReadLine = Callable[[int, str], Sequence[Row]]
 
 
 def number_runs(line: bytes) -> list[tuple[int, int]] | None:
-    """(start, end) of every number run in a line; None if one of them is no plain decimal number."""
+    """(start, end) of every number in a line, with the sign that touches it; None if one is no plain decimal number.
+
+    In a sum, 2-1 or x+-1, each number has the sign in front of it: 2 and -1, -1.
+    """
     runs = []
     for match in _RUN.finditer(line):
-        if not _SIMPLE_RUN.fullmatch(match[0]):
+        if not _SUM.fullmatch(match[0]):
             return None
-        runs.append(match.span())
+        runs += [(match.start() + part.start(), match.start() + part.end()) for part in _SIGNED.finditer(match[0])]
     return runs
 
 
@@ -129,6 +136,8 @@ class _Scanner:
     shape_ids: dict[bytes, int] = field(default_factory=dict)
     templates: list[Template | None] = field(default_factory=lambda: [Template(op=_BLANK_OP), None])
     parts: list[Rows] = field(default_factory=list)
+    sums: bool = False
+    """Whether some shape has numbers that touch each other, with signs between."""
     more: list[tuple[int, Row]] = field(default_factory=list)
     """Rows behind the first one of their line."""
 
@@ -204,6 +213,7 @@ class _Scanner:
             return _ALONE
         if template is None:
             return _ALONE
+        self.sums |= any(not _SIGNED.fullmatch(match[0]) for match in _RUN.finditer(shape))
         self.templates.append(template)
         return len(self.templates) - 1
 
@@ -230,7 +240,10 @@ class _Scanner:
                 text[comment] = 32
             for i in alone.tolist():
                 text[starts[i] : ends[i]] = 32
-        numbers = _decimal(text.tobytes())
+        flat = text.tobytes()
+        if self.sums:
+            flat = _SIGN_BEHIND_DIGIT.sub(b" ", _SIGN_BEFORE_SIGN.sub(b" ", flat))
+        numbers = _decimal(flat)
         counts = self._runs_per_id()[ids]
         offsets = np.cumsum(counts) - counts
         if len(numbers) != int(counts.sum()):
