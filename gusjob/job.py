@@ -342,6 +342,8 @@ class Job:
     files: tuple[tuple[str, int], ...] = ()
     """Of a job that includes files: the name of each, its own first, and what is added to its line numbers."""
     in_pulses: bool = False
+    whole: bool = True
+    """Whether everything in the text is in the job; else what seems to be missing may stand in a line with a fault."""
     trails: Trails | None = None
 
     def remarks(self, trail: int) -> tuple[Remark, ...]:

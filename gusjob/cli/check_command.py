@@ -58,11 +58,13 @@ def command(
     wanted = _chosen(select, ignore)
     verdict, counts, faults = Verdict(strict=strict), Counter[str](), list[Diagnostic]()
     by_rule: Counter[str] = Counter()
-    number = 0
+    number = left_out = 0
     for path in _files(paths):
         number += 1
         loaded = judged(path, machine_path)
-        loaded.faults = [fault for fault in loaded.faults if loaded.unreadable or wanted(fault)]
+        chosen = [fault for fault in loaded.faults if loaded.unreadable or wanted(fault)]
+        left_out += len(loaded.faults) - len(chosen)
+        loaded.faults = chosen
         verdict.add(loaded)
         counts.update(fault.severity.value for fault in loaded.faults)
         by_rule.update(_counted(loaded.faults))
@@ -78,7 +80,8 @@ def command(
         if statistics:
             _print_statistics(by_rule)
         said = ", ".join(f"{n} {kind}{'s' if n != 1 else ''}" for kind, n in sorted(counts.items())) or "clean"
-        click.echo(f"{number} file{'s' if number != 1 else ''}: {said}", err=True)
+        hidden = f" ({left_out} not selected)" if left_out else ""
+        click.echo(f"{number} file{'s' if number != 1 else ''}: {said}{hidden}", err=True)
     sys.exit(verdict.exit_code)
 
 

@@ -15,10 +15,13 @@ from gusjob.syntax.lines import nearest
 @click.command(name="explain")
 @click.argument("codes", metavar="[CODE]...", nargs=-1)
 def command(codes: tuple[str, ...]) -> None:
-    """Explain rules: what each means, why it hurts, a bad and a good example. Without a CODE: list all rules."""
-    if not codes:
+    """Explain rules: what each means, why it hurts, a bad and a good example. Without a CODE: list
+    all rules; with the beginning of codes, such as GJ4, those."""
+    families = [code for code in codes if any(known.startswith(code.upper()) for known in RULES)]
+    if len(families) == len(codes) and not any(code.upper() in RULES for code in codes):
         for rule in RULES.values():
-            click.echo(f"{rule.code}  {rule.severity.value:<7}  {rule.title}")
+            if not codes or rule.code.startswith(tuple(code.upper() for code in codes)):
+                click.echo(f"{rule.code}  {rule.severity.value:<7}  {rule.title}")
         return
     unknown = [code for code in codes if code.upper() not in RULES]
     for code in unknown:

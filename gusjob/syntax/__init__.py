@@ -10,7 +10,7 @@ import numpy as np
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Diagnostic, has_errors
 from gusjob.job import Job
 from gusjob.machine import Machine
 from gusjob.syntax.elaborate import Told, elaborate
@@ -45,7 +45,10 @@ def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         sources = SourceMap()
         sources.add(source)
         nothing = np.zeros(1, dtype=np.int64)
-        told = Told(name=source.name, rows=text.rows, setups=text.setups, sources=sources, frame_parent=nothing)
+        told = Told(
+            name=source.name, rows=text.rows, setups=text.setups, sources=sources, frame_parent=nothing,
+            whole=not text.diagnostics,
+        )  # fmt: skip
     else:
         told, more = _carried_out(text, machine)
         found += more
@@ -73,6 +76,7 @@ def _carried_out(text: JobText, machine: Machine) -> tuple[Told, list[Diagnostic
         frame_parent=done.frame_parent,
         trails=done.trails,
         lets=program.lets,
+        whole=not has_errors([*text.diagnostics, *faults, *done.diagnostics]),
     )
     return told, [*faults, *done.diagnostics]
 

@@ -82,6 +82,8 @@ class Told:
     trails: Trails | None = None
     lets: dict[str, list[int]] = field(default_factory=dict)
     """Lines that set each name."""
+    whole: bool = True
+    """Whether every line could be read and carried out."""
 
 
 def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
@@ -99,6 +101,7 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         set_here=lambda line, word: told.sources.set_here(line, word, told.lets),
         files=told.sources.files,
         in_pulses=bool((told.rows.op == RowOp.UNITS_PULSE).any()),
+        whole=told.whole,
         trails=told.trails,
     )
     return job, reader.faults(job)

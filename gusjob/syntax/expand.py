@@ -39,7 +39,7 @@ from gusjob.syntax.program import (
 )
 from gusjob.syntax.shapes import MAX_NUMBER, Rows, join
 from gusjob.syntax.statements import POWER_KINDS, Statement, wanted
-from gusjob.units import Kind
+from gusjob.units import Kind, System
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -785,7 +785,11 @@ def _added(system: npt.NDArray[np.int32], at: Ints, bits: int) -> npt.NDArray[np
 
 
 def _kind_words(kind: Type) -> str:
-    return "a comparison" if kind[0] == TRUTH else Kind(kind[0]).words
+    """A kind for messages; a length or speed says whether it is in mm or in pulses."""
+    if kind[0] == TRUTH:
+        return "a comparison"
+    of = {System.MM: " in mm", System.PULSE: " in pulses"} if kind[0] <= Kind.ACCELERATION else {}
+    return Kind(kind[0]).words + of.get(System(kind[1]), "") if of else Kind(kind[0]).words
 
 
 def _filled_in(statement: Statement, values: dict[str, tuple[float, int]]) -> Statement:

@@ -23,7 +23,7 @@ from gusjob.syntax.expressions import (
     postfix,
 )
 from gusjob.syntax.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Form, Word
-from gusjob.syntax.lines import keywords, misread, nearest, parser, subtrees, tokens
+from gusjob.syntax.lines import Misread, keywords, misread, nearest, parser, subtrees, tokens
 from gusjob.syntax.shapes import MAX_LINE, MAX_NUMBER
 from gusjob.units import UNITS, Kind, PowerUnit, spelling
 
@@ -171,8 +171,24 @@ def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
         fault.end_column,
         found=fault.found,
         expected=fault.expectation,
-        hint=fault.hint,
+        hint=fault.hint or _hint(text, fault),
     )
+
+
+def _hint(text: str, fault: Misread) -> str:
+    """What was probably meant."""
+    found, before = fault.found.strip("'"), text[: fault.column - 1].split()
+    if found == "=" and before and before[0].upper() == "IF":
+        return "; a comparison is written =="
+    if found.lower() in UNITS and before and before[-1][-1:].isdigit():
+        return f"; a unit is glued to its number: {before[-1]}{found}"
+    if before and before[0].upper() in ("ELSE", "END"):
+        return f"; {before[0].upper()} stands alone in its line"
+    if "a number" in fault.expected and (found[:1].isalpha() or found[:1] == "_"):
+        return f"; a name or expression stands in parentheses: ({found})"
+    if found in ("*", "/", "%", "+", "-", "**") and before:
+        return "; an expression stands in parentheses"
+    return ""
 
 
 @dataclass(slots=True)
