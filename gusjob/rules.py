@@ -203,7 +203,7 @@ TOO_SLOW = _rule(
 TOO_MANY_SETUPS = _rule(
     "GJ130", _E, "too many setup statements", "loops and routines make more than {limit} setup statements",
     "Each setup statement behind motion is a stage of its own: the machine stops for it.",
-    bad="REPEAT 100001\nWAIT\nEND\n", good="REPEAT 10\nWAIT\nEND\n",
+    bad="REPEAT 50001\nWAIT\nEND\n", good="REPEAT 10\nWAIT\nEND\n",
 )  # fmt: skip
 UNCLOSED = _rule(
     "GJ131", _E, "block without END", "this {word} has no END",

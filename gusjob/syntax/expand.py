@@ -47,9 +47,9 @@ Ints = npt.NDArray[np.int64]
 MAX_STEPS = 4_000_000
 """Steps of work. What is carried out one by one, in loops that carry values and in routines that call themselves,
 comes to some five a statement; what is carried out at once, to some three in a hundred rounds."""
-MAX_SETUPS = 100_000
+MAX_SETUPS = 50_000
 """Setup statements that loops and routines make."""
-_CALL_STEPS = 12
+_CALL_STEPS = 40
 _LOOP_STEPS = 100
 _MANY_LANES_STEPS = 30
 _LANES_A_STEP = 30
