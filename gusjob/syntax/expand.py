@@ -51,8 +51,9 @@ MAX_SETUPS = 50_000
 """Setup statements that loops and routines make."""
 _CALL_STEPS = 40
 _LOOP_STEPS = 100
+_ONE_LANE_STEPS = 2
 _MANY_LANES_STEPS = 30
-_LANES_A_STEP = 30
+_LANES_A_STEP = 10
 _FEW_ROUNDS = 4
 """So few rounds are quicker one by one."""
 _NOTHING: Type = (Kind.PLAIN, 0)
@@ -243,7 +244,7 @@ class _Executor:
         if isinstance(kind, Mismatch):
             self.mismatch(kind, lanes, line, word)
             return np.float64(np.nan), _NOTHING
-        self.spend(len(expression.code) * (1 + max(lanes.count, rows) // _LANES_A_STEP), line, lanes.trail)
+        self.spend(len(expression.code) // 3 * (1 + max(lanes.count, rows) // _LANES_A_STEP), line, lanes.trail)
         value = expression.run(values, constants)
         if not (np.isfinite(value).all() if isinstance(value, np.ndarray) else math.isfinite(value)):
             value = self.no_value(expression, value, values, lanes, line, word)
@@ -363,13 +364,13 @@ class _Executor:
                 before = lanes.trail
                 first = self.trails.add(item.line, (), before, (), kind="include", count=lanes.count)
                 lanes.trail = first + np.arange(lanes.count) if lanes.count > 1 else first
-                self.spend(1 if lanes.count == 1 else _MANY_LANES_STEPS, item.line, before)
+                self.spend(_ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS, item.line, before)
                 self.block(item.body, lanes, sink)
                 lanes.trail = before
 
     def let(self, item: Let, lanes: _Lanes) -> None:
         """Set a name."""
-        self.spend(1 if lanes.count == 1 else _MANY_LANES_STEPS, item.line, lanes.trail)
+        self.spend(_ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS, item.line, lanes.trail)
         value, kind = self.number(item.expression, item.constants, lanes, item.line, "#0")
         if kind[0] == TRUTH:
             self.fault(rules.NOT_A_NUMBER, item.line, "#0", lanes.trail, lanes.count, what="LET")
@@ -381,7 +382,7 @@ class _Executor:
 
     def branch(self, item: Branch, lanes: _Lanes, sink: _Sink) -> None:
         """IF."""
-        self.spend(1 if lanes.count == 1 else _MANY_LANES_STEPS, item.line, lanes.trail)
+        self.spend(_ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS, item.line, lanes.trail)
         truth, kind = self.number(item.condition, item.constants, lanes, item.line, "#0")
         if kind[0] != TRUTH:
             if not np.all(np.isnan(truth)):
@@ -607,7 +608,7 @@ class _Executor:
     def run(self, run: Run, lanes: _Lanes, sink: _Sink) -> None:
         """Plain statements, and what is computed of them."""
         line = int(run.rows.line[0])
-        self.spend(1 if lanes.count == 1 else _MANY_LANES_STEPS, line, lanes.trail)
+        self.spend(_ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS, line, lanes.trail)
         if len(run.rows.op) == 1 and run.calls:
             self.call(run.calls[0], lanes, sink)
             return

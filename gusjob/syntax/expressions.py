@@ -6,6 +6,7 @@ result has hangs on the kinds alone, so it is found once for all rounds of a loo
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -62,9 +63,21 @@ def _turns(degrees: Any) -> tuple[Any, Any]:
 
 
 def _sin(degrees: Any) -> Any:
+    if not isinstance(degrees, np.ndarray):
+        return _sin_of_one(float(degrees))
     quarter, rest = _turns(degrees)
     sine = np.where(quarter % 2 == 1, np.cos(rest), np.sin(rest))
     return np.where(quarter >= 2, -sine, sine)[()] + 0.0
+
+
+def _sin_of_one(degrees: float) -> np.float64:
+    """The same for one number, without what arrays cost."""
+    if not math.isfinite(degrees):
+        return np.float64(np.nan)
+    quarter = round(degrees / 90.0)
+    rest = math.radians(degrees - 90.0 * quarter)
+    sine = math.cos(rest) if quarter % 2 else math.sin(rest)
+    return np.float64((-sine if quarter % 4 >= 2 else sine) + 0.0)
 
 
 def _cos(degrees: Any) -> Any:
@@ -92,6 +105,8 @@ def _known(run: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _divide(a: Any, b: Any) -> Any:
+    if not isinstance(a, np.ndarray) and not isinstance(b, np.ndarray):
+        return a / b if b != 0 and math.isfinite(b) else np.float64(np.nan)
     return np.where((b == 0) | ~np.isfinite(b), np.nan, a / b)[()]
 
 
@@ -111,6 +126,8 @@ def _least(*values: Any) -> Any:
 
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     def run(a: Any, b: Any) -> Any:
+        if not isinstance(a, np.ndarray) and not isinstance(b, np.ndarray):
+            return np.float64(compare(a, b)) if math.isfinite(a) and math.isfinite(b) else np.float64(np.nan)
         known = np.isfinite(a) & np.isfinite(b)
         return np.where(known, compare(a, b), np.nan)[()]
 
