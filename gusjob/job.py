@@ -410,6 +410,43 @@ def stages_of_setups(job: Job) -> list[tuple[bool, int]]:
     return found
 
 
+def with_lines(
+    path: Path, at: npt.NDArray[np.intp], pieces: npt.NDArray[np.intp], x: Floats, y: Floats
+) -> tuple[Path, npt.NDArray[np.intp]]:
+    """A path whose rows `at` are `pieces` lines each, to the points x, y (pulse) of all of them in order.
+
+    The last line of each ends where its row did. Returns the path, and for each of its rows the row it comes from.
+    """
+    counts = np.ones(len(path), dtype=np.intp)
+    counts[at] = pieces
+    origin = np.repeat(np.arange(len(path)), counts)
+    columns: dict[str, npt.NDArray[Any]] = {f.name: getattr(path, f.name)[origin] for f in fields(Path)}
+    is_new = np.zeros(len(path), dtype=np.bool_)
+    is_new[at] = True
+    new = np.flatnonzero(is_new[origin])
+    last = np.zeros(len(new), dtype=np.bool_)
+    last[np.cumsum(pieces) - 1] = True
+    columns["x"][new] = np.where(last, columns["x"][new], x)
+    columns["y"][new] = np.where(last, columns["y"][new], y)
+    columns["end"][new] = np.where(last, columns["end"][new], np.nan)
+    columns["op"][new] = Op.LINE
+    return Path(**columns), origin
+
+
+def chords(arcs: Arcs, radius_mm: Floats, tolerance_um: float) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
+    """Arcs as chords within a tolerance: how many each has, and the ends of all of them in order.
+
+    A chord of angle a leaves its circle by r*(1 - cos(a/2)). `radius_mm`: the largest radius of each on the part.
+    """
+    reach = np.clip(1 - tolerance_um / 1000 / np.maximum(radius_mm, 1e-12), -1, 1)
+    pieces = np.maximum(np.ceil(np.abs(arcs.sweep) / (2 * np.arccos(reach))), 1).astype(np.intp)
+    which = np.repeat(np.arange(len(pieces)), pieces)
+    step = np.arange(len(which)) - (np.cumsum(pieces) - pieces)[which] + 1
+    picked = Arcs(**{f.name: getattr(arcs, f.name)[which] for f in fields(Arcs)})
+    x, y = picked.at(step / pieces[which])
+    return pieces, x, y
+
+
 def arcs_mm(path: Path, at: npt.NDArray[np.intp], machine: Machine) -> Arcs:
     """The arcs at rows `at` as circles in mm, from their unrounded ends."""
     px, py = machine.pulses_per_mm

@@ -251,11 +251,6 @@ FRAME_SCALE = _rule(
     "A frame of size 0 makes a point of everything; a negative one is a rotation by 180 degrees: write that.",
     bad=_HEAD + "FRAME SCALE 0\nLINE X 1\nEND\n", good=_HEAD + "FRAME SCALE 2\nLINE X 1\nEND\n",
 )  # fmt: skip
-FRAME_ARC = _rule(
-    "GJ140", _E, "arc bent by a frame",
-    "a turned FRAME makes an ellipse of an ARC in pulses, since the axes have different pulses per mm: write it in mm",
-    "A circle in pulses is an ellipse in mm on such a machine; turned it is neither.",
-)  # fmt: skip
 NEVER_CALLED = _rule(
     "GJ141", _N, "routine never called", "{name} is never called",
     "A routine that is not called does not burn what it was written for.",

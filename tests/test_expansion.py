@@ -390,8 +390,20 @@ def test_frames_turn_mm_not_pulses() -> None:
     assert ends("FRAME ROTATE 90\nLINE X 10\nLINE Y 2\nEND\n", UNEQUAL) == [(0, 5000), (-2000, 5000)]
     assert ends("UNITS PULSE\nVEL 9\nACC 1\nFRAME ROTATE 90\nLINE X 1000\nEND\n", UNEQUAL) == [(0, 500)]
     assert ends("COORDS REL\nFRAME ROTATE 90\nLINE X 1\nLINE X 1\nEND\nLINE Y 1\n", UNEQUAL)[-1] == (0, 1500)
-    arc = "UNITS PULSE\nVEL 9\nACC 1\nFRAME ROTATE 45\nARC CW I 1000 J 0\nEND\n"
-    assert "GJ140" in [code for _, code in codes(arc, UNEQUAL)]
+
+
+@pytest.mark.parametrize("arc", ["ARC CCW I -1000 J 0", "ARC CCW X -1000 Y 0 R 1000\nARC CCW X 1000 Y 0 R 1000"])
+def test_an_arc_in_pulses_is_an_ellipse_in_a_turned_frame(arc: str) -> None:
+    """A circle of 1000 pulses is 1 mm by 2 mm here (500 pulses per mm on Y); scaled by 2 and turned: 4 mm by 2 mm."""
+    head = "UNITS PULSE\nVEL 9\nACC 1\nFRAME SHIFT X 2000 ROTATE 90 SCALE 2\nJUMP X 1000 Y 0\n"
+    points = ends(f"{head}{arc}\nWAIT\nLINE X 0 Y 0\nEND\n", UNEQUAL)
+    assert points[0] == points[-2] == (2000, 1000)
+    assert points[-1] == (2000, 0)
+    assert len(points) > 40
+    for x, y in points[:-1]:
+        # On the ellipse within the chord tolerance and half a pulse.
+        assert math.hypot((x - 2000) / 4000, y / 1000) == pytest.approx(1, abs=2e-3)
+    assert max(x for x, _ in points) == pytest.approx(6000, abs=30)
 
 
 def test_a_frame_needs_a_size() -> None:

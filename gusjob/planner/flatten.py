@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.geometry import Arcs
-from gusjob.job import Op, Path, arcs_mm
+from gusjob.job import Op, arcs_mm, chords, with_lines
 from gusjob.planner.plan import Plan
 
 
@@ -21,28 +18,7 @@ def flatten(state: Plan) -> Plan:
     if machine.equal_axes or not len(at):
         return state
     shapes = arcs_mm(path, at, machine)
-    tolerance_mm = machine.chord_tolerance_um / 1000
-    # A chord of angle a leaves its circle by r*(1 - cos(a/2)).
-    reach = np.clip(1 - tolerance_mm / np.maximum(shapes.radius, 1e-12), -1, 1)
-    pieces = np.maximum(np.ceil(np.abs(shapes.sweep) / (2 * np.arccos(reach))), 1).astype(np.intp)
-    counts = np.ones(len(path), dtype=np.intp)
-    counts[at] = pieces
-    origin = np.repeat(np.arange(len(path)), counts)
-    ends = np.cumsum(counts)
-    step = np.arange(len(origin)) - (ends - counts)[origin] + 1
-
-    columns: dict[str, npt.NDArray[Any]] = {f.name: getattr(path, f.name)[origin] for f in fields(Path)}
-    number = np.full(len(path), -1)
-    number[at] = np.arange(len(at))
-    new = np.flatnonzero(number[origin] >= 0)
-    which = number[origin[new]]
-    share = step[new] / pieces[which]
-    picked = Arcs(**{f.name: getattr(shapes, f.name)[which] for f in fields(Arcs)})
-    x_mm, y_mm = picked.at(share)
-    last = share == 1
-    columns["x"][new] = np.where(last, columns["x"][new], x_mm * machine.pulses_per_mm[0])
-    columns["y"][new] = np.where(last, columns["y"][new], y_mm * machine.pulses_per_mm[1])
-    columns["end"][new] = np.where(last, columns["end"][new], np.nan)
-    columns["op"][new] = Op.LINE
-    longer = Path(**columns)
+    pieces, x_mm, y_mm = chords(shapes, shapes.radius, machine.chord_tolerance_um)
+    px, py = machine.pulses_per_mm
+    longer, origin = with_lines(path, at, pieces, x_mm * px, y_mm * py)
     return replace(state, path=longer, origin=origin, timed=np.flatnonzero(longer.takes_time))

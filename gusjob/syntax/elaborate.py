@@ -33,13 +33,15 @@ from gusjob.job import (
     SwitchNow,
     Trails,
     Wait,
+    chords,
+    with_lines,
 )
 from gusjob.limits import CHANNEL, MODE_LIMIT, PowerMode
 from gusjob.machine import Machine
 from gusjob.motion import running_sum
 from gusjob.syntax.files import SourceMap
 from gusjob.syntax.forms import Field
-from gusjob.syntax.frames import Frames, frames_of, positions_in_frames
+from gusjob.syntax.frames import Frames, bent_arcs, frames_of, positions_in_frames
 from gusjob.syntax.job_reader import RowOp
 from gusjob.syntax.shapes import Rows
 from gusjob.syntax.statements import Quantity, Statement, unit_of
@@ -63,6 +65,8 @@ _OPS = {
 }
 _NONE = 255
 _STAYS_PULSE = 1e-6
+CLOSES_MM = 0.005
+"""How far the end of an arc may lie off its circle, mm."""
 _OP_TABLE = np.array([_OPS.get(op, _NONE) for op in RowOp], dtype=np.uint8)
 
 
@@ -144,6 +148,10 @@ class _Modal:
 class _Elaboration:
     told: Told
     machine: Machine
+    open_arcs: list[tuple[int, tuple[float, float]]] = field(default_factory=list)
+    """Rows of arcs in turned frames that do not close, with the distances of their ends from the centre, mm."""
+    first_piece: npt.NDArray[np.intp] | None = None
+    """Where arcs became lines: the row that each row of the path became."""
 
     @property
     def rows(self) -> Rows:
@@ -308,13 +316,9 @@ class _Elaboration:
         scale = self.col(Field.RATIO)
         for at, count in self.once(np.flatnonzero((op == RowOp.FRAME) & ~(scale > 0) & ~np.isnan(scale))):
             found.append(self.fault(job, rules.FRAME_SCALE, at, "SCALE", count, {"value": float(scale[at])}))
-        if not self.machine.equal_axes:
-            frames = self.frames()
-            inside = np.nan_to_num(self.col(Field.FRAME)).astype(np.int64)
-            turned = (frames.b[inside] != 0) | (frames.c[inside] != 0)
-            arcs = (op >= RowOp.ARC_CENTRE_CW) & (op <= RowOp.ARC_RADIUS_CCW)
-            for at, count in self.once(np.flatnonzero(arcs & turned & ~self._arc_in_mm())):
-                found.append(self.fault(job, rules.FRAME_ARC, at, "", count, {}))
+        for at, off_mm in self.open_arcs:
+            fields = {"end": off_mm[1], "start": off_mm[0], "limit": CLOSES_MM}
+            found.append(self.fault(job, rules.ARC_OFF, at, "", 1, fields))
         return found
 
     def once(self, rows: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
@@ -373,36 +377,72 @@ class _Elaboration:
         count = int(np.count_nonzero(keep))
         false = np.broadcast_to(np.False_, len(op))
         unequal = not self.machine.equal_axes
-        return Path(
-            op=cut(path_op),
-            line=cut(rows.line),
-            channel=self._channel_column(cut),
-            ccw=cut((op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if arcs.any() else false),
-            arc_in_mm=cut(self._arc_in_mm() if unequal else false),
-            x=cut(x),
-            y=cut(y),
-            cx=cut(cx),
-            cy=cut(cy),
-            radius=cut(radius),
-            vel=cut(vel.value),
-            acc=cut(acc.value),
-            end=cut(end),
-            vel_line=cut(vel.line),
-            acc_line=cut(acc.line),
-            vel_in_mm=cut(vel.in_mm if unequal else false),
-            acc_in_mm=cut(acc.in_mm if unequal else false),
-            end_in_mm=cut(end_mm if unequal else false),
-            dwell_ms=cut(np.where(op == RowOp.DWELL, value, np.nan) if (op == RowOp.DWELL).any() else nothing),
-            power=cut(np.where(op == RowOp.POWER, value, np.nan) if (op == RowOp.POWER).any() else nothing),
-            low=cut(self.col(Field.LOW)),
-            high=cut(self.col(Field.HIGH)),
-            ratio=cut(ratio),
-            follow_in_mm=cut(follow_mm if unequal else false),
-            power_unit=cut(self._written(Field.VALUE)),
-            low_unit=cut(self._written(Field.LOW)),
-            high_unit=cut(self._written(Field.HIGH)),
-            trail=cut(self.trail()),
+        return self._straightened(
+            Path(
+                op=cut(path_op),
+                line=cut(rows.line),
+                channel=self._channel_column(cut),
+                ccw=cut((op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if arcs.any() else false),
+                arc_in_mm=cut(self._arc_in_mm() if unequal else false),
+                x=cut(x),
+                y=cut(y),
+                cx=cut(cx),
+                cy=cut(cy),
+                radius=cut(radius),
+                vel=cut(vel.value),
+                acc=cut(acc.value),
+                end=cut(end),
+                vel_line=cut(vel.line),
+                acc_line=cut(acc.line),
+                vel_in_mm=cut(vel.in_mm if unequal else false),
+                acc_in_mm=cut(acc.in_mm if unequal else false),
+                end_in_mm=cut(end_mm if unequal else false),
+                dwell_ms=cut(np.where(op == RowOp.DWELL, value, np.nan) if (op == RowOp.DWELL).any() else nothing),
+                power=cut(np.where(op == RowOp.POWER, value, np.nan) if (op == RowOp.POWER).any() else nothing),
+                low=cut(self.col(Field.LOW)),
+                high=cut(self.col(Field.HIGH)),
+                ratio=cut(ratio),
+                follow_in_mm=cut(follow_mm if unequal else false),
+                power_unit=cut(self._written(Field.VALUE)),
+                low_unit=cut(self._written(Field.LOW)),
+                high_unit=cut(self._written(Field.HIGH)),
+                trail=cut(self.trail()),
+            ),
+            keep,
         )
+
+    def _straightened(self, path: Path, keep: Bools) -> Path:
+        """Arcs in pulses in a turned frame, where the axes differ, are ellipses: they become lines.
+
+        In the frame's own pulses they are circles; only the frame's turn and scale matter here, not its shift.
+        """
+        op = self.rows.op
+        if self.machine.equal_axes or Field.FRAME not in self.rows.columns:
+            return path
+        frames, inside = self.frames(), np.nan_to_num(self.col(Field.FRAME)).astype(np.int64)
+        turned = (frames.b[inside] != 0) | (frames.c[inside] != 0)
+        arcs = (op >= RowOp.ARC_CENTRE_CW) & (op <= RowOp.ARC_RADIUS_CCW)
+        rows = np.flatnonzero(arcs & turned & ~self._arc_in_mm())
+        if not len(rows):
+            return path
+        at, own = (np.cumsum(keep) - 1)[rows], inside[rows]
+        shapes = bent_arcs(path, at, frames, own)
+        before_x, before_y = np.concatenate([[0.0], path.x])[at], np.concatenate([[0.0], path.y])[at]
+        shortest = min(self.machine.pulses_per_mm)
+        lx0, ly0 = frames.unturned(own, before_x, before_y)
+        lx1, ly1 = frames.unturned(own, path.x[at], path.y[at])
+        scale = frames.scale[own] / shortest
+        start, end = (np.hypot(x - shapes.cx, y - shapes.cy) * scale for x, y in ((lx0, ly0), (lx1, ly1)))
+        off = np.flatnonzero(np.abs(start - end) > CLOSES_MM)
+        _, first = np.unique(self.rows.line[rows[off]], return_index=True)
+        self.open_arcs = [(int(rows[i]), (float(start[i]), float(end[i]))) for i in off[first].tolist()]
+        pieces, x, y = chords(shapes, shapes.radius * scale, self.machine.chord_tolerance_um)
+        which = np.repeat(own, pieces)
+        longer, origin = with_lines(
+            path, at, pieces, frames.a[which] * x + frames.b[which] * y, frames.c[which] * x + frames.d[which] * y
+        )
+        self.first_piece = np.searchsorted(origin, np.arange(len(path) + 1), side="left")
+        return longer
 
     def _channel_column(self, cut: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> npt.NDArray[np.int8]:
         """Channels as they are used: a wrong one is a fault already."""
@@ -451,7 +491,7 @@ class _Elaboration:
                 Setup(
                     what=self.setup(statement, in_pulse),
                     order=order,
-                    at=int(before[i]),
+                    at=int(before[i] if self.first_piece is None else self.first_piece[before[i]]),
                     line=int(self.rows.line[i]),
                     channel=int(min(max(np.nan_to_num(channel[i]), 0), 1)),
                     word=_called(statement),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.geometry import Arcs, arcs_by_centre, arcs_by_radius
+from gusjob.job import Op, Path
 from gusjob.motion import running_sum
 
 Floats = npt.NDArray[np.float64]
@@ -31,6 +33,14 @@ class Frames:
         return (
             np.asarray(self.a[frame] * x + self.b[frame] * y + self.e[frame]),
             np.asarray(self.c[frame] * x + self.d[frame] * y + self.f[frame]),
+        )
+
+    def unturned(self, frame: Ints, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Machine to frame, but for the shift."""
+        size = self.a[frame] * self.d[frame] - self.b[frame] * self.c[frame]
+        return (
+            np.asarray((self.d[frame] * x - self.b[frame] * y) / size),
+            np.asarray((self.a[frame] * y - self.c[frame] * x) / size),
         )
 
     def into(self, frame: int, x: float, y: float) -> tuple[float, float]:
@@ -119,3 +129,13 @@ def positions_in_frames(x: Floats, y: Floats, relative: Bools, frame: Ints, fram
     local_x = locals_[0] + np.where(open_[0], enter_x[group], 0.0)
     local_y = locals_[1] + np.where(open_[1], enter_y[group], 0.0)
     return frames.out(frame, local_x, local_y)
+
+
+def bent_arcs(path: Path, at: npt.NDArray[np.intp], frames: Frames, frame: Ints) -> Arcs:
+    """The arcs at rows `at` as the circles that they are in the pulses of their frames, but for the frames' shift."""
+    before = np.concatenate([[0.0], path.x])[at], np.concatenate([[0.0], path.y])[at]
+    ends = (*frames.unturned(frame, *before), *frames.unturned(frame, path.x[at], path.y[at]))
+    centre = arcs_by_centre(*ends, *frames.unturned(frame, path.cx[at], path.cy[at]), path.ccw[at])
+    radius = arcs_by_radius(*ends, path.radius[at] / frames.scale[frame], path.ccw[at])
+    by_radius = path.op[at] == Op.ARC_RADIUS
+    return Arcs(**{f.name: np.where(by_radius, getattr(radius, f.name), getattr(centre, f.name)) for f in fields(Arcs)})
