@@ -5,7 +5,7 @@ Pure functions on arrays; any length unit, angles in radians.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,17 @@ Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 TURN = 2 * np.pi
+CLOSES_MM = 0.005
+"""How far the end of an arc may lie off its circle, mm."""
+
+
+def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:
+    """Sine and cosine of degrees, exact at quarter turns: sin(180) is 0, and so is cos(90)."""
+    quarters = np.rint(degrees / 90.0)
+    rest = np.radians(degrees - 90.0 * quarters)
+    turned, back = quarters % 2 == 1, quarters % 4 >= 2
+    sine, cosine = np.where(turned, np.cos(rest), np.sin(rest)), np.where(turned, -np.sin(rest), np.cos(rest))
+    return np.where(back, -sine, sine) + 0.0, np.where(back, -cosine, cosine) + 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +93,16 @@ def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Float
     cy = (y0 + y1) / 2 + side * height * dx
     arcs = arcs_by_centre(x0, y0, x1, y1, cx, cy, ccw)
     return Arcs(cx=cx, cy=cy, radius=size, angle=arcs.angle, sweep=arcs.sweep)
+
+
+Ends = tuple[Floats, Floats, Floats, Floats]
+"""x0, y0, x1, y1."""
+
+
+def arcs_by_either(ends: Ends, cx: Floats, cy: Floats, radius: Floats, ccw: Bools, by_radius: Bools) -> Arcs:
+    """Arcs of which some are given by their radius, the others by their centre."""
+    first, second = arcs_by_radius(*ends, radius, ccw), arcs_by_centre(*ends, cx, cy, ccw)
+    return Arcs(**{f.name: np.where(by_radius, getattr(first, f.name), getattr(second, f.name)) for f in fields(Arcs)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

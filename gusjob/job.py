@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span, number
-from gusjob.geometry import Arcs, arcs_by_centre, arcs_by_radius
+from gusjob.geometry import Arcs, arcs_by_either
 from gusjob.limits import PowerMode
 from gusjob.machine import Machine
 from gusjob.units import PowerUnit
@@ -325,8 +325,8 @@ MAX_REMARKS = 8
 class Job:
     """A whole job. `setups` in job order. `locate` finds the columns of a fault in the source, when one is reported.
 
-    Lines are numbered through all files of a job; `file_of` tells a line's file ('' for the job's own) and its number
-    there, `text_of` the text of the line of a span, `set_here` where the names in a word of a line were set.
+    Lines are numbered through all files of a job; `text_of` gives the text of the line of a span, `set_here` where the
+    names in a word of a line were set.
     `in_pulses`: it is written in the controller's units (UNITS PULSE). `trails` is None for a job without loops,
     routines and includes.
     """
@@ -336,7 +336,6 @@ class Job:
     speeds: Speeds
     setups: tuple[Setup, ...]
     locate: Locate
-    file_of: Callable[[int], tuple[str, int]]
     text_of: Callable[[Span], str]
     set_here: Callable[[int, str], tuple[Remark, ...]]
     files: tuple[tuple[str, int], ...] = ()
@@ -349,11 +348,6 @@ class Job:
     def remarks(self, trail: int) -> tuple[Remark, ...]:
         """How a statement came about."""
         return trail_remarks(self.trails, trail, self.locate) if self.trails is not None and trail else ()
-
-    def shown_line(self, line: int) -> str:
-        """A line as a message names it: '3', or '3 of setup.job' in an included file."""
-        name, number_there = self.file_of(line)
-        return f"{number_there} of {name}" if name else str(number_there)
 
     @property
     def has_forced_ends(self) -> bool:
@@ -452,8 +446,6 @@ def arcs_mm(path: Path, at: npt.NDArray[np.intp], machine: Machine) -> Arcs:
     px, py = machine.pulses_per_mm
     before_x = np.concatenate([[0.0], path.x])[at] / px
     before_y = np.concatenate([[0.0], path.y])[at] / py
-    x, y, ccw = path.x[at] / px, path.y[at] / py, path.ccw[at]
-    centre = arcs_by_centre(before_x, before_y, x, y, path.cx[at] / px, path.cy[at] / py, ccw)
-    radius = arcs_by_radius(before_x, before_y, x, y, path.radius[at] / px, ccw)
+    ends = (before_x, before_y, path.x[at] / px, path.y[at] / py)
     by_radius = path.op[at] == Op.ARC_RADIUS
-    return Arcs(**{f.name: np.where(by_radius, getattr(radius, f.name), getattr(centre, f.name)) for f in fields(Arcs)})
+    return arcs_by_either(ends, path.cx[at] / px, path.cy[at] / py, path.radius[at] / px, path.ccw[at], by_radius)

@@ -227,7 +227,7 @@ NESTED = _rule(
     bad="REPEAT 1\n" * 33 + "END\n" * 33, good="REPEAT 1\n" * 3 + "DWELL 1\n" + "END\n" * 3,
 )  # fmt: skip
 DEF_TWICE = _rule(
-    "GJ135", _E, "routine defined twice", "{name} is defined already, in {where}",
+    "GJ135", _E, "routine defined twice", "{name} is defined already",
     "Which of the two a CALL means is a guess.",
     bad="DEF f()\nEND\nDEF f()\nEND\n", good="DEF f()\nEND\nDEF g()\nEND\n",
 )  # fmt: skip
@@ -372,7 +372,7 @@ LASER_UNKNOWN = _rule(
 )  # fmt: skip
 DISTANCE_STALE = _rule(
     "GJ310", _E, "distance follow of another mode",
-    "the limits of LASER DISTANCE in line {distance_line} are in {unit}, this mode is in {mode_unit}: "
+    "the limits of LASER DISTANCE are in {unit}, this mode is in {mode_unit}: "
     "set LASER DISTANCE again here, or OFF",
     "Percent would be taken as volts.",
     bad="LASER MODE DUTY CARRIER 10\nLASER DISTANCE REF X 0 Y 0 RATIO X 1 Y 1 MIN 0 MAX 50\nLASER MODE ANALOG\n",

@@ -128,8 +128,7 @@ def _dose(view: View, channel: int) -> Floats:
     for span in view.modes(channel):
         kept = (span.mode.mode, span.mode.carrier_khz, span.mode.pulse_width_us)
         beam[span.first : span.last] = hash(kept) % 1_000_003
-    velocity = path.vel if view.job.path.vel.any() else np.zeros(len(path))
-    return _mixed([_power_in_force(view, channel), beam, np.nan_to_num(velocity)]).astype(np.float64)
+    return _mixed([_power_in_force(view, channel), beam, np.nan_to_num(path.vel)]).astype(np.float64)
 
 
 def _power_in_force(view: View, channel: int) -> Floats:

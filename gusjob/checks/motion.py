@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob import limits, rules
-from gusjob.checks.view import CHANNELS, Findings, Floats, Indices, View
-from gusjob.geometry import arcs_by_centre, arcs_by_radius
+from gusjob.checks.view import CHANNELS, Findings, Indices, View
+from gusjob.geometry import CLOSES_MM, arcs_by_either
 from gusjob.job import SPEED_WORDS, Op, arcs_mm
-
-_CLOSES_MM = 0.005
-"""How far the end of an arc may lie off its circle, mm."""
 
 
 def speeds(view: View, findings: Findings) -> None:
@@ -124,8 +121,8 @@ def arcs_close(view: View, findings: Findings) -> None:
         _bad_arc(findings, rows[start == 0], "the centre I J is the start point: the radius is 0")
         for word, place in (("I", path.cx[rows] - x0[rows] * px), ("J", path.cy[rows] - y0[rows] * py)):
             findings.ranged(rows, np.rint(place), limits.COORDINATE_PULSE, word, word)
-        off = (np.abs(start - end) > _CLOSES_MM) & (start > 0)
-        findings.at_rows(rules.ARC_OFF, rows[off], "", end=end[off], start=start[off], limit=_CLOSES_MM)
+        off = (np.abs(start - end) > CLOSES_MM) & (start > 0)
+        findings.at_rows(rules.ARC_OFF, rows[off], "", end=end[off], start=start[off], limit=CLOSES_MM)
     rows = view.rows(Op.ARC_RADIUS)
     if len(rows):
         findings.ranged(rows, path.radius[rows], limits.RADIUS_PULSE, "R", "R")
@@ -137,7 +134,7 @@ def arcs_close(view: View, findings: Findings) -> None:
             rows[(chord == 0) & (radius > 0)],
             "an arc with R that ends where it starts could be any circle: write it with I J",
         )
-        short = (2 * radius < chord - _CLOSES_MM) & (radius > 0)
+        short = (2 * radius < chord - CLOSES_MM) & (radius > 0)
         least = chord[short] / 2
         findings.at_rows(rules.ARC_SHORT, rows[short], "R", value=radius[short], chord=chord[short], least=least)
 
@@ -152,15 +149,10 @@ def arc_speed(view: View, findings: Findings) -> None:
     rows = view.rows(Op.ARC_CENTRE, Op.ARC_RADIUS)
     if not len(rows):
         return
-    ends = (
-        np.concatenate([[0.0], path.x])[rows],
-        np.concatenate([[0.0], path.y])[rows],
-        path.x[rows],
-        path.y[rows],
-    )
-    centre = arcs_by_centre(*ends, path.cx[rows], path.cy[rows], path.ccw[rows]).radius
-    by_radius = arcs_by_radius(*ends, path.radius[rows], path.ccw[rows]).radius
-    radius: Floats = np.where(path.op[rows] == Op.ARC_RADIUS, by_radius, centre)
+    x0, y0 = view.starts()
+    by_radius = path.op[rows] == Op.ARC_RADIUS
+    ends = (x0[rows], y0[rows], path.x[rows], path.y[rows])
+    radius = arcs_by_either(ends, path.cx[rows], path.cy[rows], path.radius[rows], path.ccw[rows], by_radius).radius
     limit = machine.max_acceleration_pulse_per_ms2
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = path.vel[rows] ** 2 / radius

@@ -148,7 +148,7 @@ def distance(view: View, findings: Findings) -> None:
                 break  # Another LASER DISTANCE takes over before anything moves in this mode.
             if span.mode.mode.unit != mode.mode.mode.unit:
                 findings.at(
-                    rules.DISTANCE_STALE, span.setup, distance_line=view.job.shown_line(setup.line),
+                    rules.DISTANCE_STALE, span.setup, remarks=findings.set_remark(setup),
                     unit=mode.mode.mode.unit, mode_unit=span.mode.mode.unit,
                 )  # fmt: skip
                 break

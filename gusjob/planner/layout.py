@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.geometry import NO_ARCS, Arcs, arcs_by_centre, arcs_by_radius, segments
+from gusjob.geometry import NO_ARCS, Arcs, Ends, arcs_by_either, segments
 from gusjob.job import Op, Path
 from gusjob.planner.plan import Plan
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
-Ends = tuple[Floats, Floats, Floats, Floats]
 
 
 def layout(state: Plan) -> Plan:
@@ -81,7 +80,5 @@ def _unrounded_ends(path: Path, rows: Indices) -> Ends:
 
 def _picked(path: Path, rows: Indices, ends: Ends, cx: Floats, cy: Floats) -> Arcs:
     """The arcs at rows, by centre or by radius as they were written."""
-    centre = arcs_by_centre(*ends, cx, cy, path.ccw[rows])
-    radius = arcs_by_radius(*ends, path.radius[rows], path.ccw[rows])
     by_radius = path.op[rows] == Op.ARC_RADIUS
-    return Arcs(**{f.name: np.where(by_radius, getattr(radius, f.name), getattr(centre, f.name)) for f in fields(Arcs)})
+    return arcs_by_either(ends, cx, cy, path.radius[rows], path.ccw[rows], by_radius)

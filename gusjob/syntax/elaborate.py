@@ -13,6 +13,7 @@ import numpy.typing as npt
 from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.diagnostics import Diagnostic
+from gusjob.geometry import CLOSES_MM
 from gusjob.job import (
     Crd,
     Distance,
@@ -65,8 +66,6 @@ _OPS = {
 }
 _NONE = 255
 _STAYS_PULSE = 1e-6
-CLOSES_MM = 0.005
-"""How far the end of an arc may lie off its circle, mm."""
 _OP_TABLE = np.array([_OPS.get(op, _NONE) for op in RowOp], dtype=np.uint8)
 
 
@@ -100,7 +99,6 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         speeds=reader.speeds(),
         setups=reader.setups(),
         locate=told.sources.locate,
-        file_of=told.sources.file_of,
         text_of=told.sources.text_of,
         set_here=lambda line, word: told.sources.set_here(line, word, told.lets),
         files=told.sources.files,
@@ -426,17 +424,13 @@ class _Elaboration:
         if not len(rows):
             return path
         at, own = (np.cumsum(keep) - 1)[rows], inside[rows]
-        shapes = bent_arcs(path, at, frames, own)
-        before_x, before_y = np.concatenate([[0.0], path.x])[at], np.concatenate([[0.0], path.y])[at]
-        shortest = min(self.machine.pulses_per_mm)
-        lx0, ly0 = frames.unturned(own, before_x, before_y)
-        lx1, ly1 = frames.unturned(own, path.x[at], path.y[at])
-        scale = frames.scale[own] / shortest
-        start, end = (np.hypot(x - shapes.cx, y - shapes.cy) * scale for x, y in ((lx0, ly0), (lx1, ly1)))
+        shapes, end = bent_arcs(path, at, frames, own)
+        scale = frames.scale[own] / min(self.machine.pulses_per_mm)
+        start, end = shapes.radius * scale, end * scale
         off = np.flatnonzero(np.abs(start - end) > CLOSES_MM)
         _, first = np.unique(self.rows.line[rows[off]], return_index=True)
         self.open_arcs = [(int(rows[i]), (float(start[i]), float(end[i]))) for i in off[first].tolist()]
-        pieces, x, y = chords(shapes, shapes.radius * scale, self.machine.chord_tolerance_um)
+        pieces, x, y = chords(shapes, start, self.machine.chord_tolerance_um)
         which = np.repeat(own, pieces)
         longer, origin = with_lines(
             path, at, pieces, frames.a[which] * x + frames.b[which] * y, frames.c[which] * x + frames.d[which] * y

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +38,7 @@ from gusjob.syntax.program import (
     Slot,
 )
 from gusjob.syntax.shapes import MAX_NUMBER, Rows, join
-from gusjob.syntax.statements import POWER_KINDS, Statement, wanted
+from gusjob.syntax.statements import POWER_KINDS, WANTED, Statement
 from gusjob.units import Kind, System
 
 Floats = npt.NDArray[np.float64]
@@ -207,17 +207,16 @@ class _Executor:
                 collector.uncounted(rule, 1)
         return collector.done(rules.MORE)
 
-    def stop(self, what: str, limit: int, key: str, line: int, trail: Any) -> None:
+    def stop(self, rule: Rule, line: int, trail: Any, **fields: object) -> NoReturn:
         """Report a limit and leave."""
-        self.fault(rules.TOO_MANY, line, "", trail, what=what, limit=limit, key=key)
+        self.fault(rule, line, "", trail, **fields)
         raise _Full
 
     def spend(self, steps: int, line: int, trail: Any) -> None:
-        """Count what is carried out one by one."""
+        """Count the work."""
         self.steps += steps
         if self.steps > MAX_STEPS:
-            self.fault(rules.TOO_SLOW, line, "", trail, limit=MAX_STEPS)
-            raise _Full
+            self.stop(rules.TOO_SLOW, line, trail, limit=MAX_STEPS)
 
     # Numbers.
 
@@ -320,7 +319,7 @@ class _Executor:
             self.fault(rules.NOT_A_NUMBER, line, place, lanes.trail, lanes.count, what=what)
             return
         shown = Kind(kind[0]).words
-        fields = {"what": what, "wanted": wanted(word.kind), "unit": "this expression", "kind": shown, "hint": ""}
+        fields = {"what": what, "wanted": WANTED[word.kind], "unit": "this expression", "kind": shown, "hint": ""}
         self.fault(rules.WRONG_UNIT, line, place, lanes.trail, lanes.count, **fields)
 
     def count_of(self, value: Any, kind: Type, lanes: _Lanes, line: int, word: str) -> Any:
@@ -345,8 +344,7 @@ class _Executor:
         """Blocks and calls inside each other have a limit: a routine may call itself."""
         line = int(item.rows.line[0]) if isinstance(item, Run) else item.line
         limit = self.machine.expansion_max_depth
-        self.fault(rules.TOO_DEEP, line, "", lanes.trail, limit=limit, key="max_depth")
-        raise _Full
+        self.stop(rules.TOO_DEEP, line, lanes.trail, limit=limit, key="max_depth")
 
     def item(self, item: Item, lanes: _Lanes, sink: _Sink) -> None:
         match item:
@@ -535,7 +533,7 @@ class _Executor:
         limit = self.machine.expansion_max_statements
         self.rounds_made += total
         if self.rounds_made > limit:
-            self.stop("rounds", limit, "max_statements", item.line, lanes.trail)
+            self.stop(rules.TOO_MANY, item.line, lanes.trail, what="rounds", limit=limit, key="max_statements")
         self.spend(_LOOP_STEPS, item.line, lanes.trail)
         counts = np.broadcast_to(count, lanes.count).astype(np.int64)
         outer = np.repeat(np.arange(lanes.count), counts)
@@ -657,11 +655,10 @@ class _Executor:
         self.setup_rows += run.setups * lanes.count
         limit = self.machine.expansion_max_statements
         if self.rows > limit:
-            self.stop("statements", limit, "max_statements", line, lanes.trail)
+            self.stop(rules.TOO_MANY, line, lanes.trail, what="statements", limit=limit, key="max_statements")
         if self.setup_rows > MAX_SETUPS:
             at = int(np.flatnonzero(run.rows.op == RowOp.SETUP)[0])
-            self.fault(rules.TOO_MANY_SETUPS, int(run.rows.line[at]), "", lanes.trail, limit=MAX_SETUPS)
-            raise _Full
+            self.stop(rules.TOO_MANY_SETUPS, int(run.rows.line[at]), lanes.trail, limit=MAX_SETUPS)
 
     def spread(
         self,

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from lark import Token, Tree
 
+from gusjob.geometry import sin_cos_deg
 from gusjob.units import Kind
 
 Floats = npt.NDArray[np.float64]
@@ -56,40 +57,26 @@ class Function:
     run: Callable[..., Any]
 
 
-def _turns(degrees: Any) -> tuple[Any, Any]:
-    """Quarter turns, and what is left in radians: so that sin(180) is 0 and cos(90) is 0."""
-    quarters = np.rint(degrees / 90.0)
-    return quarters % 4, np.radians(degrees - 90.0 * quarters)
-
-
 def _sin(degrees: Any) -> Any:
-    if not isinstance(degrees, np.ndarray):
-        return _sin_of_one(float(degrees))
-    quarter, rest = _turns(degrees)
-    sine = np.where(quarter % 2 == 1, np.cos(rest), np.sin(rest))
-    return np.where(quarter >= 2, -sine, sine)[()] + 0.0
+    return sin_cos_deg(degrees)[0] if isinstance(degrees, np.ndarray) else _turned(float(degrees), 0)
 
 
-def _sin_of_one(degrees: float) -> np.float64:
-    """The same for one number, without what arrays cost."""
+def _cos(degrees: Any) -> Any:
+    return sin_cos_deg(degrees)[1] if isinstance(degrees, np.ndarray) else _turned(float(degrees), 1)
+
+
+def _turned(degrees: float, quarters: int) -> np.float64:
+    """geometry.sin_cos_deg for one number, without what arrays cost: the sine so many quarter turns on."""
     if not math.isfinite(degrees):
         return np.float64(np.nan)
-    quarter = round(degrees / 90.0)
-    rest = math.radians(degrees - 90.0 * quarter)
+    whole = round(degrees / 90.0)
+    rest, quarter = math.radians(degrees - 90.0 * whole), whole + quarters
     sine = math.cos(rest) if quarter % 2 else math.sin(rest)
     return np.float64((-sine if quarter % 4 >= 2 else sine) + 0.0)
 
 
-def _cos(degrees: Any) -> Any:
-    return _sin(degrees + 90.0)
-
-
 def _tan(degrees: Any) -> Any:
-    return _sin(degrees) / _cos(degrees)
-
-
-def _power(base: Any, exponent: Any) -> Any:
-    return np.power(base, exponent)
+    return _divide(_sin(degrees), _cos(degrees))
 
 
 def _known(run: Callable[..., Any]) -> Callable[..., Any]:
@@ -146,10 +133,6 @@ def _not(a: Any) -> Any:
     return 1.0 - a
 
 
-def _equal(a: Any, b: Any) -> Any:
-    return a == b
-
-
 OPERATORS = {
     "OR": Function("or", 2, Typing.TRUTH, _or),
     "AND": Function("and", 2, Typing.TRUTH, _and),
@@ -165,7 +148,7 @@ OPERATORS = {
     "STAR": Function("*", 2, Typing.TIMES, operator.mul),
     "SLASH": Function("/", 2, Typing.OVER, _divide),
     "MODULO": Function("%", 2, Typing.SAME, _known(operator.mod)),
-    "POWER_OF": Function("**", 2, Typing.PLAIN, _power),
+    "POWER_OF": Function("**", 2, Typing.PLAIN, np.power),
 }
 """By terminal of the grammar."""
 NEGATE = Function("-", 1, Typing.KEEP, operator.neg)

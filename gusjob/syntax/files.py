@@ -6,7 +6,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import PureWindowsPath
 
-from gusjob.diagnostics import SET_HERE, Remark, Span, printable
+from gusjob.diagnostics import SET_HERE, Remark, Span
 from gusjob.syntax.source import Source, read_source
 from gusjob.syntax.statements import Statement, read_statement
 
@@ -29,16 +29,6 @@ class SourceMap:
         """The text of a line, and the line's number in it."""
         at = max(bisect_right(self.bases, line - 1) - 1, 0)
         return self.sources[at], line - self.bases[at]
-
-    def shown(self, line: int) -> str:
-        """'line 3', or 'line 3 of setup.job' for an included file."""
-        source, number = self.find(line)
-        return f"line {number}" if source is self.sources[0] else f"line {number} of {printable(source.name)}"
-
-    def file_of(self, line: int) -> tuple[str, int]:
-        """The file of a line ('' for the first) and its number there."""
-        source, number = self.find(line)
-        return ("" if source is self.sources[0] else source.name), number
 
     @property
     def files(self) -> tuple[tuple[str, int], ...]:

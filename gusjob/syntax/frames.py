@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.geometry import Arcs, arcs_by_centre, arcs_by_radius
+from gusjob.geometry import Arcs, arcs_by_either, sin_cos_deg
 from gusjob.job import Op, Path
 from gusjob.motion import running_sum
 
@@ -35,7 +35,7 @@ class Frames:
             np.asarray(self.c[frame] * x + self.d[frame] * y + self.f[frame]),
         )
 
-    def unturned(self, frame: Ints, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    def unturned(self, frame: Ints | int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Machine to frame, but for the shift."""
         size = self.a[frame] * self.d[frame] - self.b[frame] * self.c[frame]
         return (
@@ -45,12 +45,8 @@ class Frames:
 
     def into(self, frame: int, x: float, y: float) -> tuple[float, float]:
         """Machine to frame."""
-        dx, dy = x - self.e[frame], y - self.f[frame]
-        size = self.a[frame] * self.d[frame] - self.b[frame] * self.c[frame]
-        return (
-            float((self.d[frame] * dx - self.b[frame] * dy) / size),
-            float((self.a[frame] * dy - self.c[frame] * dx) / size),
-        )
+        inside_x, inside_y = self.unturned(frame, x - self.e[frame], y - self.f[frame])
+        return float(inside_x), float(inside_y)
 
 
 def frames_of(
@@ -60,12 +56,7 @@ def frames_of(
     """All frames, each within those around it. `number` (from 1), shifts in pulse; `parent` by number, 0 for none."""
     count = len(parent)
     px, py = pulses_per_mm
-    # Quarter turns are exact: cos(90) is 0.
-    quarter = np.rint(angle_deg / 90.0)
-    rest = np.radians(angle_deg - 90.0 * quarter)
-    turn = (quarter % 4).astype(np.int64)
-    sine = np.choose(turn, [np.sin(rest), np.cos(rest), -np.sin(rest), -np.cos(rest)])
-    cosine = np.choose(turn, [np.cos(rest), -np.sin(rest), -np.cos(rest), np.sin(rest)])
+    sine, cosine = sin_cos_deg(angle_deg)
     a, b, c, d = np.ones(count), np.zeros(count), np.zeros(count), np.ones(count)
     e, f, size = np.zeros(count), np.zeros(count), np.ones(count)
     a[number], b[number] = scale * cosine, -scale * sine * (px / py)
@@ -131,11 +122,14 @@ def positions_in_frames(x: Floats, y: Floats, relative: Bools, frame: Ints, fram
     return frames.out(frame, local_x, local_y)
 
 
-def bent_arcs(path: Path, at: npt.NDArray[np.intp], frames: Frames, frame: Ints) -> Arcs:
-    """The arcs at rows `at` as the circles that they are in the pulses of their frames, but for the frames' shift."""
+def bent_arcs(path: Path, at: npt.NDArray[np.intp], frames: Frames, frame: Ints) -> tuple[Arcs, Floats]:
+    """The arcs at rows `at` as the circles that they are in the pulses of their frames, but for the frames' shift.
+
+    With them how far the end of each lies from its centre, in the same pulses.
+    """
     before = np.concatenate([[0.0], path.x])[at], np.concatenate([[0.0], path.y])[at]
-    ends = (*frames.unturned(frame, *before), *frames.unturned(frame, path.x[at], path.y[at]))
-    centre = arcs_by_centre(*ends, *frames.unturned(frame, path.cx[at], path.cy[at]), path.ccw[at])
-    radius = arcs_by_radius(*ends, path.radius[at] / frames.scale[frame], path.ccw[at])
-    by_radius = path.op[at] == Op.ARC_RADIUS
-    return Arcs(**{f.name: np.where(by_radius, getattr(radius, f.name), getattr(centre, f.name)) for f in fields(Arcs)})
+    x1, y1 = frames.unturned(frame, path.x[at], path.y[at])
+    cx, cy = frames.unturned(frame, path.cx[at], path.cy[at])
+    radius, by_radius = path.radius[at] / frames.scale[frame], path.op[at] == Op.ARC_RADIUS
+    arcs = arcs_by_either((*frames.unturned(frame, *before), x1, y1), cx, cy, radius, path.ccw[at], by_radius)
+    return arcs, np.hypot(x1 - arcs.cx, y1 - arcs.cy)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import INCLUDED, Collector, Diagnostic, Remark, Rule
+from gusjob.diagnostics import FIRST_HERE, INCLUDED, Collector, Diagnostic, Remark, Rule
 from gusjob.machine import Machine
 from gusjob.syntax.expressions import Expression
 from gusjob.syntax.files import SourceMap, included
@@ -217,9 +217,11 @@ class _Builder:
     unread_routines: bool = False
     """Whether a DEF can't be read: a routine that is not known may be that one."""
 
-    def fault(self, rule: Rule, line: int, word: str = "", /, **fields: object) -> None:
+    def fault(
+        self, rule: Rule, line: int, word: str = "", /, remarks: tuple[Remark, ...] = (), **fields: object
+    ) -> None:
         if self.collector.room(rule):
-            self.collector.add(rule, self.sources.locate(line, word), fields)
+            self.collector.add(rule, self.sources.locate(line, word), fields, remarks=remarks)
         else:
             self.collector.uncounted(rule, 1)
 
@@ -398,9 +400,8 @@ class _FileBuilder:
             case "def":
                 name, *parameters = statement.names
                 if name in self.job.routines:
-                    self.job.fault(
-                        rules.DEF_TWICE, line, name=name, where=self.job.sources.shown(self.job.routines[name].line)
-                    )
+                    here = self.job.sources.locate(self.job.routines[name].line, "")
+                    self.job.fault(rules.DEF_TWICE, line, remarks=(Remark(text=FIRST_HERE, span=here),), name=name)
                 else:
                     self.job.routines[name] = Routine(name=name, parameters=tuple(parameters), body=body, line=line)
             case _:

@@ -43,7 +43,7 @@ CONTROLS = {"let", "repeat", "for", "if", "else", "end", "def", "call", "frame",
 """Forms that steer which statements are carried out, and how often."""
 
 POWER_KINDS = {Kind.SHARE, Kind.FREQUENCY, Kind.VOLTAGE}
-_WANTED = {
+WANTED = {
     Kind.LENGTH: "a length (um, mm, pulse)",
     Kind.VELOCITY: "a velocity (mm/s, m/s, mm/min, pulse/ms)",
     Kind.ACCELERATION: "an acceleration (mm/s2, m/s2, pulse/ms2)",
@@ -121,11 +121,6 @@ class Statement:
         quantities = [*self.words.values(), *(q for places in self.axes.values() for q in places.values())]
         quantities += [self.channel] if self.channel else []
         return any(q.expression is not None for q in quantities)
-
-
-def wanted(kind: Kind) -> str:
-    """What a word of a kind takes, for messages."""
-    return _WANTED[kind]
 
 
 def strip_comment(line: str) -> str:
@@ -459,7 +454,7 @@ class _Reader:
                         start,
                         end,
                         what=what,
-                        wanted=_WANTED[word.kind],
+                        wanted=WANTED[word.kind],
                         unit=spelling(unit_text),
                         kind=unit.kind.words,
                         hint="",
