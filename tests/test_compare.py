@@ -379,7 +379,7 @@ DEEP = b"[" * 10_000 + b"]" * 10_000
         ({**earlier_of(), "totals": {"segments": 1}}, "duration_ms is missing"),
         ({**earlier_of(), "segments": None}, "segments is not a JSON object"),
         ({**earlier_of(), "segments": {}}, "is missing"),
-        (earlier_of([]), "not a JSON object"),  # type: ignore[arg-type]
+        (earlier_of([]), "not a JSON object"),  # type: ignore[arg-type]  # wrong on purpose
         (earlier_of(entry(channel=7)), "unknown channel or unit"),
         (earlier_of(entry(channel=True)), "channel is not a JSON whole number"),
         (earlier_of(entry(unit="|<b>")), "unknown channel or unit"),
@@ -396,7 +396,7 @@ DEEP = b"[" * 10_000 + b"]" * 10_000
         (earlier_of(x_mm=[1, 2, "3"]), "x_mm holds something that is not a number"),
         (earlier_of(x_mm=[1, 2, True]), "x_mm holds something that is not a number"),
         (earlier_of(ch0_joules=[[], [], []]), "ch0_joules holds something that is not a number"),
-        (earlier_of(ch0_joules=3), "ch0_joules is not a JSON array"),  # type: ignore[arg-type]
+        (earlier_of(ch0_joules=3), "ch0_joules is not a JSON array"),  # type: ignore[arg-type]  # wrong on purpose
         (earlier_of(ch1_joules=[1, 2, 3]), "ch1_emission_ms is missing"),
     ],
 )  # fmt: skip

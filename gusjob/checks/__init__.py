@@ -23,6 +23,7 @@ CHECKS: tuple[Check, ...] = (
     power.before_a_mode,
     power.direct_power,
     power.follow,
+    power.kept,
     power.saturation,
     power.unused,
     light.left_on,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from gusjob import rules
@@ -43,18 +45,12 @@ def direct_power(view: View, findings: Findings) -> None:
     """LASER POWER against its unit, range and the mode's limits."""
     path = view.job.path
     for channel in CHANNELS:
-        before: ModeSpan | None = None
         for span in view.modes(channel):
             rows = _rows_in(view, Op.POWER, span)
             values = path.power[rows]
             good = _units(findings, span, rows, path.power_unit[rows], "LASER POWER", "value")
             rows, values = rows[good], values[good]
             inside = findings.ranged(rows, values, POWER[span.mode.mode], "LASER POWER", "value")
-            kept = _kept(view, Op.POWER, span, before)
-            before = span
-            if len(kept):
-                _clamped(findings, span, kept, path.power[kept], "LASER POWER", "value")
-                _frequency(view, findings, span, kept, path.power[kept], "LASER POWER", "value")
             _clamped(findings, span, rows[inside], values[inside], "LASER POWER", "value")
             _frequency(view, findings, span, rows[inside], values[inside], "LASER POWER", "value")
     for setup in view.setups(PowerNow):
@@ -114,6 +110,27 @@ def follow(view: View, findings: Findings) -> None:
                 findings.at_rows(rules.FOLLOW_SCALES, rows[path.follow_in_mm[rows]], "")
 
 
+def kept(view: View, findings: Findings) -> None:
+    """Power that a LASER MODE leaves in force since it says the same mode again: it has new limits, another width."""
+    path = view.job.path
+    for channel in CHANNELS:
+        places, lit = view.power_keys(channel), view.lit(channel)[0]
+        for before, span in pairwise(view.modes(channel)):
+            at = int(np.searchsorted(places, span.first * 2)) - 1
+            if before.mode.mode is not span.mode.mode or at < 0 or places[at] % 2 == 0:
+                continue
+            until = min(int(places[at + 1]) // 2 if at + 1 < len(places) else len(path), span.last)
+            part = slice(span.first, until)
+            if not (lit[part] & path.takes_time[part]).any():
+                continue
+            row = places[at : at + 1] // 2
+            by_power = (("LASER POWER", "value", path.power),)
+            by_follow = (("follow MIN", "MIN", path.low), ("follow MAX", "MAX", path.high))
+            for what, word, values in by_power if path.op[row[0]] == Op.POWER else by_follow:
+                _clamped(findings, span, row, values[row], what, word)
+                _frequency(view, findings, span, row, values[row], what, word)
+
+
 def saturation(view: View, findings: Findings) -> None:
     """Following that asks for more than its MAX at the velocity of a segment."""
     path = view.job.path
@@ -165,24 +182,6 @@ def _unit_at(view: View, channel: int, rows: np.ndarray) -> np.ndarray:
     for span in view.modes(channel):
         units[(rows >= span.first) & (rows < span.last)] = span.mode.mode.unit
     return np.array(units, dtype=str)
-
-
-def _kept(view: View, op: Op, span: ModeSpan, before: ModeSpan | None) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """The power that a LASER MODE leaves in force since it says the same mode again, where light comes before the next.
-
-    Its limits, its pulse width and its unit are the new ones.
-    """
-    none = np.empty(0, dtype=np.intp)
-    if before is None or before.mode.mode is not span.mode.mode:
-        return none
-    places = view.power_keys(span.channel)
-    at = int(np.searchsorted(places, span.first * 2)) - 1
-    if at < 0 or places[at] % 2 == 0 or view.job.path.op[places[at] // 2] != op:
-        return none
-    until = min(int(places[at + 1]) // 2 if at + 1 < len(places) else len(view.job.path), span.last)
-    part = slice(span.first, until)
-    shines = (view.lit(span.channel)[0][part] & view.job.path.takes_time[part]).any()
-    return np.array([places[at] // 2], dtype=np.intp) if shines else none
 
 
 def _rows_in(view: View, op: Op, span: ModeSpan) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

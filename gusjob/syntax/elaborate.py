@@ -148,6 +148,8 @@ class _Elaboration:
     machine: Machine
     open_arcs: list[tuple[int, tuple[float, float]]] = field(default_factory=list)
     """Rows of arcs in turned frames that do not close, with the distances of their ends from the centre, mm."""
+    known_frames: Frames | None = None
+    """What `frames` has found."""
     first_piece: npt.NDArray[np.intp] | None = None
     """Where arcs became lines: the row that each row of the path became."""
 
@@ -288,6 +290,11 @@ class _Elaboration:
 
     def frames(self) -> Frames:
         """Every frame as a map from its pulses to the machine's, those around it included."""
+        if self.known_frames is None:
+            self.known_frames = self._frames()
+        return self.known_frames
+
+    def _frames(self) -> Frames:
         at = np.flatnonzero(self.rows.op == RowOp.FRAME)
         number = self.col(Field.FRAME)[at].astype(np.int64)
         shift_x, shift_y = self.length(Field.X, 0)[at], self.length(Field.Y, 1)[at]
