@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -506,3 +507,31 @@ def test_an_include_is_read_in_place(tmp_path: Path) -> None:
 def test_too_many_setup_statements_end_in_a_word(body: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.syntax.expand.MAX_SETUPS", 3)
     assert "GJ130" in [code for _, code in faults_in(f"LET a = 0\nREPEAT 10\n{body}END\n")]
+
+
+def test_names_with_leading_zeros_are_others() -> None:
+    text = "LET x1 = 1\nLET x01 = 2\n" + "LINE X (x1)\nLINE X (x01)\n" * 3
+    assert ends(text) == [(1000, 0), (2000, 0)] * 3
+
+
+def test_a_name_that_some_rounds_set_is_carried() -> None:
+    """Eight rounds, so that they would be carried out at once if none hung on another."""
+    text = "LET a = 1\nREPEAT 8 AS i\nIF i == 5\nLET a = 9\nEND\nLINE X (a) Y (i)\nEND\n"
+    assert [x for x, _ in ends(text)] == [1000] * 5 + [9000] * 3
+
+
+def test_rounds_of_all_loops_together_are_bounded() -> None:
+    machine = replace(MACHINE, expansion_max_statements=100)
+    assert faults_in("REPEAT 60\nEND\nDWELL 1\n", machine) == []
+    assert [code for _, code in faults_in("REPEAT 60\nEND\n" * 2, machine)] == ["GJ127"]
+
+
+def test_a_routine_whose_def_cant_be_read_is_not_missed() -> None:
+    assert "GJ136" not in [code for _, code in faults_in("DEF f(\nDWELL 1\nEND\nCALL f(1)\n")]
+
+
+def test_what_stands_behind_a_bent_arc_stays_behind_it() -> None:
+    text = "UNITS PULSE\nVEL 9\nACC 1\nFRAME ROTATE 90\nJUMP X 1000\nARC CCW I -1000\nEND\nWAIT\nDWELL 5\n"
+    names = [call.split("(")[0] for call in calls_of(text, UNEQUAL)]
+    assert names[-4:] == ["GT_CrdStatus", "GT_CrdClear", "GT_BufDelay", "GT_CrdStart"]
+    assert "GT_LnXY" not in names[names.index("GT_CrdStatus") :]
