@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from tools import MACHINE, MARK, faults_in
 
-from gusjob import interpreter
 from gusjob.interpreter import find_faults
+from gusjob.interpreter.power import emitted
 from gusjob.planner import compile_job
 from gusjob.syntax import check_text, read_job, read_listing
 
@@ -50,13 +50,12 @@ def test_faults_need_no_tick(monkeypatch: pytest.MonkeyPatch) -> None:
         "GT_LnXY(1,1000000000,0,1,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
     )
     periods_ms: list[float] = []
-    emitted = interpreter.emitted
 
     def seen(*args: Any) -> Any:
         periods_ms.append(args[-1])
         return emitted(*args)
 
-    monkeypatch.setattr(interpreter, "emitted", seen)
+    monkeypatch.setattr("gusjob.interpreter.emitted", seen)
     source, _ = check_text(text.encode(), "x.gts")
     assert source is not None
     assert "GJ709" in [f.rule.code for f in find_faults(read_listing(source)[0], MACHINE)]
