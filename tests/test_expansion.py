@@ -505,7 +505,7 @@ def test_an_include_is_read_in_place(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("body", ["LET a = a + 1\nWAIT\n", "WAIT\n", "LASER DELAY ON (a) OFF 9\nLET a = a + 1\n"])
 def test_too_many_setup_statements_end_in_a_word(body: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gusjob.syntax.expand.MAX_SETUPS", 3)
+    monkeypatch.setattr("gusjob.syntax.ledger.MAX_SETUPS", 3)
     assert "GJ130" in [code for _, code in faults_in(f"LET a = 0\nREPEAT 10\n{body}END\n")]
 
 

@@ -26,13 +26,13 @@ with atheris.instrument_imports(include=["gusjob"]):
     from gusjob.machine import Machine
     from gusjob.planner import compile_job
     from gusjob.report.rows import make_report
-    from gusjob.syntax import check_text, expand, read_job, read_listing
+    from gusjob.syntax import check_text, ledger, read_job, read_listing
     from gusjob.syntax.listing_reader import looks_like_listing
 
 MACHINE = replace(Machine(), expansion_max_statements=5_000)
 UNEQUAL = replace(MACHINE, pulses_per_mm=(1000.0, 700.0))
-expand.MAX_STEPS = 5_000
-expand.MAX_SETUPS = 500
+ledger.MAX_STEPS = 5_000
+ledger.MAX_SETUPS = 500
 SLOW_S_PER_KB = 5.0
 
 
