@@ -283,13 +283,34 @@ class BufferedCalls:
         return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
 
 
+class Run(IntEnum):
+    """What a dark motion is for: nothing special, to come up to speed before a mark, to slow down behind it."""
+
+    NONE = 0
+    RUN_IN = 1
+    RUN_OUT = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intent:
+    """What the planner means by buffered calls that do not show it, (n,) each. The controller never sees it.
+
+    `run`: Run numbers, for motion. `mark_end`: for GT_BufLaserOn the buffered motion that starts where the mark shall
+    begin, for GT_BufLaserOff the one that ends where it shall end; -1 where the switch's own place is meant.
+    """
+
+    run: npt.NDArray[np.int8]
+    mark_end: npt.NDArray[np.intp]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """A program of GT_ calls in order."""
+    """A program of GT_ calls in order. `intent`: of a planned job with sky writing; a listing has none."""
 
     name: str
     buffered: BufferedCalls
     calls: tuple[Call, ...] = field(default=())
+    intent: Intent | None = None
 
     def parts(self) -> Iterator[tuple[int, int, Call | None]]:
         """(first, last, call): buffered calls first..last-1, then the call behind them (None at the end)."""
