@@ -42,6 +42,10 @@ class Arcs:
         """Along the arc."""
         return np.asarray(self.radius * np.abs(self.sweep))
 
+    def pick(self, at: npt.NDArray[np.intp]) -> Arcs:
+        """Some of the arcs."""
+        return Arcs(**{f.name: getattr(self, f.name)[at] for f in fields(Arcs)})
+
     def at(self, share: Floats) -> tuple[Floats, Floats]:
         """The points at a share 0..1 of each arc."""
         angle = self.angle + self.sweep * share

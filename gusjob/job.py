@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span, number
 from gusjob.geometry import Arcs, arcs_by_either
-from gusjob.limits import PowerMode
+from gusjob.limits import RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
 from gusjob.machine import Machine
 from gusjob.units import PowerUnit
 
@@ -188,6 +188,51 @@ class LookAhead:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SkyWriting:
+    """Settings of SKYWRITE: `nprev`, `npost` in 10 us, `limit` a cosine; AUTO is worked out already."""
+
+    mode: float
+    timelag_us: float
+    shift_us: float
+    nprev: float
+    npost: float
+    limit: float
+    limit_given: bool
+
+    @property
+    def is_on(self) -> bool:
+        """Below 1/8 us it is off (RTC5)."""
+        return self.timelag_us >= TIMELAG_OFF_US
+
+    @property
+    def lag_us(self) -> float:
+        """The time lag that counts."""
+        return self.timelag_us if self.timelag_us >= TIMELAG_ZERO_US else 0.0
+
+    @property
+    def run_in_us(self) -> float:
+        """At mark speed in front of a mark."""
+        return RUN_STEP_US * self.nprev
+
+    @property
+    def run_out_us(self) -> float:
+        """At mark speed behind a mark."""
+        return RUN_STEP_US * self.npost
+
+    @property
+    def on_us(self) -> float:
+        """When the light goes on, counted from the mark's start: not before the run-in is at mark speed."""
+        return max(self.lag_us + self.shift_us, -self.run_in_us)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkyWrite:
+    """SKYWRITE; None: OFF."""
+
+    settings: SkyWriting | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Crd:
     """CRD: coordinate system and FIFO."""
 
@@ -206,6 +251,7 @@ SetupStatement = (
     | PowerNow
     | Wait
     | LookAhead
+    | SkyWrite
     | Crd
 )
 
@@ -226,6 +272,9 @@ class Setup:
     trail: int = 0
 
 
+IN_PATH = (LookAhead, SkyWrite, Crd)
+"""Setup statements that speak of the path behind them: nothing is called for them, and no motion is ended."""
+
 SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")
 
 
@@ -233,7 +282,8 @@ SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")
 class Speeds:
     """Every velocity and acceleration that was written, used or not, (n,): in pulse/ms (2) with X's pulses per mm.
 
-    `word`: index in SPEED_WORDS; `inline`: a word of LINE or ARC, not a statement.
+    `word`: index in SPEED_WORDS; `inline`: a word of LINE or ARC, not a statement; `at`: the row of the path from
+    which on it holds, ascending for each word.
     """
 
     line: npt.NDArray[np.int32]
@@ -242,6 +292,7 @@ class Speeds:
     in_mm: npt.NDArray[np.bool_]
     inline: npt.NDArray[np.bool_]
     trail: npt.NDArray[np.int32]
+    at: npt.NDArray[np.intp]
 
 
 Locate = Callable[[int, str], Span]
@@ -354,6 +405,24 @@ class Job:
         """Whether an END is written somewhere: only the planner can say whether it can be met."""
         return not bool(np.isnan(self.path.end).all())
 
+    @property
+    def sky_writes(self) -> bool:
+        """Whether sky writing is on somewhere: only the planner can say where its run-ins lie."""
+        return any(isinstance(s.what, SkyWrite) and s.what.settings and s.what.settings.is_on for s in self.setups)
+
+    def sky_of_rows(self) -> tuple[npt.NDArray[np.intp], tuple[SkyWriting, ...]]:
+        """For each row of the path which of the settings is in force, -1 where sky writing is off; and the settings."""
+        found: list[SkyWriting] = []
+        places, numbers = [0], [-1]
+        for setup in self.setups:
+            if isinstance(setup.what, SkyWrite):
+                settings = setup.what.settings
+                on = settings is not None and settings.is_on
+                places.append(setup.at)
+                numbers.append(len(found) if on else -1)
+                found += [settings] if settings is not None and on else []
+        return np.repeat(np.array(numbers, dtype=np.intp), np.diff([*places, len(self.path)])), tuple(found)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
@@ -398,7 +467,7 @@ def stages_of_setups(job: Job) -> list[tuple[bool, int]]:
     before = np.concatenate([[0], np.cumsum(job.path.takes_time)])
     first, found = 0, []
     for setup in job.setups:
-        opens = not isinstance(setup.what, LookAhead | Crd) and bool(before[setup.at] > before[first])
+        opens = not isinstance(setup.what, IN_PATH) and bool(before[setup.at] > before[first])
         first = setup.at if opens else first
         found.append((opens, first))
     return found
@@ -436,8 +505,7 @@ def chords(arcs: Arcs, radius_mm: Floats, tolerance_um: float) -> tuple[npt.NDAr
     pieces = np.maximum(np.ceil(np.abs(arcs.sweep) / (2 * np.arccos(reach))), 1).astype(np.intp)
     which = np.repeat(np.arange(len(pieces)), pieces)
     step = np.arange(len(which)) - (np.cumsum(pieces) - pieces)[which] + 1
-    picked = Arcs(**{f.name: getattr(arcs, f.name)[which] for f in fields(Arcs)})
-    x, y = picked.at(step / pieces[which])
+    x, y = arcs.pick(which).at(step / pieces[which])
     return pieces, x, y
 
 

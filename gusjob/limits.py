@@ -330,6 +330,33 @@ ARC_DIRECTION = Range(
 )
 DWELL_MS = Range(name="dwell", unit="ms", low=0, high=16383, whole=True, section="sister")
 LOOKAHEAD_TIME_MS = Range(name="look-ahead cornering time", unit="ms", low=0, high=100, section="sister")
+SKYWRITE_MODE = Range(name="sky writing mode", unit="", low=1, high=3, whole=True, section="RTC5")
+TIMELAG_US = Range(
+    name="sky writing time lag",
+    unit="us",
+    low=0,
+    high=65535,
+    section="RTC5",
+    note="below 1/8 us sky writing is off, 1/8 to 1/4 us counts as 0",
+)
+SHIFT_US = Range(
+    name="sky writing laser-on shift",
+    unit="us",
+    low=-65535,
+    high=65535,
+    section="RTC5",
+    note="in steps of 0.5 us; + is later: the formula printed in the RTC5 manual has a minus, but its own text a plus",
+)
+RUN_STEPS = Range(
+    name="sky writing run-in, run-out",
+    unit="",
+    low=0,
+    high=65535,
+    whole=True,
+    section="RTC5",
+    note="in steps of 10 us; 65535 is AUTO: 0.15 and 0.10 times the time lag",
+)
+CORNER_LIMIT = Range(name="sky writing corner limit", unit="", low=-1, high=1, section="RTC5", note="a cosine")
 DIMENSION = Range(name="dimension", unit="", low=1, high=4, whole=True, section="sister")
 EVEN_TIME_MS = Range(name="even time", unit="ms", low=0, high=32767, high_open=True, whole=True, section="sister")
 
@@ -343,6 +370,16 @@ DISTANCE_LIMIT = dict(
 
 TABLE: tuple[Range, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Range))
 """Every range, in the order above; grammar/README.md's table is generated from it."""
+
+TIMELAG_OFF_US, TIMELAG_ZERO_US = 1 / 8, 1 / 4
+"""Below the first, sky writing is off; below the second, its time lag counts as 0 (RTC5)."""
+SHIFT_STEP_US = 0.5
+RUN_STEP_US = 10.0
+"""Of LaserOnShift, and of Nprev and Npost (RTC5)."""
+AUTO_STEPS = 65535.0
+AUTO_SHARE = {"NPREV": 0.15, "NPOST": 0.10}
+"""Nprev and Npost that are AUTO: these times the time lag (RTC5)."""
+DEFAULT_LIMIT = 0.9
 
 FIFO_SLOTS = 4096
 """Buffered calls that a FIFO holds; when it is full a call returns 1 and is to be sent again (sister)."""

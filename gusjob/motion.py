@@ -125,6 +125,17 @@ def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, break
     return np.asarray(np.sqrt(reached2))
 
 
+def distance_run(profile: Trapezoids, which: npt.NDArray[np.intp], since_ms: Floats) -> Floats:
+    """Length that some of the segments have run a time after their start, pulse."""
+    rise, cruise = profile.rise_ms[which], profile.cruise_ms[which]
+    start, peak, acc = profile.start[which], profile.peak[which], profile.acc[which]
+    in_rise = np.minimum(since_ms, rise)
+    in_cruise = np.clip(since_ms - rise, 0.0, cruise)
+    in_fall = np.maximum(since_ms - rise - cruise, 0.0)
+    up = np.where(start > peak, -acc, acc) * in_rise * in_rise / 2
+    return start * in_rise + up + peak * in_cruise + peak * in_fall - acc * in_fall * in_fall / 2
+
+
 def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:
     """Highest velocity through each corner at which the velocity vector changes by at most `jump` (pulse/ms), (n,).
 

@@ -4,7 +4,7 @@ Texts are templates with named fields. grammar/README.md's table and `gusjob exp
 run every example. Codes are stable: a code is never given to another fault.
 
 GJ0 the file, GJ1 words and the carrying out of a job, GJ2 values, GJ3 modes and order, GJ4 light, GJ5 motion, GJ6 the
-machine profile, GJ7 what the controller would say to a listing.
+machine profile, GJ7 what the controller would say to a listing, GJ8 sky writing.
 """
 
 from __future__ import annotations
@@ -97,12 +97,6 @@ TOO_BIG = _rule(
     "GJ106", _E, "number can't be held", "{value} is too large: numbers go up to {limit}",
     "Beyond this size whole numbers are not told apart any more.",
     bad=_HEAD + "LINE X 1e300\n", good=_HEAD + "LINE X 100\n",
-)  # fmt: skip
-LATER = _rule(
-    "GJ107", _E, "statement of a later version",
-    "{word} belongs to the job language, but this version can't run it yet",
-    "A job that is run without it would burn something else.",
-    bad="SKYWRITE OFF\n",
 )  # fmt: skip
 RESERVED = _rule(
     "GJ108", _E, "name is taken", "{word} is a word of the language and can't be a name: {hint}",
@@ -668,4 +662,92 @@ FIFO_FULL = _rule(
     "this is buffered call {count} before GT_CrdStart, and a FIFO holds {slots}: it would return 1 and be lost, unless "
     "the program starts and sends it again",
     "A program that takes a full FIFO for an error, or does not look, drops the rest of the path.",
+)  # fmt: skip
+
+# GJ8: sky writing.
+_SKY = "SKYWRITE MODE 2 TIMELAG 250us\n"
+_MARK = "LASER ON\nLINE X 5\nLASER OFF\n"
+SKY_LIT = _rule(
+    "GJ801", _E, "light that sky writing can't place",
+    "SKYWRITE with the laser of channel {channel} on: a mark is sky-written as a whole or not at all",
+    "Sky writing begins and ends a mark at speed; light that is on at rest can't be moved along the path.",
+    bad=_HEAD + "LASER POWER 30\nLASER ON\nLINE X 5\n" + _SKY + "LINE X 9\nLASER OFF\n",
+    good=_HEAD + _SKY + "LASER POWER 30\nLASER ON\nLINE X 5\nLINE X 9\nLASER OFF\n", section="RTC5",
+)  # fmt: skip
+SKY_NOW = _also(
+    SKY_LIT, "LASER ON NOW under SKYWRITE: it lights the run-in; write LASER ON, which goes along with the path"
+)
+SKY_STAGE = _also(
+    SKY_LIT,
+    "{word} ends the motion under SKYWRITE while the laser of channel {channel} is on: put LASER OFF before it",
+)
+SKY_DWELL = _also(
+    SKY_LIT,
+    "DWELL with the laser of channel {channel} on under SKYWRITE, which begins and ends every mark at speed: put it "
+    "between SKYWRITE OFF and SKYWRITE",
+)
+SKY_END = _rule(
+    "GJ802", _E, "END under sky writing",
+    "END under SKYWRITE: a mark is run at its VEL from its first to its last point",
+    "An end velocity of its own would brake inside the mark, which sky writing is there to prevent.",
+    bad=_HEAD + _SKY + "LASER POWER 30\nLASER ON\nLINE X 5 END 0\nLASER OFF\n",
+    good=_HEAD + _SKY + "LASER POWER 30\n" + _MARK, section="RTC5",
+)  # fmt: skip
+SKY_SHIFT = _rule(
+    "GJ803", _W, "SHIFT before the run-in",
+    "SHIFT {value} us would switch the light on {early} us before the run-in is at mark speed: it is taken as {least} "
+    "us; raise NPREV",
+    "Light on the way up to speed burns deeper, in front of the mark.",
+    bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT -400us NPREV 11\nLASER POWER 30\n" + _MARK,
+    good=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT -200us NPREV 11\nLASER POWER 30\n" + _MARK, section="RTC5",
+)  # fmt: skip
+SKY_STEP = _rule(
+    "GJ804", _E, "SHIFT between its steps", "SHIFT {value} us is no multiple of 0.5 us",
+    "LaserOnShift is a whole number of half microseconds.",
+    bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT -0.3us\n",
+    good=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT -0.5us\n", section="RTC5",
+)  # fmt: skip
+SKY_OFF = _rule(
+    "GJ805", _W, "TIMELAG that switches sky writing off",
+    "TIMELAG {value} us is below 1/8 us: sky writing is off; write SKYWRITE OFF if that is meant",
+    "The marks have neither run-in nor run-out.",
+    bad="SKYWRITE MODE 2 TIMELAG 0.1us\n", good="SKYWRITE OFF\n", section="RTC5",
+)  # fmt: skip
+SKY_NO_LIMIT = _rule(
+    "GJ806", _W, "LIMIT without corners to decide", "LIMIT has no effect in mode {mode}: modes 1 and 2 begin and end "
+    "at every corner",
+    "Mode 3 may have been meant.",
+    bad="SKYWRITE MODE 2 TIMELAG 250us LIMIT 0.8\n", good="SKYWRITE MODE 3 TIMELAG 250us LIMIT 0.8\n",
+    section="RTC5",
+)  # fmt: skip
+SKY_RUN_OUT = _rule(
+    "GJ807", _N, "run-out shorter than TIMELAG",
+    "the run-out of {run_out} us is over before the light goes off, TIMELAG {timelag} us behind the mark's end: "
+    "velocity follow reads the braking; NPOST {least} would cover it",
+    "Power that follows the velocity goes down while the beam is still marking its last point.",
+    bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 174us NPREV 11 NPOST 9\n",
+    good=_HEAD + "SKYWRITE MODE 2 TIMELAG 174us NPREV 11 NPOST 18\n", section="RTC5",
+)  # fmt: skip
+SKY_FIELD = _rule(
+    "GJ808", _E, "run-in or run-out outside the field",
+    "the {what} of this mark reaches {axis} {value} mm, {over} mm outside the machine's field {low}..{high} mm: shift "
+    "the mark, or make it shorter with less VEL, more ACC or a smaller {word}",
+    "Outside the field the mirrors stand still or the beam hits what stands there.",
+    bad=_HEAD + _SKY + "LASER POWER 30\nJUMP X 149\nLASER ON\nLINE X 150\nLASER OFF\n",
+    good=_HEAD + _SKY + "LASER POWER 30\nJUMP X 147\nLASER ON\nLINE X 148\nLASER OFF\n", section="RTC5",
+)  # fmt: skip
+SKY_ROOM = _rule(
+    "GJ809", _E, "no motion left for the switch",
+    "the light of channel {channel} would have to be switched {what} {early} us {where}: {mend}",
+    "A GUS switches between two motions; where there is none the light would come or go at the wrong point.",
+    bad=_HEAD + "LASER DELAY ON 5000us OFF 5000us\n" + _SKY + "LASER POWER 30\n" + _MARK,
+    good=_HEAD + "LASER DELAY ON 20us OFF 20us\n" + _SKY + "LASER POWER 30\n" + _MARK, section="RTC5",
+)  # fmt: skip
+SKY_DARK = _rule(
+    "GJ810", _W, "mark that SHIFT makes dark",
+    "the light would come {late} us behind the end of this mark: SHIFT is longer than the mark",
+    "The mark is not burnt at all.",
+    bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 5000us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
+    good=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 50us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
+    section="RTC5",
 )  # fmt: skip

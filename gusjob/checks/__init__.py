@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gusjob import rules
-from gusjob.checks import light, motion, power, setup
+from gusjob.checks import light, motion, power, setup, sky
 from gusjob.checks.view import Findings, View, view_of
 from gusjob.diagnostics import Collector, Diagnostic
 from gusjob.job import Job
@@ -44,6 +44,9 @@ CHECKS: tuple[Check, ...] = (
     motion.starving,
     motion.dwells,
     motion.forced_ends,
+    sky.settings,
+    sky.light,
+    sky.forced_ends,
 )
 
 

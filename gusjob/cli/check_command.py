@@ -133,7 +133,7 @@ def _print_statistics(counts: Counter[str]) -> None:
 def judged(path: Path, machine_path: Path | None) -> Loaded:
     """A file with all its diagnostics: for a listing, what the controller would say too."""
     loaded = load(path, machine_path)
-    if loaded.job is not None and loaded.job.has_forced_ends:
+    if loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
         compiled(loaded)
     if loaded.stream is not None:
         from gusjob.interpreter import find_faults

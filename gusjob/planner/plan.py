@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.diagnostics import Diagnostic
 from gusjob.geometry import Segments
-from gusjob.job import Job, Path, Setup
+from gusjob.job import Job, Op, Path, Setup
 from gusjob.machine import Machine
 
 Floats = npt.NDArray[np.float64]
@@ -22,6 +23,22 @@ class Stage:
     first: int
     last: int
     setups: tuple[Setup, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sky:
+    """What sky writing has to do with each row of a plan's path, (n,) each.
+
+    run: stream.Run of a motion that is dark. smooth: a motion that goes on into the next without a corner, whatever
+    rounding to pulses makes of it. ref: of a row that acts in between the row of the mark whose start, or end where
+    `at_end` is set, it goes by, -1 for none; edge_us: when its effect shall come, counted from there.
+    """
+
+    run: npt.NDArray[np.int8]
+    smooth: npt.NDArray[np.bool_]
+    ref: npt.NDArray[np.intp]
+    at_end: npt.NDArray[np.bool_]
+    edge_us: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,4 +60,42 @@ class Plan:
     vel: Floats
     acc: Floats
     vel_end: Floats
+    sky: Sky | None = None
+    mark_end: npt.NDArray[np.intp] | None = None
+    """As in stream.Intent, where there is sky writing."""
     diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def rearranged(state: Plan, source: npt.NDArray[np.intp], columns: dict[str, npt.NDArray[Any]]) -> Plan:
+    """A plan with other rows: row i is like row source[i], but for what `columns` gives anew. No row leaves its stage.
+
+    What hangs on the rows (segments, velocities, sky) is for the caller to make anew.
+    """
+    path = state.path
+    given = {f.name: columns.get(f.name, _taken(getattr(path, f.name), source)) for f in fields(Path)}
+    moves = given["op"] < Op.DWELL
+    if (given["op"] == Op.DWELL).any():
+        # A dwell is where the motion before it ended.
+        last = np.maximum.accumulate(np.where(moves, np.arange(len(source)), -1))
+        for name in ("x", "y"):
+            given[name] = np.where(moves | (last < 0), given[name], given[name][last])
+    firsts = np.array([stage.first for stage in state.stages], dtype=np.intp)
+    ends = np.cumsum(np.bincount(np.searchsorted(firsts, source, side="right") - 1, minlength=len(firsts))).tolist()
+    longer = Path(**given)
+    return replace(
+        state,
+        path=longer,
+        origin=source if state.origin is None else state.origin[source],
+        timed=np.flatnonzero(longer.takes_time),
+        stages=tuple(
+            replace(stage, first=first, last=last)
+            for stage, first, last in zip(state.stages, [0, *ends[:-1]], ends, strict=True)
+        ),
+    )
+
+
+def _taken(column: npt.NDArray[Any], source: npt.NDArray[np.intp]) -> npt.NDArray[Any]:
+    """A column's values at rows; one that is one value for all rows stays so and takes no memory."""
+    if len(column) and column.strides == (0,):
+        return np.broadcast_to(column[0], len(source))
+    return column[source]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gusjob.job import Crd, LookAhead, Setup, Wait, opens_stage
+from gusjob.job import IN_PATH, Setup, Wait, opens_stage
 from gusjob.planner.plan import Plan, Stage
 
 
@@ -18,7 +18,7 @@ def split(state: Plan) -> Plan:
         if opens:
             stages.append(Stage(first=first, last=at, setups=tuple(setups)))
             first, setups = at, []
-        if not isinstance(setup.what, Wait | LookAhead | Crd):
+        if not isinstance(setup.what, (Wait, *IN_PATH)):
             setups.append(setup)
     if setups or first < len(state.path):
         stages.append(Stage(first=first, last=len(state.path), setups=tuple(setups)))

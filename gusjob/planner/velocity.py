@@ -28,25 +28,21 @@ def velocities(state: Plan) -> Plan:
     dwell = state.path.op[timed] == Op.DWELL
     jump = corner_jump(state)
     ahead = np.isfinite(jump)
-    vel = np.where(dwell, 0.0, state.vel)
+    vel = path_velocity(state, jump)
     acc = np.where(dwell, 1.0, state.acc)
-    vel = np.where(ahead, _slowed_on_arcs(state, vel), vel)
-
-    starts = np.searchsorted(timed, [stage.first for stage in state.stages])
-    breaks = np.zeros(n, dtype=np.bool_)
-    breaks[starts[starts < n]] = True
-    breaks[1:] |= dwell[:-1]
-    breaks |= dwell
+    smooth = state.sky.smooth[timed] if state.sky is not None else np.zeros(n, dtype=np.bool_)
+    breaks = starts_at_rest(state)
     limit = np.zeros(n)
     corner = corner_velocity(
         laid.end_x[:-1], laid.end_y[:-1], laid.start_x[1:], laid.start_y[1:], np.where(ahead, jump, 0.0)[:-1]
     )
     look = state.machine.lookahead_time_ms * state.machine.lookahead_acc_pulse_per_ms2
-    limit[:-1] = np.where(ahead[:-1], np.minimum(np.minimum(vel[:-1], vel[1:]), corner), 0.0)
+    corner = np.where(smooth[:-1], np.inf, corner)
+    limit[:-1] = np.where((ahead | smooth)[:-1], np.minimum(np.minimum(vel[:-1], vel[1:]), corner), 0.0)
     limit[:-1][breaks[1:] | dwell[:-1] | dwell[1:]] = 0.0
     forced = np.isfinite(state.vel_end)
     limit = np.where(forced, np.minimum(state.vel_end, vel), limit)
-    if not ahead.any() and not forced.any():
+    if not ahead.any() and not forced.any() and not smooth.any():
         vel_end = limit
     else:
         vel_end = np.minimum(look_ahead(laid.length, acc, limit, breaks), limit)
@@ -65,6 +61,22 @@ def velocities(state: Plan) -> Plan:
         vel_end=np.where(forced, state.vel_end, vel_end),
         diagnostics=tuple(collector.done(rules.MORE)),
     )
+
+
+def path_velocity(state: Plan, jump: Floats) -> Floats:
+    """Velocity of each timed row, (m,) pulse/ms: as written, slower on arcs where look-ahead is on, 0 in a dwell."""
+    vel = np.where(state.path.op[state.timed] == Op.DWELL, 0.0, state.vel)
+    return np.where(np.isfinite(jump), _slowed_on_arcs(state, vel), vel)
+
+
+def starts_at_rest(state: Plan) -> npt.NDArray[np.bool_]:
+    """Timed rows before which motion stands still, (m,): the first of a stage, dwells and what follows them."""
+    dwell = state.path.op[state.timed] == Op.DWELL
+    starts = np.searchsorted(state.timed, [stage.first for stage in state.stages])
+    breaks: npt.NDArray[np.bool_] = dwell.copy()
+    breaks[starts[starts < len(breaks)]] = True
+    breaks[1:] |= dwell[:-1]
+    return breaks
 
 
 def corner_jump(state: Plan) -> Floats:

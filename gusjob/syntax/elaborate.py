@@ -30,6 +30,8 @@ from gusjob.job import (
     PowerNow,
     Setup,
     SetupStatement,
+    SkyWrite,
+    SkyWriting,
     Speeds,
     SwitchNow,
     Trails,
@@ -37,7 +39,7 @@ from gusjob.job import (
     chords,
     with_lines,
 )
-from gusjob.limits import CHANNEL, MODE_LIMIT, PowerMode
+from gusjob.limits import AUTO_SHARE, AUTO_STEPS, CHANNEL, DEFAULT_LIMIT, MODE_LIMIT, PowerMode
 from gusjob.machine import Machine
 from gusjob.motion import running_sum
 from gusjob.syntax.files import SourceMap
@@ -234,7 +236,13 @@ class _Elaboration:
             in_mm=np.concatenate([p[3] for p in parts]),
             inline=np.concatenate([np.full(len(p[0]), p[4]) for p in parts]),
             trail=np.concatenate([self.trail()[p[0]] for p in parts]),
+            at=np.concatenate([self.places(p[0]) - p[4] for p in parts]),
         )
+
+    def places(self, rows: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+        """How many rows of the path stand up to some rows."""
+        before = np.cumsum(_OP_TABLE[self.rows.op] != _NONE)[rows]
+        return before if self.first_piece is None else self.first_piece[before]
 
     def trail(self) -> npt.NDArray[np.int32]:
         """The trail of each row."""
@@ -526,6 +534,8 @@ class _Elaboration:
                 return Crd(crd=words[""], fifo=words.get("FIFO", 0.0))
             case "lookahead":
                 return LookAhead(corner=None if off else self.corner(statement, in_pulse))
+            case "skywrite":
+                return SkyWrite(settings=None if off else _sky_writing(words))
             case _:
                 return Wait()
 
@@ -557,7 +567,7 @@ class _Elaboration:
             high=statement.words["MAX"].value,
             low_unit=unit_of(statement.words["MIN"]),
             high_unit=unit_of(statement.words["MAX"]),
-            actual="ACTUAL" in statement.options,
+            actual="SOURCE ACTUAL" in statement.options,
         )
 
     def scale(self, axis: int) -> float:
@@ -573,6 +583,24 @@ def _mode(mode: PowerMode, words: dict[str, float]) -> LaserMode:
         high=words.get("MAX", limits.high),
         carrier_khz=words.get("CARRIER"),
         pulse_width_us=words.get("WIDTH"),
+    )
+
+
+def _sky_writing(words: dict[str, float]) -> SkyWriting:
+    """NPREV and NPOST by the rule of 0.15 and 0.10 where they are AUTO, or 65535, which says so to an RTC5."""
+    timelag_us = words["TIMELAG"]
+    steps = {word: words.get(word, AUTO_STEPS) for word in AUTO_SHARE}
+    for word, share in AUTO_SHARE.items():
+        if steps[word] == AUTO_STEPS:
+            steps[word] = float(np.floor(share * timelag_us + 0.5))
+    return SkyWriting(
+        mode=words["MODE"],
+        timelag_us=timelag_us,
+        shift_us=words.get("SHIFT", 0.0),
+        nprev=steps["NPREV"],
+        npost=steps["NPOST"],
+        limit=words.get("LIMIT", DEFAULT_LIMIT),
+        limit_given="LIMIT" in words,
     )
 
 

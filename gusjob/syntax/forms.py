@@ -95,6 +95,18 @@ FORMS: dict[str, Form] = {
         name="LOOKAHEAD",
         words={"TIME": _w(Field.VALUE, Kind.TIME, ms=True), "ACC": _w(Field.ACC, Kind.ACCELERATION)},
     ),
+    "skywrite": Form(
+        name="SKYWRITE",
+        words={
+            "MODE": _w(Field.VALUE, Kind.PLAIN),
+            "TIMELAG": _w(Field.LOW, Kind.TIME),
+            "SHIFT": _w(Field.HIGH, Kind.TIME),
+            "NPREV": _w(Field.RATIO, Kind.PLAIN),
+            "NPOST": _w(Field.AT, Kind.PLAIN),
+            "LIMIT": _w(Field.END, Kind.PLAIN),
+        },
+        needs=("MODE", "TIMELAG"),
+    ),
     "DUTY": Form(
         name="LASER MODE DUTY",
         words=_CARRIER,

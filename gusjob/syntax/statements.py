@@ -37,8 +37,6 @@ _TERMINALS = {
     "NAME": "a name",
     "STRING": 'a file in quotes, "setup.job"',
 }
-LATER_WORDS = ("SKYWRITE",)
-"""Words of the language that come with later versions: named, so that nobody takes them for a misspelling."""
 CONTROLS = {"let", "repeat", "for", "if", "else", "end", "def", "call", "frame", "include"}
 """Forms that steer which statements are carried out, and how often."""
 
@@ -153,10 +151,6 @@ def _at(rule: Rule, line: int, column: int, end_column: int, **fields: object) -
 
 def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     fault = misread(error, GRAMMAR, text, _TERMINALS)
-    first = text.split()[0].upper() if text.split() else ""
-    if first in LATER_WORDS or first.partition("(")[0] in LATER_WORDS:
-        start = len(text) - len(text.lstrip()) + 1
-        return _at(rules.LATER, line, start, start + len(first), word=first)
     if not text[: fault.column - 1].strip():
         return _at(rules.UNKNOWN_STATEMENT, line, fault.column, fault.end_column, found=fault.found, hint=fault.hint)
     return _at(
@@ -211,16 +205,21 @@ class _Reader:
             return self.control(tree, form_key, form, column, end_column)
         words: dict[str, Quantity] = {}
         axes: dict[str, dict[str, Quantity]] = {}
+        chosen: set[str] = set()
         options = [h for h in heads if h not in form.name.split() or form_key in ("modal", "laser_switch")]
         for part in subtrees(tree):
             if part.data == "value":
                 self.word(form, "", part, words)
             elif part.data == "word":
+                if tokens(part)[0].type in chosen:
+                    self.twice(tokens(part)[0])
                 self.word(form, tokens(part)[0].type, subtrees(part)[0], words, tokens(part)[0])
             elif part.data == "choice":
-                if {"PLANNED", "ACTUAL"} & set(options):
-                    self.twice(tokens(part)[0])
-                options.append(tokens(part)[1].type)
+                head, choice = tokens(part)[:2]
+                if head.type in chosen or head.type in words:
+                    self.twice(head)
+                chosen.add(head.type)
+                options.append(f"{head.type} {choice.type}")
             elif form_key == "frame":
                 self.shift(tokens(part)[0], part, form, words)
             else:

@@ -1,0 +1,94 @@
+"""Sky writing: its numbers, and what it can't be used with."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gusjob import limits, rules
+from gusjob.checks.light import switched_on
+from gusjob.checks.view import CHANNELS, Bools, Findings, View
+from gusjob.job import Op, Setup, SkyWrite, SkyWriting, SwitchNow, opens_stage
+
+
+def settings(view: View, findings: Findings) -> None:
+    """SKYWRITE: ranges, and what its numbers say together."""
+    for setup in view.setups(SkyWrite):
+        assert isinstance(setup.what, SkyWrite)
+        sky = setup.what.settings
+        if sky is not None and _in_range(findings, setup, sky):
+            _together(findings, setup, sky)
+
+
+def _in_range(findings: Findings, setup: Setup, sky: SkyWriting) -> bool:
+    good = findings.one(setup, sky.mode, limits.SKYWRITE_MODE, "SKYWRITE MODE", "MODE")
+    if findings.one(setup, sky.timelag_us, limits.TIMELAG_US, "TIMELAG", "TIMELAG"):
+        good &= findings.one(setup, sky.nprev, limits.RUN_STEPS, "NPREV, in steps of 10 us,", "NPREV")
+        good &= findings.one(setup, sky.npost, limits.RUN_STEPS, "NPOST, in steps of 10 us,", "NPOST")
+    else:
+        good = False
+    good &= findings.one(setup, sky.limit, limits.CORNER_LIMIT, "LIMIT", "LIMIT")
+    if findings.one(setup, sky.shift_us, limits.SHIFT_US, "SHIFT", "SHIFT"):
+        if sky.shift_us % limits.SHIFT_STEP_US:
+            findings.at(rules.SKY_STEP, setup, "SHIFT", value=sky.shift_us)
+        return good
+    return False
+
+
+def _together(findings: Findings, setup: Setup, sky: SkyWriting) -> None:
+    if not sky.is_on:
+        findings.at(rules.SKY_OFF, setup, "TIMELAG", value=sky.timelag_us)
+        return
+    if sky.mode != 3 and sky.limit_given:
+        findings.at(rules.SKY_NO_LIMIT, setup, "LIMIT", mode=int(sky.mode))
+    early = sky.on_us - (sky.lag_us + sky.shift_us)
+    if early > 0:
+        findings.at(rules.SKY_SHIFT, setup, "SHIFT", value=sky.shift_us, early=early, least=sky.shift_us + early)
+    if sky.run_out_us < sky.lag_us - limits.RUN_STEP_US / 2:
+        least = math.ceil(sky.lag_us / limits.RUN_STEP_US)
+        findings.at(rules.SKY_RUN_OUT, setup, run_out=sky.run_out_us, timelag=sky.lag_us, least=least)
+
+
+def light(view: View, findings: Findings) -> None:
+    """Under sky writing light comes and goes with the path, and a mark is sky-written as a whole."""
+    number, _ = view.job.sky_of_rows()
+    sky = number >= 0
+    if not sky.any():
+        return
+    for setup in view.setups(SkyWrite):
+        _changed_in_light(view, findings, setup)
+    for setup in view.setups(SwitchNow):
+        assert isinstance(setup.what, SwitchNow)
+        if setup.what.on and sky[min(view.stage_first[setup.order], len(sky) - 1)]:
+            findings.at(rules.SKY_NOW, setup)
+    stops = [s for s, opens in zip(view.job.setups, opens_stage(view.job), strict=True) if opens and _under(sky, s.at)]
+    places = np.array([s.at * 2 for s in stops], dtype=np.intp)
+    for channel in CHANNELS:
+        for i in np.flatnonzero(view.lit_at(channel, places)).tolist():
+            findings.at(rules.SKY_STAGE, stops[i], word=stops[i].word, channel=channel)
+        lit, on_line, _, _ = view.lit(channel)
+        dwells = np.flatnonzero((view.job.path.op == Op.DWELL) & lit & sky)
+        remarks = switched_on(view, on_line[dwells])
+        findings.at_rows(rules.SKY_DWELL, dwells, "", channel=channel, remarks=remarks)
+
+
+def _under(sky: Bools, at: int) -> bool:
+    """Whether sky writing is on in front of a row."""
+    return at > 0 and bool(sky[at - 1])
+
+
+def _changed_in_light(view: View, findings: Findings, setup: Setup) -> None:
+    for channel in CHANNELS:
+        if view.lit_at(channel, np.array([setup.at * 2]))[0]:
+            on_line = view.lit(channel)[1][max(setup.at - 1, 0) : max(setup.at, 1)]
+            findings.at(rules.SKY_LIT, setup, remarks=switched_on(view, on_line)(0), channel=channel)
+
+
+def forced_ends(view: View, findings: Findings) -> None:
+    """No END on a mark under sky writing."""
+    path = view.job.path
+    number, _ = view.job.sky_of_rows()
+    forced = np.flatnonzero((number >= 0) & ~np.isnan(path.end) & path.moves)
+    lit = view.lit(0)[0] | view.lit(1)[0]
+    findings.at_rows(rules.SKY_END, forced[lit[forced]], "END")

@@ -1,0 +1,369 @@
+"""Pass: sky writing. Every mark gets a run-in and a run-out: it is at mark speed from its first to its last point.
+
+        jump          run-in          mark               run-out         jump
+    ............P-->-->-->-->-->S==================E-->-->-->-->-->Q............
+                |  v^2/2a  | 10 us * NPREV |       | 10 us * NPOST |  v^2/2a |
+
+RTC5 manual p. 115: run-in and run-out last 10 us * Nprev and Npost at mark speed. Its set path has no acceleration; a
+GUS has, so the way to mark speed lies in front, and the way down behind. Mode 1 comes to P backwards from S, and from Q
+back to E; modes 2 and 3 jump to P, and on from Q. What is straight goes on straight, an arc goes on along its circle.
+The light is moved along the path in a later pass, when it is known how long everything takes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.checks.view import CHANNELS, view_of
+from gusjob.geometry import Segments
+from gusjob.job import SPEED_WORDS, Op, SkyWriting
+from gusjob.planner.layout import layout
+from gusjob.planner.plan import Plan, Sky, rearranged
+from gusjob.planner.sky_field import outside_field
+from gusjob.planner.velocity import corner_jump, path_velocity
+from gusjob.stream import Run
+from gusjob.units import US_PER_MS
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+Bools = npt.NDArray[np.bool_]
+
+_HALF_PULSE = 0.7072
+"""By how much a whole pulse may lie beside the point it stands for: half the diagonal."""
+_SAME_CORNER = 1e-9
+
+# Where added rows stand, from the row of their mark: all of it between the mark's neighbours.
+_ON, _REVERSE, _REVERSE_FAR, _JUMP, _RUN_IN_FAR, _RUN_IN = -0.45, -0.40, -0.35, -0.30, -0.25, -0.20
+_RUN_OUT, _RUN_OUT_FAR, _BACK_FAR, _BACK, _JUMP_BACK, _OFF = 0.20, 0.25, 0.30, 0.35, 0.40, 0.45
+
+
+def sky_writing(state: Plan) -> Plan:
+    """Nothing to do where SKYWRITE is never on."""
+    number, settings = state.job.sky_of_rows()
+    if not settings:
+        return state
+    marks = _marks_of(state, number, settings)
+    if not marks.mark.any():
+        return state
+    assert state.segments is not None
+    rows = _Rows(state=state, laid=state.segments, marks=marks)
+    rows.runs()
+    rows.switches()
+    return outside_field(rows.built())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Marks:
+    """The timed rows of a plan as sky writing sees them, (m,) each.
+
+    mark: is sky-written; joined: goes on from the mark before it without a break; lit: by channel. mode, timings (us)
+    and corner limit of its SKYWRITE. vel, acc: pulse/ms (2), at which it is run.
+    """
+
+    mark: Bools
+    joined: Bools
+    lit: tuple[Bools, Bools]
+    stage: Indices
+    mode: Floats
+    lag_us: Floats
+    on_us: Floats
+    run_in_us: Floats
+    run_out_us: Floats
+    vel: Floats
+    acc: Floats
+
+    @property
+    def begins(self) -> Bools:
+        """Marks that get a run-in."""
+        return self.mark & ~self.joined
+
+    @property
+    def ends(self) -> Bools:
+        """Marks that get a run-out."""
+        return np.asarray(self.mark & ~np.append(self.joined[1:], False))
+
+
+def _marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) -> _Marks:
+    path, timed, laid = state.path, state.timed, state.segments
+    assert laid is not None
+    job_rows = timed if state.origin is None else state.origin[timed]
+    view = view_of(state.job, state.machine)
+    lit = (view.lit(0)[0][job_rows], view.lit(1)[0][job_rows])
+    sky = number[job_rows]
+    op = path.op[timed]
+    mark = (sky >= 0) & (lit[0] | lit[1]) & (op != Op.JUMP) & (op != Op.DWELL)
+
+    def of(name: str) -> Floats:
+        # Rows without sky writing read the 0 at the end.
+        return np.array([*(float(getattr(s, name)) for s in settings), 0.0])[sky]
+
+    mode = of("mode")
+    stage = np.searchsorted([s.first for s in state.stages], timed, side="right") - 1
+    together = mark[1:] & mark[:-1] & (stage[1:] == stage[:-1]) & (sky[1:] == sky[:-1])
+    # The pieces of an arc that became lines are one mark.
+    pieces = (path.line[timed[1:]] == path.line[timed[:-1]]) & (path.trail[timed[1:]] == path.trail[timed[:-1]])
+    pieces &= op[1:] == Op.LINE
+    flat = (mode[1:] == 3) & (_cosines(state, laid) >= of("limit")[1:] - _SAME_CORNER)
+    return _Marks(
+        mark=mark,
+        joined=np.concatenate([[False], together & (pieces | flat)])[: len(mark)],
+        lit=lit,
+        stage=stage,
+        mode=mode,
+        lag_us=of("lag_us"),
+        on_us=of("on_us"),
+        run_in_us=of("run_in_us"),
+        run_out_us=of("run_out_us"),
+        vel=path_velocity(state, corner_jump(state)),
+        acc=state.acc,
+    )
+
+
+def _cosines(state: Plan, laid: Segments) -> Floats:
+    """Cosine of the angle, on the part, by which the path turns between neighbours, (m-1,)."""
+    px, py = state.machine.pulses_per_mm
+    out_x, out_y, in_x, in_y = laid.end_x[:-1] / px, laid.end_y[:-1] / py, laid.start_x[1:] / px, laid.start_y[1:] / py
+    lengths = np.hypot(out_x, out_y) * np.hypot(in_x, in_y)
+    return np.asarray((out_x * in_x + out_y * in_y) / lengths)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """The way beyond one end of marks `at`, (k,) each: along the mark's own line or circle to (x, y), in whole pulses.
+
+    Where it would go round more than half of its circle it leaves it there, straight on to (far_x, far_y): `leaves`.
+    """
+
+    at: Indices
+    x: Floats
+    y: Floats
+    leaves: Bools
+    far_x: Floats
+    far_y: Floats
+
+
+def _run(laid: Segments, at: Indices, length: Floats, *, ahead: bool) -> _Run:
+    """The way beyond the ends of marks (`ahead`), or before their starts."""
+    from_x, from_y = (laid.x1[at], laid.y1[at]) if ahead else (laid.x0[at], laid.y0[at])
+    way = 1.0 if ahead else -1.0
+    dx, dy = (laid.end_x[at], laid.end_y[at]) if ahead else (laid.start_x[at], laid.start_y[at])
+    x, y = _beyond(from_x, from_y, way * dx, way * dy, length)
+    far_x, far_y, leaves = x, y, np.zeros(len(at), dtype=np.bool_)
+    if len(laid.arc_at):
+        number = np.minimum(np.searchsorted(laid.arc_at, at), len(laid.arc_at) - 1)
+        round_ = np.flatnonzero(laid.arc_at[number] == at)
+        arcs, which = laid.arcs, number[round_]
+        sense = np.sign(arcs.sweep[which]) * way
+        begin = arcs.angle[which] + (arcs.sweep[which] if ahead else 0.0)
+        radius = arcs.radius[which]
+        along = np.minimum(length[round_] + _HALF_PULSE, np.pi * radius)
+        angle = begin + sense * along / radius
+        x[round_] = np.rint(arcs.cx[which] + radius * np.cos(angle)) + 0.0
+        y[round_] = np.rint(arcs.cy[which] + radius * np.sin(angle)) + 0.0
+        rest = length[round_] - along
+        leaves[round_] = rest > _HALF_PULSE
+        far_x, far_y = x.copy(), y.copy()
+        far_x[round_], far_y[round_] = _beyond(
+            x[round_], y[round_], -np.sin(angle) * sense, np.cos(angle) * sense, np.maximum(rest, 0.0)
+        )
+    return _Run(at=at, x=x, y=y, leaves=leaves, far_x=far_x, far_y=far_y)
+
+
+def _beyond(x: Floats, y: Floats, dx: Floats, dy: Floats, length: Floats) -> tuple[Floats, Floats]:
+    """Whole pulses at least a length away in a direction: a run-in that rounding shortens would miss its speed."""
+    to_x, to_y = np.rint(x + dx * length), np.rint(y + dy * length)
+    short = np.hypot(to_x - x, to_y - y) < length - 1e-6
+    more = length + _HALF_PULSE
+    return (
+        np.where(short, np.rint(x + dx * more), to_x) + 0.0,
+        np.where(short, np.rint(y + dy * more), to_y) + 0.0,
+    )
+
+
+@dataclass(slots=True, kw_only=True)
+class _Rows:
+    """The rows of a plan and those that sky writing adds, each with a place among them: row r has place r."""
+
+    state: Plan
+    laid: Segments
+    marks: _Marks
+    places: list[Floats] = field(default_factory=list)
+    sources: list[Indices] = field(default_factory=list)
+    changes: list[dict[str, Any]] = field(default_factory=list)
+    moved: list[tuple[Indices, Floats, Floats]] = field(default_factory=list)
+    """Rows that end somewhere else now: jumps that go to a run-in."""
+    refs: list[tuple[Indices, Indices, bool, Floats]] = field(default_factory=list)
+    """Rows that go by a mark's row, by its start or its end, and when their effect shall come, us."""
+
+    def add(self, rows: Indices, shift: float, **changes: Any) -> None:
+        """Rows like `rows` of the path with some columns changed, `shift` places behind them."""
+        self.places.append(np.asarray(rows + shift, dtype=np.float64))
+        self.sources.append(rows)
+        self.changes.append(changes)
+
+    def runs(self) -> None:
+        """The run-ins and run-outs of all marks, and the ways to and from them."""
+        marks = self.marks
+        for at, ahead in ((np.flatnonzero(marks.begins), False), (np.flatnonzero(marks.ends), True)):
+            vel, acc = marks.vel[at], marks.acc[at]
+            time_us = (marks.run_out_us if ahead else marks.run_in_us)[at]
+            run = _run(self.laid, at, vel * time_us / US_PER_MS + vel * vel / (2 * acc), ahead=ahead)
+            (self.run_out if ahead else self.run_in)(run)
+
+    def run_in(self, run: _Run) -> None:
+        """From P to S; before it to P backwards from S, or by a jump."""
+        marks, at = self.marks, run.at
+        first = marks.mode[at] == 1
+        self.piece(run, first, _REVERSE, Run.RUN_IN, run.x, run.y, back=True, smooth=run.leaves)
+        self.piece(run, first & run.leaves, _REVERSE_FAR, Run.RUN_IN, run.far_x, run.far_y, straight=True)
+        self.piece(run, run.leaves, _RUN_IN_FAR, Run.RUN_IN, run.x, run.y, straight=True, smooth=True)
+        self.piece(run, np.True_, _RUN_IN, Run.RUN_IN, self.laid.x0[at], self.laid.y0[at], smooth=True)
+        before = self.straight_before(at)
+        moves = ~first & (before >= 0)
+        self.moved.append((self.state.timed[before[moves]], run.far_x[moves], run.far_y[moves]))
+        self.jump(run, ~first & (before < 0), _JUMP, run.far_x, run.far_y)
+
+    def run_out(self, run: _Run) -> None:
+        """From E to Q; behind it back to E, where it has to be so."""
+        marks, at = self.marks, run.at
+        first = marks.mode[at] == 1
+        self.piece(run, np.True_, _RUN_OUT, Run.RUN_OUT, run.x, run.y, smooth=run.leaves)
+        self.piece(run, run.leaves, _RUN_OUT_FAR, Run.RUN_OUT, run.far_x, run.far_y, straight=True)
+        self.piece(run, first & run.leaves, _BACK_FAR, Run.RUN_OUT, run.x, run.y, straight=True, smooth=True)
+        self.piece(run, first, _BACK, Run.RUN_OUT, self.laid.x1[at], self.laid.y1[at], back=True)
+        self.jump(run, ~first & self.must_return(at), _JUMP_BACK, self.laid.x1[at], self.laid.y1[at])
+
+    def piece(
+        self, run: _Run, where: Bools | np.bool_, shift: float, kind: Run, x: Floats, y: Floats, *,
+        straight: bool = False, back: bool = False, smooth: Bools | bool = False,
+    ) -> None:  # fmt: skip
+        """A piece of the run of the marks in `where`, at mark speed: as they are bent, or `straight`; or `back`."""
+        pick = np.broadcast_to(where, len(run.at))
+        at = run.at[pick]
+        rows, path = self.state.timed[at], self.state.path
+        self.add(
+            rows, shift, x=x[pick], y=y[pick], op=np.uint8(Op.LINE) if straight else path.op[rows],
+            ccw=path.ccw[rows] != back, radius=np.abs(path.radius[rows]), end=np.nan,
+            vel=self.marks.vel[at], acc=self.marks.acc[at], vel_in_mm=False, acc_in_mm=False,
+            run=np.int8(kind), smooth=np.broadcast_to(smooth, len(run.at))[pick],
+        )  # fmt: skip
+
+    def jump(self, run: _Run, where: Bools, shift: float, x: Floats, y: Floats) -> None:
+        """Jumps that are not the job's own, at the JUMPVEL and JUMPACC in force."""
+        rows = self.state.timed[run.at[where]]
+        vel, vel_in_mm = self.jump_speed(rows, "VEL")
+        acc, acc_in_mm = self.jump_speed(rows, "ACC")
+        self.add(
+            rows, shift, op=np.uint8(Op.JUMP), x=x[where], y=y[where], end=np.nan,
+            vel=vel, acc=acc, vel_in_mm=vel_in_mm, acc_in_mm=acc_in_mm,
+        )  # fmt: skip
+
+    def jump_speed(self, rows: Indices, word: str) -> tuple[Floats, Bools]:
+        """JUMPVEL or JUMPACC in force at marks' rows, by default VEL or ACC; and whether it was written in mm."""
+        path, written = self.state.path, self.state.job.speeds
+        own, own_mm = (path.vel, path.vel_in_mm) if word == "VEL" else (path.acc, path.acc_in_mm)
+        which = np.flatnonzero(written.word == SPEED_WORDS.index(f"JUMP{word}"))
+        if not len(which):
+            return own[rows], own_mm[rows]
+        job_rows = rows if self.state.origin is None else self.state.origin[rows]
+        last = np.searchsorted(written.at[which], job_rows, side="right") - 1
+        at = which[last]
+        return np.where(last >= 0, written.value[at], own[rows]), np.where(last >= 0, written.in_mm[at], own_mm[rows])
+
+    def straight_before(self, at: Indices) -> Indices:
+        """The dark straight motion that leads to each mark, dwells apart, as timed row; -1 where there is none."""
+        marks, op = self.marks, self.state.path.op[self.state.timed]
+        moving = np.maximum.accumulate(np.where(op == Op.DWELL, -1, np.arange(len(op))))
+        before = np.where(at > 0, moving[at - 1], -1)
+        dark = (op == Op.JUMP) | ((op == Op.LINE) & ~marks.lit[0] & ~marks.lit[1])
+        leads = (before >= 0) & dark[before] & (marks.stage[before] == marks.stage[at])
+        return np.where(leads, before, -1)
+
+    def must_return(self, at: Indices) -> Bools:
+        """Whether the head has to be at a mark's end again: what follows starts there, or the light needs the time."""
+        marks, op = self.marks, self.state.path.op[self.state.timed]
+        count = len(op)
+        moving = np.minimum.accumulate(np.where(op == Op.DWELL, count, np.arange(count))[::-1])[::-1]
+        after = np.append(moving, [count, count])[at + 1]
+        free = np.append(marks.begins | (op == Op.JUMP) | ((op == Op.LINE) & ~marks.lit[0] & ~marks.lit[1]), True)
+        still = np.append(op == Op.DWELL, True)[at + 1] | (np.append(marks.stage, -1)[at + 1] != marks.stage[at])
+        moves_us = marks.run_out_us[at] + marks.vel[at] / marks.acc[at] * US_PER_MS
+        return np.asarray(~free[after] | (still & (moves_us < marks.lag_us[at])))
+
+    def switches(self) -> None:
+        """Light goes off and on again at a corner where the path is broken; what acts in between goes by its mark."""
+        path, timed, marks = self.state.path, self.state.timed, self.marks
+        for channel in CHANNELS:
+            lit = marks.lit[channel]
+            lit_before, lit_after = np.append(False, lit[:-1]), np.append(lit[1:], False)
+            begin = np.flatnonzero(marks.mark & lit & (marks.begins | ~lit_before))
+            end = np.flatnonzero(marks.mark & lit & (marks.ends | ~lit_after))
+            mine = path.channel == channel
+            on, off = np.flatnonzero((path.op == Op.ON) & mine), np.flatnonzero((path.op == Op.OFF) & mine)
+            # The last ON before a mark, the first OFF behind it; where none stands right there, one is added.
+            found_on = np.append(on, -1)[np.searchsorted(on, timed[begin]) - 1]
+            self.switch(Op.ON, channel, begin, found_on, found_on > np.append(timed, -1)[begin - 1])
+            found_off = np.append(off, len(path))[np.searchsorted(off, timed[end])]
+            self.switch(Op.OFF, channel, end, found_off, found_off < np.append(timed, len(path))[end + 1])
+        powers = np.flatnonzero((path.op == Op.POWER) | (path.op == Op.FOLLOW))
+        inside = np.searchsorted(timed, powers)
+        in_mark = np.append(marks.joined, False)[inside]
+        at = inside[in_mark]
+        self.refs.append((powers[in_mark], timed[at], False, marks.lag_us[at]))
+
+    def switch(self, op: Op, channel: int, at: Indices, found: Indices, has: Bools) -> None:
+        """The switch rows of a channel for marks: those found, and new ones."""
+        off = op is Op.OFF
+        edge_us = (self.marks.lag_us if off else self.marks.on_us)[at]
+        rows = self.state.timed[at]
+        self.refs.append((found[has], rows[has], off, edge_us[has]))
+        none = ~has
+        self.add(
+            rows[none], _OFF if off else _ON, op=np.uint8(op), channel=np.int8(channel),
+            ref=rows[none], at_end=off, edge_us=edge_us[none],
+        )  # fmt: skip
+
+    def built(self) -> Plan:
+        """The plan with all of its rows in order, laid out again."""
+        path, n = self.state.path, len(self.state.path)
+        source = np.concatenate([np.arange(n), *self.sources])
+        order = np.argsort(np.concatenate([np.arange(n, dtype=np.float64), *self.places]), kind="stable")
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        own: dict[str, npt.NDArray[Any]] = {"x": path.x.copy(), "y": path.y.copy(), **_no_sky(n)}
+        for rows, x, y in self.moved:
+            own["x"][rows], own["y"][rows] = x, y
+        for rows, ref, at_end, edge_us in self.refs:
+            own["ref"][rows], own["at_end"][rows], own["edge_us"][rows] = ref, at_end, edge_us
+        own["smooth"][self.state.timed[self.marks.ends]] = True
+        # What of a mark is dark lies before its light.
+        own["run"][self.state.timed[self.marks.mark]] = Run.RUN_IN
+        columns = {
+            name: self.column(name, own.get(name, getattr(path, name, None)))[order]
+            for name in {*own, *(name for change in self.changes for name in change)}
+        }
+        columns["ref"] = np.where(columns["ref"] >= 0, rank[columns["ref"]], -1)
+        sky = Sky(**{f.name: columns.pop(f.name) for f in fields(Sky)})
+        longer = rearranged(self.state, source[order], columns)
+        return layout(replace(longer, sky=sky))
+
+    def column(self, name: str, own: Any) -> npt.NDArray[Any]:
+        """A column of the job's own rows, and behind it that of the added ones: changed, or their source's."""
+        parts = [own]
+        for change, rows in zip(self.changes, self.sources, strict=True):
+            value = change.get(name, _NO_SKY.get(name)) if name in _NO_SKY else change.get(name, own[rows])
+            parts.append(np.broadcast_to(np.asarray(value, dtype=own.dtype), len(rows)))
+        return np.concatenate(parts)
+
+
+_NO_SKY: dict[str, Any] = {
+    "run": np.int8(Run.NONE), "smooth": np.False_, "ref": np.intp(-1), "at_end": np.False_, "edge_us": np.float64(0.0),
+}  # fmt: skip
+
+
+def _no_sky(count: int) -> dict[str, npt.NDArray[Any]]:
+    return {name: np.full(count, value) for name, value in _NO_SKY.items()}
