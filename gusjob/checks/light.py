@@ -167,6 +167,7 @@ def delays_against_path(view: View, findings: Findings) -> None:
     """
     path = view.job.path
     timed = np.flatnonzero(path.takes_time)
+    sky = np.append(view.job.sky_of_rows()[0] >= 0, False)  # It makes up for delays.
     for channel in CHANNELS:
         keys, on, _ = view.switches(channel)
         places, on_us, off_us = _delays_in_force(view, channel)
@@ -178,6 +179,7 @@ def delays_against_path(view: View, findings: Findings) -> None:
         force = np.searchsorted(places, keys[:-1], side="right") - 1
         ons, offs = on_us[force], off_us[force]
         buffered = (keys % 2 == 1) & np.concatenate([[True], keys[1:] % 2 == 1])
+        buffered[:-1] &= ~sky[keys[:-1] // 2]
         marks = np.flatnonzero(on[:-1] & ~on[1:] & (ons > most_us) & (most_us > 0) & buffered[:-1])
         for none, lost in ((True, "no light comes at all"), (False, "light comes when the mark is over")):
             which = marks[(ons[marks] >= most_us[marks] + offs[marks]) == none]

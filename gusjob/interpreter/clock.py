@@ -25,6 +25,8 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 _ARC_SLACK_PULSE = 3.0
+_ROUNDING_PULSE = 2**0.5
+"""By how much rounding moves one end of a segment against the other, across it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +182,11 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
     jump = end[:-1] * np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
     jump = np.append(np.where(np.diff(clock.stage) == 0, jump, 0.0), 0.0)
-    reporter.add(rules.SHARP_CORNER, jump > limit * (1 + 1e-6), value=end, jump=jump, limit=np.full(len(jump), limit))
+    # The ends are whole pulses: a straight line through points that are each off by half a pulse turns by so much.
+    turns = np.where(laid.length > 0, _ROUNDING_PULSE / np.maximum(laid.length, 1e-9), 0.0)
+    rounding = np.append(np.where(jump[:-1] > 0, end[:-1] * (turns[:-1] + turns[1:]), 0.0), 0.0)
+    sharp = jump - rounding > limit * (1 + 1e-6)
+    reporter.add(rules.SHARP_CORNER, sharp, value=end, jump=jump, limit=np.full(len(jump), limit))
     _arc_faults(calls, clock, reporter)
     x_low, x_high = np.minimum(laid.x0, laid.x1), np.maximum(laid.x0, laid.x1)
     y_low, y_high = np.minimum(laid.y0, laid.y1), np.maximum(laid.y0, laid.y1)

@@ -27,15 +27,18 @@ class Stage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sky:
-    """What sky writing has to do with each row of a plan's path, (n,) each.
+    """What sky writing has to do with a plan's path.
 
-    run: stream.Run of a motion that is dark. smooth: a motion that goes on into the next without a corner, whatever
-    rounding to pulses makes of it. ref: of a row that acts in between the row of the mark whose start, or end where
-    `at_end` is set, it goes by, -1 for none; edge_us: when its effect shall come, counted from there.
+    For each row, (n,): `run`, stream.Run of a motion that is dark; `smooth`, a motion that goes on into the next
+    without a corner, whatever rounding to pulses makes of it.
+
+    For each row that goes by a mark, (g,) ascending: its `row`; `ref`, the row of the mark whose start, or end where
+    `at_end` is set, it goes by; `edge_us`, when its effect shall come, counted from there.
     """
 
     run: npt.NDArray[np.int8]
     smooth: npt.NDArray[np.bool_]
+    row: npt.NDArray[np.intp]
     ref: npt.NDArray[np.intp]
     at_end: npt.NDArray[np.bool_]
     edge_us: Floats
@@ -79,8 +82,10 @@ def rearranged(state: Plan, source: npt.NDArray[np.intp], columns: dict[str, npt
         last = np.maximum.accumulate(np.where(moves, np.arange(len(source)), -1))
         for name in ("x", "y"):
             given[name] = np.where(moves | (last < 0), given[name], given[name][last])
-    firsts = np.array([stage.first for stage in state.stages], dtype=np.intp)
-    ends = np.cumsum(np.bincount(np.searchsorted(firsts, source, side="right") - 1, minlength=len(firsts))).tolist()
+    ends = [len(source)]
+    if len(state.stages) > 1:
+        stage = np.searchsorted([stage.first for stage in state.stages], source, side="right") - 1
+        ends = np.cumsum(np.bincount(stage, minlength=len(state.stages))).tolist()
     longer = Path(**given)
     return replace(
         state,

@@ -12,7 +12,7 @@ The light is moved along the path in a later pass, when it is known how long eve
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -107,7 +107,9 @@ def _marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) ->
     # The pieces of an arc that became lines are one mark.
     pieces = (path.line[timed[1:]] == path.line[timed[:-1]]) & (path.trail[timed[1:]] == path.trail[timed[:-1]])
     pieces &= op[1:] == Op.LINE
-    flat = (mode[1:] == 3) & (_cosines(state, laid) >= of("limit")[1:] - _SAME_CORNER)
+    flat = np.zeros(len(together), dtype=np.bool_)
+    asked = np.flatnonzero(together & (mode[1:] == 3))
+    flat[asked] = _cosines(state, laid, asked) >= of("limit")[asked + 1] - _SAME_CORNER
     return _Marks(
         mark=mark,
         joined=np.concatenate([[False], together & (pieces | flat)])[: len(mark)],
@@ -123,12 +125,16 @@ def _marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) ->
     )
 
 
-def _cosines(state: Plan, laid: Segments) -> Floats:
-    """Cosine of the angle, on the part, by which the path turns between neighbours, (m-1,)."""
+def _cosines(state: Plan, laid: Segments, at: Indices) -> Floats:
+    """Cosine of the angle, on the part, by which the path turns behind timed rows."""
     px, py = state.machine.pulses_per_mm
-    out_x, out_y, in_x, in_y = laid.end_x[:-1] / px, laid.end_y[:-1] / py, laid.start_x[1:] / px, laid.start_y[1:] / py
-    lengths = np.hypot(out_x, out_y) * np.hypot(in_x, in_y)
-    return np.asarray((out_x * in_x + out_y * in_y) / lengths)
+    out_x, out_y, in_x, in_y = (
+        laid.end_x[at] / px,
+        laid.end_y[at] / py,
+        laid.start_x[at + 1] / px,
+        laid.start_y[at + 1] / py,
+    )
+    return np.asarray((out_x * in_x + out_y * in_y) / (np.hypot(out_x, out_y) * np.hypot(in_x, in_y)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,11 +202,14 @@ class _Rows:
     changes: list[dict[str, Any]] = field(default_factory=list)
     moved: list[tuple[Indices, Floats, Floats]] = field(default_factory=list)
     """Rows that end somewhere else now: jumps that go to a run-in."""
-    refs: list[tuple[Indices, Indices, bool, Floats]] = field(default_factory=list)
-    """Rows that go by a mark's row, by its start or its end, and when their effect shall come, us."""
+    refs: list[tuple[Indices, Indices, Bools, Floats]] = field(default_factory=list)
+    """Rows (the added ones counted behind the job's own) that go by a mark's row, by its start or its end, and when
+    their effect shall come, us."""
 
     def add(self, rows: Indices, shift: float, **changes: Any) -> None:
         """Rows like `rows` of the path with some columns changed, `shift` places behind them."""
+        if not len(rows):
+            return
         self.places.append(np.asarray(rows + shift, dtype=np.float64))
         self.sources.append(rows)
         self.changes.append(changes)
@@ -313,19 +322,16 @@ class _Rows:
         inside = np.searchsorted(timed, powers)
         in_mark = np.append(marks.joined, False)[inside]
         at = inside[in_mark]
-        self.refs.append((powers[in_mark], timed[at], False, marks.lag_us[at]))
+        self.refs.append((powers[in_mark], timed[at], np.zeros(len(at), dtype=np.bool_), marks.lag_us[at]))
 
     def switch(self, op: Op, channel: int, at: Indices, found: Indices, has: Bools) -> None:
         """The switch rows of a channel for marks: those found, and new ones."""
-        off = op is Op.OFF
+        off, path = op is Op.OFF, self.state.path
         edge_us = (self.marks.lag_us if off else self.marks.on_us)[at]
         rows = self.state.timed[at]
-        self.refs.append((found[has], rows[has], off, edge_us[has]))
-        none = ~has
-        self.add(
-            rows[none], _OFF if off else _ON, op=np.uint8(op), channel=np.int8(channel),
-            ref=rows[none], at_end=off, edge_us=edge_us[none],
-        )  # fmt: skip
+        added = len(path) + sum(map(len, self.sources)) + np.cumsum(~has) - 1
+        self.refs.append((np.where(has, found, added), rows, np.full(len(at), off), edge_us))
+        self.add(rows[~has], _OFF if off else _ON, op=np.uint8(op), channel=np.int8(channel))
 
     def built(self) -> Plan:
         """The plan with all of its rows in order, laid out again."""
@@ -334,36 +340,41 @@ class _Rows:
         order = np.argsort(np.concatenate([np.arange(n, dtype=np.float64), *self.places]), kind="stable")
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        own: dict[str, npt.NDArray[Any]] = {"x": path.x.copy(), "y": path.y.copy(), **_no_sky(n)}
+        own: dict[str, npt.NDArray[Any]] = {
+            "x": path.x.copy(), "y": path.y.copy(),
+            "run": np.full(n, Run.NONE, dtype=np.int8), "smooth": np.zeros(n, dtype=np.bool_),
+        }  # fmt: skip
         for rows, x, y in self.moved:
             own["x"][rows], own["y"][rows] = x, y
-        for rows, ref, at_end, edge_us in self.refs:
-            own["ref"][rows], own["at_end"][rows], own["edge_us"][rows] = ref, at_end, edge_us
         own["smooth"][self.state.timed[self.marks.ends]] = True
         # What of a mark is dark lies before its light.
         own["run"][self.state.timed[self.marks.mark]] = Run.RUN_IN
         columns = {
-            name: self.column(name, own.get(name, getattr(path, name, None)))[order]
+            name: self.column(name, own[name] if name in own else getattr(path, name))[order]
             for name in {*own, *(name for change in self.changes for name in change)}
+            if name in own or not self.is_constant(name)
         }
-        columns["ref"] = np.where(columns["ref"] >= 0, rank[columns["ref"]], -1)
-        sky = Sky(**{f.name: columns.pop(f.name) for f in fields(Sky)})
+        run, smooth = columns.pop("run"), columns.pop("smooth")
         longer = rearranged(self.state, source[order], columns)
-        return layout(replace(longer, sky=sky))
+        return layout(replace(longer, sky=self.sky(run, smooth, rank)))
 
-    def column(self, name: str, own: Any) -> npt.NDArray[Any]:
+    def is_constant(self, name: str) -> bool:
+        """Whether a column is one value in all rows, the added ones too."""
+        own = getattr(self.state.path, name)
+        changed = [change[name] for change in self.changes if name in change]
+        return own.strides == (0,) and all(np.array_equal(np.unique(c), own[:1], equal_nan=True) for c in changed)
+
+    def column(self, name: str, own: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """A column of the job's own rows, and behind it that of the added ones: changed, or their source's."""
         parts = [own]
         for change, rows in zip(self.changes, self.sources, strict=True):
-            value = change.get(name, _NO_SKY.get(name)) if name in _NO_SKY else change.get(name, own[rows])
+            value = change.get(name, 0 if name in ("run", "smooth") else own[rows])
             parts.append(np.broadcast_to(np.asarray(value, dtype=own.dtype), len(rows)))
         return np.concatenate(parts)
 
-
-_NO_SKY: dict[str, Any] = {
-    "run": np.int8(Run.NONE), "smooth": np.False_, "ref": np.intp(-1), "at_end": np.False_, "edge_us": np.float64(0.0),
-}  # fmt: skip
-
-
-def _no_sky(count: int) -> dict[str, npt.NDArray[Any]]:
-    return {name: np.full(count, value) for name, value in _NO_SKY.items()}
+    def sky(self, run: npt.NDArray[np.int8], smooth: Bools, rank: Indices) -> Sky:
+        """What the later passes need, of the rows at their new ranks."""
+        row, ref, at_end, edge_us = (np.concatenate(parts) for parts in zip(*self.refs, strict=True))
+        row, ref = rank[row], rank[ref]
+        order = np.argsort(row)
+        return Sky(run=run, smooth=smooth, row=row[order], ref=ref[order], at_end=at_end[order], edge_us=edge_us[order])

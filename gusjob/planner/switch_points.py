@@ -9,7 +9,7 @@ without them: the RTC5 ignores its own while sky writing is on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from gusjob.geometry import Segments
 from gusjob.job import LaserDelay, LaserFpk, Op
 from gusjob.motion import Trapezoids, distance_run, reached_ends, running_sum, trapezoids
 from gusjob.planner.layout import layout
-from gusjob.planner.plan import Plan, Sky, rearranged
+from gusjob.planner.plan import Plan, rearranged
 from gusjob.planner.velocity import starts_at_rest
 from gusjob.units import US_PER_MS
 
@@ -79,30 +79,36 @@ def _timeline(state: Plan) -> _Timeline:
 class _Events:
     """Rows that act in between, (e,) in job order.
 
-    boundary: how many timed rows stand before; goes: goes by a mark; time_ms: when it is to be called.
+    boundary: how many timed rows stand before; time_ms: when it is to be called. Of those that go by a mark, (g,):
+    `goes`, which of the events; `ref`, the mark's number among the timed rows; its stage; their op.
     """
 
     row: Indices
     boundary: Indices
-    stage: Indices
-    goes: Bools
     time_ms: Floats
+    goes: Indices
+    ref: Indices
+    stage: Indices
+    op: npt.NDArray[np.uint8]
 
 
 def _events(state: Plan, timeline: _Timeline) -> _Events:
-    path, timed, sky = state.path, state.timed, state.sky
+    path, sky = state.path, state.sky
     assert sky is not None
-    row = np.flatnonzero(~path.takes_time)
-    boundary = np.searchsorted(timed, row)
-    stage = np.searchsorted([s.first for s in state.stages], row, side="right") - 1
-    goes = sky.ref[row] >= 0
-    by = np.searchsorted(timed, sky.ref[row]) + sky.at_end[row]
-    kind = np.select([path.op[row] == Op.ON, path.op[row] == Op.OFF], [_ON, _OFF], 0)
-    edge_ms = timeline.times[by] + sky.edge_us[row] / US_PER_MS
-    call_ms = edge_ms - _delays_us(state)[stage, path.channel[row], kind] / US_PER_MS
-    return _Events(
-        row=row, boundary=boundary, stage=stage, goes=goes, time_ms=np.where(goes, call_ms, timeline.times[boundary])
-    )
+    takes_time = path.takes_time
+    timed_before: Indices = np.cumsum(takes_time) - takes_time
+    row = np.flatnonzero(~takes_time)
+    boundary = timed_before[row]
+    goes = (np.cumsum(~takes_time) - 1)[sky.row]
+    ref = timed_before[sky.ref]
+    stage = timeline.stage[ref]
+    op = path.op[sky.row]
+    late_us = _delays_us(state)[
+        stage, path.channel[sky.row], np.where(op == Op.ON, _ON, np.where(op == Op.OFF, _OFF, 0))
+    ]
+    time_ms = timeline.times[boundary]
+    time_ms[goes] = timeline.times[ref + sky.at_end] + (sky.edge_us - late_us) / US_PER_MS
+    return _Events(row=row, boundary=boundary, goes=goes, ref=ref, stage=stage, op=op, time_ms=time_ms)
 
 
 def _delays_us(state: Plan) -> Floats:
@@ -143,8 +149,8 @@ class _Points:
 def _points(state: Plan, timeline: _Timeline, events: _Events) -> _Points:
     laid, times = state.segments, timeline.times
     assert laid is not None
-    goes = np.flatnonzero(events.goes)
-    first, behind = timeline.stage_first[events.stage[goes]], timeline.stage_first[events.stage[goes] + 1]
+    goes = events.goes
+    first, behind = timeline.stage_first[events.stage], timeline.stage_first[events.stage + 1]
     time = np.clip(events.time_ms[goes], times[first], times[behind])
     at = np.clip(np.searchsorted(times[1:], time, side="left"), first, behind - 1)
     run = distance_run(timeline.profile, at, np.clip(time - times[at], 0.0, times[at + 1] - times[at]))
@@ -210,8 +216,8 @@ def _split(state: Plan, timeline: _Timeline, events: _Events, points: _Points) -
     assert longer.segments is not None
     return replace(
         longer,
-        sky=Sky(**{f.name: getattr(sky, f.name)[source] for f in fields(Sky)}),
-        mark_end=_mark_ends(state, source, order, pieces, longer.timed),
+        sky=replace(sky, run=sky.run[source], smooth=sky.smooth[source]),
+        mark_end=_mark_ends(events, order, pieces, longer.timed),
         vel=state.vel[pieces.cell],
         acc=state.acc[pieces.cell],
         vel_end=pieces.end_velocities(state, timeline.profile, longer.segments.length),
@@ -248,8 +254,10 @@ class _Pieces:
         ends = np.where(last, state.vel_end[cell], 0.0)
         if not len(at):
             return ends
-        begin, behind = np.searchsorted(cell, cell[at]), np.searchsorted(cell, cell[at], side="right")
-        padded, own = np.append(length, 0.0), cell[at]
+        own = cell[at]
+        behind = np.append(0, np.flatnonzero(last) + 1)
+        begin, behind = behind[own], behind[own + 1]
+        padded = np.append(length, 0.0)
         run = np.add.reduceat(padded, np.column_stack([begin, at + 1]).ravel())[::2]
         left = np.add.reduceat(padded, np.column_stack([at + 1, behind]).ravel())[::2]
         start, peak, end, acc = profile.start[own], profile.peak[own], profile.end[own], profile.acc[own]
@@ -259,36 +267,35 @@ class _Pieces:
         return ends
 
 
-def _mark_ends(state: Plan, source: Indices, order: Indices, pieces: _Pieces, timed: Indices) -> Indices:
+def _mark_ends(events: _Events, order: Indices, pieces: _Pieces, timed: Indices) -> Indices:
     """As in stream.Intent: the first piece of the mark that a light-on goes by, the last of a light-off's."""
-    sky, op = state.sky, state.path.op[source]
-    assert sky is not None
-    ref = sky.ref[source]
-    found = np.full(len(source), -1, dtype=np.intp)
-    for switch, side in ((Op.ON, "left"), (Op.OFF, "right")):
-        at = np.flatnonzero((ref >= 0) & (op == switch))
-        cell = np.searchsorted(state.timed, ref[at])
-        place = np.searchsorted(pieces.cell, cell, side="left" if side == "left" else "right") - (side == "right")
-        found[at] = timed[place]
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    behind = np.append(0, np.flatnonzero(np.append(pieces.cell[1:] != pieces.cell[:-1], True)) + 1)
+    found = np.full(len(order), -1, dtype=np.intp)
+    motions = len(timed)
+    for switch, piece in ((Op.ON, behind[events.ref]), (Op.OFF, behind[events.ref + 1] - 1)):
+        mine = events.op == switch
+        found[rank[motions + events.goes[mine]]] = timed[piece[mine]]
     return found
 
 
 def _faults(state: Plan, timeline: _Timeline, events: _Events) -> list[Diagnostic]:
     """Where a switch can't come when it should: no motion runs then, or it would come before what it follows."""
-    times, path = timeline.times, state.path
+    times = timeline.times
     collector = Collector(state.job.name)
-    op, time = path.op[events.row], events.time_ms
-    switch = events.goes & ((op == Op.ON) | (op == Op.OFF))
+    rows, time = events.row[events.goes], events.time_ms[events.goes]
+    cell = np.minimum(np.searchsorted(times[1:], time, side="left"), len(timeline.stage) - 1)
+    dwell = state.path.op[state.timed[cell]] == Op.DWELL
+    waited = np.zeros(len(events.row))
+    for channel in CHANNELS:
+        mine = np.flatnonzero(state.path.channel[events.row] == channel)
+        waited[mine] = np.maximum.accumulate(events.time_ms[mine]) - events.time_ms[mine]
     before = times[timeline.stage_first[events.stage]] - time
     behind = time - times[timeline.stage_first[events.stage + 1]]
-    cell = np.clip(np.searchsorted(times[1:], time, side="left"), 0, max(len(timeline.stage) - 1, 0))
-    dwell = path.op[state.timed[cell]] == Op.DWELL
     into = np.where(dwell, np.minimum(time - times[cell], times[cell + 1] - time), 0.0)
-    lost = np.zeros(len(time))
-    for channel in CHANNELS:
-        mine = np.flatnonzero(path.channel[events.row] == channel)
-        lost[mine] = np.maximum.accumulate(time[mine]) - time[mine]
-    for what, which in (("on", switch & (op == Op.ON)), ("off", switch & (op == Op.OFF))):
+    lost = waited[events.goes]
+    for what, switch in (("on", events.op == Op.ON), ("off", events.op == Op.OFF)):
         delay = f"shorten LASER DELAY {what.upper()}"
         for amount, where, mend in (
             (before, "before the motion begins", f"{delay}, or raise NPREV"),
@@ -298,11 +305,9 @@ def _faults(state: Plan, timeline: _Timeline, events: _Events) -> list[Diagnosti
              "raise NPREV and NPOST, or bring SHIFT nearer to 0"),
         ):  # fmt: skip
             fields = {"what": what, "where": where, "mend": mend}
-            _report(
-                state, collector, rules.SKY_ROOM, events.row, which & (amount > _NO_TIME_MS), early=amount, **fields
-            )
-    dark = switch & (op == Op.OFF) & (lost > _NO_TIME_MS)
-    _report(state, collector, rules.SKY_DARK, events.row, dark, late=lost)
+            _report(state, collector, rules.SKY_ROOM, rows, switch & (amount > _NO_TIME_MS), early=amount, **fields)
+    dark = (events.op == Op.OFF) & (lost > _NO_TIME_MS)
+    _report(state, collector, rules.SKY_DARK, rows, dark, late=lost)
     return collector.done(rules.MORE)
 
 
