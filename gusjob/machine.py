@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Span
 from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, POWER_NOW, VELOCITY, PowerMode, Range
-from gusjob.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
+from gusjob.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 PROFILE_NAME = "gusjob.toml"
 
@@ -43,6 +45,42 @@ class Laser:
                 return self.rated_w * pulse_width_us / 1000
 
 
+class ScannerModel(StrEnum):
+    """How mirrors follow the command: so much later, or as a low pass of first or (critically damped) second order."""
+
+    DELAY = "delay"
+    FIRST_ORDER = "first-order"
+    SECOND_ORDER = "second-order"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scanner:
+    """How the beam lags behind the command. At constant speed every model lags by speed * tracking error."""
+
+    model: ScannerModel
+    tracking_error_us: float
+
+
+SCANNER_FORM = "delay:TIME, first-order:TIME or second-order:TIME, such as first-order:250us, with a TIME of 0 to 1 s"
+"""How a scanner is written."""
+
+_SCANNER_MAX_US = 1e6
+_SCANNER_TEXT = re.compile(rf"({'|'.join(ScannerModel)}):((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) ?(us|ms|s)?", re.ASCII)
+
+
+def parse_scanner(text: str) -> Scanner | str:
+    """A scanner from `first-order:250us`, or what is wrong with the text. Units: us (also without a unit), ms, s."""
+    shown = f'"{d.printable(text)[:40]}"'
+    found = _SCANNER_TEXT.fullmatch(text.strip())
+    if not found:
+        return f"{shown} is not a scanner: write {SCANNER_FORM}"
+    unit_us = {"ms": US_PER_MS, "s": US_PER_MS**2}.get(found[3], 1.0)
+    lag_us = float(found[2]) * unit_us
+    if lag_us > _SCANNER_MAX_US:
+        return f"the time in {shown} is above 1 s: write {SCANNER_FORM}"
+    return Scanner(model=ScannerModel(found[1]), tracking_error_us=lag_us)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
     """What a job runs on. The defaults are the documented ones of the job language."""
@@ -61,6 +99,8 @@ class Machine:
     expansion_max_statements: int = 3_000_000
     expansion_max_depth: int = 64
     expansion_max_includes: int = 16
+    scanner: Scanner | None = None
+    """None: the beam is where the command is."""
     lasers: tuple[Laser, ...] = field(default=())
 
     @property
@@ -151,8 +191,11 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
     reader = _Reader(text=text, path=path)
     machine = Machine()
     tables = ("lookahead", "expansion", "laser")
-    top = {k: v for k, v in data.items() if k not in tables}
-    values = reader.table(top, _MACHINE_KEYS, "", extra=tables)
+    apart = (*tables, "scanner")
+    top = {k: v for k, v in data.items() if k not in apart}
+    values = reader.table(top, _MACHINE_KEYS, "", extra=apart)
+    if "scanner" in data:
+        values["scanner"] = reader.scanner(data["scanner"])
     ahead = reader.table(reader.as_table(data.get("lookahead", {}), "lookahead"), _LOOKAHEAD_KEYS, "lookahead")
     values.update({f"lookahead_{k}": v for k, v in ahead.items()})
     limits = reader.table(reader.as_table(data.get("expansion", {}), "expansion"), _EXPANSION_KEYS, "expansion")
@@ -231,6 +274,18 @@ class _Reader:
             elif (checked := self._number(key, value, keys[key], table)) is not None:
                 values[key] = checked
         return values
+
+    def scanner(self, value: Any) -> Scanner | None:
+        if not isinstance(value, str):
+            self.fault(
+                rules.PROFILE_TYPE, "scanner", "", wanted='a text such as "first-order:250us"', found=_kind(value)
+            )
+            return None
+        scanner = parse_scanner(value)
+        if isinstance(scanner, Scanner):
+            return scanner
+        self.fault(rules.PROFILE_RANGE, "scanner", "", value=f'"{d.printable(value)[:40]}"', range=SCANNER_FORM)
+        return None
 
     def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
         items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value

@@ -14,7 +14,7 @@ import click
 from gusjob.checks import check as check_job
 from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors
 from gusjob.job import Job
-from gusjob.machine import Machine, find_profile, read_machine
+from gusjob.machine import SCANNER_FORM, Machine, Scanner, find_profile, parse_scanner, read_machine
 from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
@@ -25,6 +25,25 @@ machine_option = click.option(
     "machine_path",
     type=click.Path(path_type=Path),
     help="Machine profile (TOML). Default: gusjob.toml in the job's folder or above it, else the documented defaults.",
+)
+
+
+def _scanner(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Scanner | None:
+    """A scanner from the command line."""
+    if text is None:
+        return None
+    scanner = parse_scanner(text)
+    if isinstance(scanner, str):
+        raise click.BadParameter(scanner)
+    return scanner
+
+
+scanner_option = click.option(
+    "--scanner",
+    callback=_scanner,
+    metavar="MODEL:TIME",
+    help="How the mirrors lag behind the command, in place of the profile's scanner: to see where the beam really is "
+    f"while the laser is on. {SCANNER_FORM}.",
 )
 file_argument = click.argument("path", metavar="FILE", type=click.Path(path_type=Path))
 output_option = click.option(
@@ -63,8 +82,11 @@ class Loaded:
         return source.line(span.line) if source is not None else ""
 
 
-def load(path: Path, machine_path: Path | None) -> Loaded:
-    """Read a job or listing with its machine profile; a job is checked, a listing is read."""
+def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = None) -> Loaded:
+    """Read a job or listing with its machine profile; a job is checked, a listing is read.
+
+    `scanner`: in place of the profile's.
+    """
     loaded = Loaded(path=path)
     source, faults = read_source(path)
     if source is None:
@@ -80,6 +102,8 @@ def load(path: Path, machine_path: Path | None) -> Loaded:
             if text is not None:
                 loaded.sources[text.name] = text
             return loaded
+    if scanner is not None:
+        loaded.machine = replace(loaded.machine, scanner=scanner)
     if is_listing(source):
         loaded.stream, loaded.faults = read_listing(source)
         return loaded

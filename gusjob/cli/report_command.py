@@ -20,6 +20,7 @@ from gusjob.cli.common import (
     load,
     machine_option,
     output_option,
+    scanner_option,
     show,
     write,
 )
@@ -28,6 +29,7 @@ from gusjob.diagnostics import printable
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from gusjob.machine import Scanner
     from gusjob.report.compare import Comparison
     from gusjob.report.earlier import Earlier
     from gusjob.report.rows import Report
@@ -49,6 +51,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.command(name="report")
 @file_argument
 @machine_option
+@scanner_option
 @click.option(
     "--format", "form", type=click.Choice(["table", "json", "csv", "markdown"]), default="table", show_default=True
 )
@@ -72,6 +75,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 def command(
     path: Path,
     machine_path: Path | None,
+    scanner: Scanner | None,
     form: str,
     summary: bool,
     earlier_path: Path | None,
@@ -86,7 +90,7 @@ def command(
     if tolerance_pct is not None and earlier_path is None:
         raise click.UsageError("--tolerance is for --against")
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
-    loaded = load(path, machine_path)
+    loaded = load(path, machine_path, scanner=scanner)
     report = _reported(loaded)
     comparison = None
     if report is not None and earlier is not None:

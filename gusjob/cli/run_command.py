@@ -18,23 +18,26 @@ from gusjob.cli.common import (
     interpreted_faults,
     load,
     machine_option,
+    scanner_option,
     show,
     write,
 )
+from gusjob.machine import Scanner
 
 
 @click.command(name="run")
 @file_argument
 @machine_option
+@scanner_option
 @click.option("--backend", type=click.Choice(["sim"]), default="sim", show_default=True, help="What runs the calls.")
-def command(path: Path, machine_path: Path | None, backend: str) -> None:
+def command(path: Path, machine_path: Path | None, scanner: Scanner | None, backend: str) -> None:
     """Run a job or listing on the built-in interpreter, and print its power report.
 
     A job with errors is not run.
     """
     with _progress(path) as say:
         say("reading and checking")
-        loaded = load(path, machine_path)
+        loaded = load(path, machine_path, scanner=scanner)
         say("planning")
         stream, report = compiled(loaded), None
         if stream is not None:

@@ -11,6 +11,7 @@ from gusjob.interpreter.clock import Clock, path_faults, run_clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.power import emitted
 from gusjob.interpreter.program import run_program
+from gusjob.interpreter.scanner import beam_of
 from gusjob.interpreter.settings import power_calls
 from gusjob.interpreter.state import Program
 from gusjob.interpreter.switch import emission
@@ -44,7 +45,7 @@ def interpret(
     `foreign`: not from our planner, so its corners and its field are looked at too. `coarse`: only the faults are asked
     for; power is not sampled at every tick.
     """
-    program = run_program(stream)
+    program = run_program(stream, has_scanner=machine.scanner is not None)
     calls = stream.buffered
     clock, faults = run_clock(calls, program, stream.name)
     faults = [*program.diagnostics, *faults]
@@ -59,16 +60,19 @@ def interpret(
         faults += _full_fifos(calls.line, program, stream.name)
     period_us = machine.period_us * max(1.0, ticks / _COARSE_TICKS) if coarse else machine.period_us
     motion = Motion(clock=clock, program=program)
+    beam = beam_of(motion, None if coarse else machine.scanner)
     channels = []
     for channel in program.channels:
         lasers = [stage.lasers[channel] for stage in program.stages]
         shine = emission(calls, clock, program, channel)
-        done, lost = emitted(motion, shine, power_calls(calls, clock, program, channel), lasers, period_us / US_PER_MS)
+        powers = power_calls(calls, clock, program, channel)
+        done, lost = emitted(motion, beam, shine, powers, lasers, period_us / US_PER_MS)
         trace = ChannelTrace(
             channel=channel,
             lasers=tuple(lasers),
             at_end=program.lasers[channel],
             emission=shine,
+            powers=powers,
             emitted=done,
             lost_power_ms=lost,
             lit_at_end=shine.lit_at_end,
@@ -81,8 +85,10 @@ def interpret(
         line=calls.line[clock.row],
         clock=clock,
         motion=motion,
+        beam=beam,
         channels=tuple(channels),
         readings=program.readings,
+        intent=stream.intent,
     )
     return trace_all, faults
 

@@ -5,6 +5,7 @@ Power that does not change between calls is integrated as it is; following is su
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
+from gusjob.interpreter.scanner import Beam
 from gusjob.interpreter.settings import PowerCalls, Setting, limited
 from gusjob.interpreter.state import LaserState
 from gusjob.interpreter.switch import Emission
@@ -41,14 +43,29 @@ class Emitted:
     unpowered: Bools
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spans:
+    """Spans of time in stages, (k,): stage numbers, start and end on the clock's axis, ms."""
+
+    stage: Indices
+    start_ms: Floats
+    end_ms: Floats
+
+    def blocks(self, size: int) -> Iterator[Spans]:
+        """Some at a time, in order."""
+        for first in range(0, len(self.stage), size):
+            part = slice(first, first + size)
+            yield Spans(stage=self.stage[part], start_ms=self.start_ms[part], end_ms=self.end_ms[part])
+
+
 def emitted(
-    motion: Motion, emission: Emission, powers: PowerCalls, lasers: list[LaserState], period_ms: float
+    motion: Motion, beam: Beam, emission: Emission, powers: PowerCalls, lasers: list[LaserState], period_ms: float
 ) -> tuple[Emitted, float]:
     """What a channel emits in each timed call, and the power * ms of light that belongs to none (no motion at all)."""
-    integrator = _Integrator(motion=motion, powers=powers, lasers=lasers, period_ms=period_ms)
+    integrator = _Integrator(motion=motion, beam=beam, powers=powers, lasers=lasers, period_ms=period_ms)
     clock = motion.clock
     count = len(clock.row)
-    cell, start, end = _cut(clock, emission)
+    cell, start, end, _ = _cut(clock, emission.stage, emission.start_ms, emission.end_ms)
     body = integrator.pieces(cell, start, end, _whole(clock, cell, start, end))
     ends = clock.stage_end()
     tail = np.flatnonzero(emission.end_ms > ends[emission.stage]) if len(emission.stage) else np.empty(0, dtype=np.intp)
@@ -77,24 +94,34 @@ class _Pieces:
         return _Pieces(**{name: getattr(self, name)[at] for name in self.__slots__})
 
 
-def _cut(clock: Clock, emission: Emission) -> tuple[Indices, Floats, Floats]:
-    """Emission cut at the segments' ends, within the stages' motion: (timed call, start, end) of each piece."""
-    if not len(emission.stage) or not len(clock.row):
-        empty = np.empty(0)
-        return np.empty(0, dtype=np.intp), empty, empty
-    limit = clock.stage_end()[emission.stage]
-    start, end = np.minimum(emission.start_ms, limit), np.minimum(emission.end_ms, limit)
+def integrals(
+    motion: Motion, beam: Beam, powers: PowerCalls, lasers: list[LaserState], period_ms: float, spans: Spans
+) -> Floats:
+    """Integral of held power over spans of time, (k,), unit * ms; behind its stage's end the light shines at rest."""
+    integrator = _Integrator(motion=motion, beam=beam, powers=powers, lasers=lasers, period_ms=period_ms)
+    return np.concatenate([np.empty(0), *map(integrator.over, spans.blocks(_BLOCK_PIECES))])
+
+
+def _cut(clock: Clock, stage: Indices, begin: Floats, finish: Floats) -> tuple[Indices, Floats, Floats, Indices]:
+    """Spans cut at the segments' ends, within the stages' motion: (timed call, start, end, span) of each piece."""
+    if not len(stage) or not len(clock.row):
+        empty, none = np.empty(0), np.empty(0, dtype=np.intp)
+        return none, empty, empty, none
+    limit = clock.stage_end()[stage]
+    start, end = np.minimum(begin, limit), np.minimum(finish, limit)
     first = np.searchsorted(clock.times[1:], start, side="right")
     last = np.searchsorted(clock.times[:-1], end, side="left")
-    first = np.maximum(first, clock.stage_first[emission.stage])
-    last = np.minimum(last, clock.stage_first[emission.stage + 1])
+    first = np.maximum(first, clock.stage_first[stage])
+    last = np.minimum(last, clock.stage_first[stage + 1])
     counts = np.where(start < end, np.maximum(last - first, 0), 0)
     which = np.repeat(np.arange(len(counts)), counts)
     cell = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts) + first[which]
     cut_start = np.maximum(start[which], clock.times[cell])
     cut_end = np.minimum(end[which], clock.times[cell + 1])
     real = cut_start < cut_end
-    return (cell, cut_start, cut_end) if real.all() else (cell[real], cut_start[real], cut_end[real])
+    if real.all():
+        return cell, cut_start, cut_end, which
+    return cell[real], cut_start[real], cut_end[real], which[real]
 
 
 def _whole(clock: Clock, cell: Indices, start: Floats, end: Floats) -> Floats:
@@ -106,6 +133,7 @@ def _whole(clock: Clock, cell: Indices, start: Floats, end: Floats) -> Floats:
 @dataclass(slots=True, kw_only=True)
 class _Integrator:
     motion: Motion
+    beam: Beam
     powers: PowerCalls
     lasers: list[LaserState]
     period_ms: float
@@ -159,6 +187,7 @@ class _Integrator:
             at = dynamic_at[block : block + _BLOCK_PIECES]
             ticked = Ticks(
                 motion=self.motion,
+                beam=self.beam,
                 lasers=self.lasers,
                 period_ms=self.period_ms,
                 setting=setting.pick(at),
@@ -171,6 +200,19 @@ class _Integrator:
             )
             result.energy[at], result.lowest[at], result.highest[at], result.clamped[at] = ticked.integrate()
         return result
+
+    def over(self, spans: Spans) -> Floats:
+        """Integral over spans, behind the end of motion too."""
+        clock, count = self.motion.clock, len(spans.stage)
+        cell, start, end, which = _cut(clock, spans.stage, spans.start_ms, spans.end_ms)
+        energy = self.pieces(cell, start, end, end - start).energy
+        total = np.bincount(which, weights=energy, minlength=count).astype(np.float64)
+        limit = clock.stage_end()[spans.stage]
+        tail = np.flatnonzero(spans.end_ms > limit)
+        if len(tail):
+            stage, start = spans.stage[tail], np.maximum(spans.start_ms[tail], limit[tail])
+            total[tail] += self.tails(clock.stage_first[stage + 1] - 1, stage, start, spans.end_ms[tail]).energy
+        return total
 
     def moment(self, event: Indices, stage: Indices) -> Floats:
         """When the power call in force acted; at the earliest the stage's start."""

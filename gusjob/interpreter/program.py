@@ -28,9 +28,9 @@ from gusjob.limits import DIMENSION, DISTANCE_LIMIT, EVEN_TIME_MS, MODE_LIMIT, P
 from gusjob.stream import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
 
 
-def run_program(stream: Stream) -> Program:
-    """Every call of a stream in order."""
-    executor = _Executor(stream=stream, collector=Collector(stream.name))
+def run_program(stream: Stream, *, has_scanner: bool = False) -> Program:
+    """Every call of a stream in order. `has_scanner`: where the beam is, is known apart from where it is planned."""
+    executor = _Executor(stream=stream, collector=Collector(stream.name), has_scanner=has_scanner)
     for first, last, call in stream.parts():
         executor.take(first, last)
         if call is not None:
@@ -42,6 +42,7 @@ def run_program(stream: Stream) -> Program:
 class _Executor:
     stream: Stream
     collector: Collector
+    has_scanner: bool
     lasers: list[LaserState] = field(default_factory=lambda: [LaserState(), LaserState()])
     switch: list[bool] = field(default_factory=lambda: [False, False])
     axis_called: list[bool] = field(default_factory=lambda: [False, False])
@@ -208,12 +209,14 @@ class _Executor:
         self.set(self.channel(call), fpk_us=None)
 
     def distance_mode(self, call: Call) -> None:
-        if self.number(call, 0) == 1 and self.number(call, 1) == 1:
+        actual = self.number(call, 1) == 1
+        if self.number(call, 0) == 1 and actual and not self.has_scanner:
             reason = "no scanner is modelled: the planned position stands in for the actual one"
             self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         self.set(
             self.channel(call),
             distance=self.number(call, 0) == 1,
+            distance_actual=actual,
             reference_pulse=call.args[2],
             scale_pulse_per_mm=call.args[3],
         )

@@ -31,6 +31,8 @@ class LaserState:
     prevoltage_v: float | None = None
     fpk_us: tuple[float, float, float] | None = None
     distance: bool = False
+    distance_actual: bool = False
+    """Distance follow reads the beam's position, not the planned one."""
     reference_pulse: tuple[float, ...] = (0.0,) * 4
     scale_pulse_per_mm: tuple[float, ...] = (1.0,) * 4
     ratio_per_mm: tuple[float, ...] = (0.0,) * 4

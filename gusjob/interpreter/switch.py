@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from gusjob.units import US_PER_MS
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
+Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,13 +22,57 @@ class Emission:
     """Emission intervals of one channel in time order, (k,): stage, start and end on the clock's axis, ms.
 
     An end may lie behind its stage's end (off delay): that light shines at rest, before the next stage starts.
-    `lit_at_end`: the light is still on when all is done.
+    `lit_at_end`: the light is still on when all is done. `on_row`, `off_row` (k,): the buffered GT_BufLaserOn that
+    opened and the GT_BufLaserOff that closed each, as index into the stream; -1 where none did. Of merged intervals the
+    first one's on and the last one's off.
     """
 
     stage: Indices
     start_ms: Floats
     end_ms: Floats
     lit_at_end: bool
+    on_row: Indices
+    off_row: Indices
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Commands:
+    """Commands that change the switch, in order, (c,). Time -inf: on when the stage starts. Row -1: not buffered."""
+
+    stage: Indices
+    time: Floats
+    on: Bools
+    row: Indices
+
+    def pick(self, at: Indices | Bools) -> _Commands:
+        return _Commands(**{name: getattr(self, name)[at] for name in self.__slots__})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Spans:
+    """Emission in the making, (k,). `carried`: it was on before its stage; `has_off`: a command closes it."""
+
+    stage: Indices
+    start: Floats
+    end: Floats
+    carried: Bools
+    has_off: Bools
+    on_row: Indices
+    off_row: Indices
+
+    def pick(self, at: Indices | Bools) -> _Spans:
+        return _Spans(**{name: getattr(self, name)[at] for name in self.__slots__})
+
+    def merged(self) -> _Spans:
+        """Intervals of no length dropped, those that meet or overlap within a stage joined."""
+        spans = self.pick(self.start < self.end)
+        if len(spans.start) < 2:
+            return spans
+        fresh = np.ones(len(spans.start), dtype=np.bool_)
+        fresh[1:] = (spans.start[1:] > spans.end[:-1]) | (spans.stage[1:] != spans.stage[:-1])
+        first = np.flatnonzero(fresh)
+        last = spans.pick(np.append(first[1:], len(fresh)) - 1)
+        return replace(spans.pick(first), end=last.end, has_off=last.has_off, off_row=last.off_row)
 
 
 def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int) -> Emission:
@@ -39,7 +84,7 @@ def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int)
     """
     stages = program.stages
     starts, ends = clock.stage_start(), clock.stage_end()
-    command_stage, command_time, command_on, lit = _commands(calls, clock, program, channel)
+    commands, lit = _commands(calls, clock, program, channel)
     lasers = [stage.lasers[channel] for stage in stages]
     on_delay = np.array([laser.on_delay_us for laser in lasers]) / US_PER_MS
     off_delay = np.array([laser.off_delay_us for laser in lasers]) / US_PER_MS
@@ -47,37 +92,43 @@ def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int)
     late = np.array([laser.fpk_us[2] if laser.fpk_us else 0.0 for laser in lasers]) / US_PER_MS
 
     # Every on opens an interval; the next command of its stage (an off) closes it, or the stage's end does.
-    opens = np.flatnonzero(command_on)
-    stage = command_stage[opens]
-    carried = np.isneginf(command_time[opens])
-    has_off = np.zeros(len(opens), dtype=np.bool_)
-    if len(command_on):
-        following = np.minimum(opens + 1, len(command_on) - 1)
-        has_off = (opens + 1 < len(command_on)) & (command_stage[following] == stage)
-        closes = np.where(has_off, command_time[following] + off_delay[stage], np.inf)
-    else:
-        closes = np.empty(0)
-    opened = np.where(carried, -np.inf, command_time[opens] + on_delay[stage])
-    stage, opened, closes, carried, has_off = _merge(stage, opened, closes, carried, has_off)
-    opened = np.where(carried, opened, opened + gap[stage])
-    closes = np.where(has_off, closes + late[stage], ends[stage])
-    stage, opened, closes, carried, has_off = _merge(stage, opened, closes, carried, has_off)
+    opens = np.flatnonzero(commands.on)
+    opening, following = commands.pick(opens), commands.pick(np.minimum(opens + 1, len(commands.on) - 1))
+    stage, carried = opening.stage, np.isneginf(opening.time)
+    has_off = (opens + 1 < len(commands.on)) & (following.stage == stage)
+    spans = _Spans(
+        stage=stage,
+        start=np.where(carried, -np.inf, opening.time + on_delay[stage]),
+        end=np.where(has_off, following.time + off_delay[stage], np.inf),
+        carried=carried,
+        has_off=has_off,
+        on_row=opening.row,
+        off_row=np.where(has_off, following.row, -1),
+    ).merged()
+    stage = spans.stage
+    spans = replace(
+        spans,
+        start=np.where(spans.carried, spans.start, spans.start + gap[stage]),
+        end=np.where(spans.has_off, spans.end + late[stage], ends[stage]),
+    ).merged()
     # Light that was on before its stage is counted from the stage's start.
-    stage, opened, closes, _, _ = _merge(stage, np.maximum(opened, starts[stage]), closes, carried, has_off)
-    return Emission(stage=stage, start_ms=opened, end_ms=closes, lit_at_end=lit)
+    spans = replace(spans, start=np.maximum(spans.start, starts[spans.stage])).merged()
+    return Emission(
+        stage=spans.stage,
+        start_ms=spans.start,
+        end_ms=spans.end,
+        lit_at_end=lit,
+        on_row=spans.on_row,
+        off_row=spans.off_row,
+    )
 
 
-def _commands(
-    calls: BufferedCalls, clock: Clock, program: Program, channel: int
-) -> tuple[Indices, Floats, npt.NDArray[np.bool_], bool]:
-    """(stage, time, on) of the commands that change the switch, in order, and whether it is on at the end.
-
-    Time -inf: the light is on already when the stage starts.
-    """
+def _commands(calls: BufferedCalls, clock: Clock, program: Program, channel: int) -> tuple[_Commands, bool]:
+    """The commands that change the switch, and whether it is on at the end."""
     kind = calls.kind[clock.rows]
     mine = np.flatnonzero(((kind == Buffered.ON) | (kind == Buffered.OFF)) & (calls.channel[clock.rows] == channel))
     stage, boundary, on = clock.stage_of_row[mine], clock.boundary[mine], kind[mine] == Buffered.ON
-    times = clock.times[boundary] if len(mine) else np.empty(0)
+    times, row = clock.times[boundary] if len(mine) else np.empty(0), clock.rows[mine]
     rank = np.full(len(mine), 1, dtype=np.int8)
     extra: list[tuple[int, float, bool, int]] = []
     lit = False
@@ -105,14 +156,15 @@ def _commands(
         times = np.concatenate([times, np.array([e[1] for e in extra])])
         on = np.concatenate([on, np.array([e[2] for e in extra])])
         rank = np.concatenate([rank, np.array([e[3] for e in extra], dtype=np.int8)])
-        order = np.lexsort((rank, times, stage))
-        stage, times, on = stage[order], times[order], on[order]
+        row = np.concatenate([row, np.full(len(extra), -1, dtype=row.dtype)])
+    commands = _Commands(stage=stage, time=times, on=on, row=row)
+    if extra:
+        commands = commands.pick(np.lexsort((rank, times, stage)))
     if len(on):
-        before = np.concatenate([[False], on[:-1]])
-        before[1:][np.diff(stage) != 0] = False
-        changes = on != before
-        stage, times, on = stage[changes], times[changes], on[changes]
-    return stage, times, on, lit
+        before = np.concatenate([[False], commands.on[:-1]])
+        before[1:][np.diff(commands.stage) != 0] = False
+        commands = commands.pick(commands.on != before)
+    return commands, lit
 
 
 def _last_in_stage(stage: Indices, on: npt.NDArray[np.bool_], count: int) -> list[bool | None]:
@@ -124,22 +176,3 @@ def _last_in_stage(stage: Indices, on: npt.NDArray[np.bool_], count: int) -> lis
 def _has_later(stage: Indices, times: Floats, number: int, start: float) -> bool:
     last = int(np.searchsorted(stage, number, side="right")) - 1
     return last >= 0 and bool(stage[last] == number) and bool(times[last] > start)
-
-
-def _merge(
-    stage: Indices,
-    start: Floats,
-    end: Floats,
-    carried: npt.NDArray[np.bool_],
-    has_off: npt.NDArray[np.bool_],
-) -> tuple[Indices, Floats, Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Intervals of no length dropped, those that meet or overlap within a stage joined."""
-    keep = start < end
-    stage, start, end, carried, has_off = stage[keep], start[keep], end[keep], carried[keep], has_off[keep]
-    if len(start) < 2:
-        return stage, start, end, carried, has_off
-    fresh = np.ones(len(start), dtype=np.bool_)
-    fresh[1:] = (start[1:] > end[:-1]) | (stage[1:] != stage[:-1])
-    first = np.flatnonzero(fresh)
-    last = np.append(first[1:], len(start)) - 1
-    return stage[first], start[first], end[last], carried[first], has_off[last]

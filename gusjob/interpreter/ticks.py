@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.interpreter.path import Motion
+from gusjob.interpreter.scanner import Beam
 from gusjob.interpreter.settings import Setting, limited
 from gusjob.interpreter.state import LaserState
 
@@ -34,6 +35,7 @@ class Ticks:
     """Pieces whose power is sampled: at the moment of the power call, then at every tick, and held in between."""
 
     motion: Motion
+    beam: Beam
     lasers: Sequence[LaserState]
     period_ms: float
     setting: Setting
@@ -93,7 +95,8 @@ class Ticks:
             if not laser.follows_distance:
                 continue
             at = slice(None) if (stage[0] == stage).all() else stage == number
-            places = self.motion.axis_positions(number, x[at], y[at])
+            seen = self.beam.position(stage[at], time[at]) if laser.distance_actual else (x[at], y[at])
+            places = self.motion.axis_positions(number, *seen)
             for place, zero, scale, ratio in zip(
                 places, laser.reference_pulse, laser.scale_pulse_per_mm, laser.ratio_per_mm, strict=True
             ):

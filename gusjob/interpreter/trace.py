@@ -10,21 +10,26 @@ import numpy.typing as npt
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.power import Emitted
+from gusjob.interpreter.scanner import Beam
+from gusjob.interpreter.settings import PowerCalls
 from gusjob.interpreter.state import LaserState
 from gusjob.interpreter.switch import Emission
+from gusjob.stream import Intent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelTrace:
     """One laser: its state in each stage and behind the last, when it shone, and what each timed call emitted.
 
-    `lost_power_ms`: light before the first motion, which belongs to no segment.
+    `lost_power_ms`: light before the first motion, which belongs to no segment. `powers`: what the emission was
+    integrated with.
     """
 
     channel: int
     lasers: tuple[LaserState, ...]
     at_end: LaserState
     emission: Emission
+    powers: PowerCalls
     emitted: Emitted
     lost_power_ms: float
     lit_at_end: bool
@@ -34,7 +39,7 @@ class ChannelTrace:
 class Trace:
     """A run. Times in ms, positions in pulse; one entry a timed call (motion or dwell), (m,).
 
-    `line`: source line of each.
+    `line`: source line of each. `intent`: of a planned job with sky writing, else None.
     """
 
     name: str
@@ -42,5 +47,7 @@ class Trace:
     line: npt.NDArray[np.int32]
     clock: Clock
     motion: Motion
+    beam: Beam
     channels: tuple[ChannelTrace, ...]
     readings: tuple[tuple[int, int, int], ...]
+    intent: Intent | None = None
