@@ -60,6 +60,10 @@ class Scanner:
     model: ScannerModel
     tracking_error_us: float
 
+    def __str__(self) -> str:
+        """As it is written."""
+        return f"{self.model.value}:{self.tracking_error_us:g}us"
+
 
 SCANNER_FORM = "delay:TIME, first-order:TIME or second-order:TIME, such as first-order:250us, with a TIME of 0 to 1 s"
 """How a scanner is written."""

@@ -12,7 +12,7 @@ from tools import ROOT
 
 ORDER = (
     "limits", "diagnostics", "rules", "units", "machine", "motion", "geometry", "job", "stream", "listing",
-    "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "cli",
+    "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "tune", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""
 

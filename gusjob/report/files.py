@@ -15,6 +15,7 @@ from gusjob.report.rows import Report, SegmentKind
 
 _NUMPY = orjson.OPT_SERIALIZE_NUMPY
 _KINDS = [b'"' + kind.word.encode() + b'"' for kind in SegmentKind]
+_NOT_IN_CSV = {"channels", "marking", "run_in_mm", "run_out_mm"}
 _CSV_CHUNK = 1 << 15
 
 
@@ -64,12 +65,17 @@ def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) 
     for name, value in report.notes.items():
         yield b", " + orjson.dumps(name) + b": " + orjson.dumps(value)
     if not summary:
-        yield b', "segments": {'
-        for number, (name, column) in enumerate(report.columns.items()):
-            yield (b", " if number else b"") + orjson.dumps(name) + b": "
-            yield _column(name, column)
-        yield b"}"
+        yield from _columns("segments", report.columns)
+        yield from _columns("marks", report.marks)
     yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(f) for f in faults]) + b"}\n"
+
+
+def _columns(name: str, columns: dict[str, npt.NDArray[Any]]) -> Iterator[bytes]:
+    yield b", " + orjson.dumps(name) + b": {"
+    for number, (column, values) in enumerate(columns.items()):
+        yield (b", " if number else b"") + orjson.dumps(column) + b": "
+        yield _column(column, values)
+    yield b"}"
 
 
 def _column(name: str, column: npt.NDArray[Any]) -> bytes:
@@ -95,7 +101,7 @@ def _texts(name: str, column: npt.NDArray[Any]) -> list[bytes]:
 
 def summary_csv(report: Report) -> Iterator[bytes]:
     """The totals, one row a channel and unit."""
-    shared = {k: v for k, v in report.totals.items() if k != "channels"}
+    shared = {k: v for k, v in report.totals.items() if k not in _NOT_IN_CSV}
     per_channel = [{k: v for k, v in c.items() if k != "off_output"} for c in report.totals["channels"]] or [{}]
     header = list(chain(shared, per_channel[0]))
     yield (",".join(header) + "\r\n").encode()

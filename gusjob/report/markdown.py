@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
 from gusjob.diagnostics import Diagnostic, printable
 from gusjob.report.compare import Comparison, figure, segment_rows, totals_rows, verdict
+from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.match import Rows
 from gusjob.report.rows import Report, SegmentKind
 
@@ -21,6 +23,7 @@ _MAX_NAME = 150
 _MAX_MESSAGE = 300
 _HEADS = {"line": "line", "kind": "kind", "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm", "duration_ms": "ms",
           "vel_mean_mm_s": "mm/s"}  # fmt: skip
+_RUNS = {"run_in_mm": "run-ins mm", "run_out_mm": "run-outs mm"}
 _CHANNEL_HEADS = {"emission_ms": "on ms", "power_min": "min", "power_mean": "mean", "power_max": "max",
                   "power_ms": "power*ms", "joules": "J"}  # fmt: skip
 
@@ -66,23 +69,41 @@ def _row(cells: Iterable[str]) -> str:
 
 def _totals(report: Report) -> Iterator[str]:
     totals = report.totals
-    figures = [*(figure(totals[name]) for name in ("duration_ms", "mark_mm", "jump_mm")), figure(report.period_us)]
+    runs = {name: head for name, head in _RUNS.items() if totals.get(name)}
+    names = ("duration_ms", "mark_mm", "jump_mm", *runs)
+    figures = [*(figure(totals[name]) for name in names), figure(report.period_us)]
     yield from _table(
-        ["segments", "stages", "ms", "marks mm", "jumps mm", "period us"],
+        ["segments", "stages", "ms", "marks mm", "jumps mm", *runs.values(), "period us"],
         [[str(totals["segments"]), str(totals["stages"]), *figures]],
         left=0,
     )
-    names = ("emission_ms", "power_ms", "power_max", "joules", "clamped_ms")
+    sums = ("emission_ms", "power_ms", "power_max", "joules", "clamped_ms")
     rows = [
-        [str(one["channel"]), one["unit"], *(figure(one[name]) for name in names), _while_off(one["off_output"])]
+        [str(one["channel"]), one["unit"], *(figure(one[name]) for name in sums), _while_off(one["off_output"])]
         for one in totals["channels"]
     ]
     if rows:
         yield from _table(
             ["channel", "unit", "on ms", "unit*ms", "highest", "J", "held by a limit ms", "while off"], rows, left=2
         )
+    yield from _marking(totals)
     for channel in dict.fromkeys(entry["channel"] for entry in totals["channels"] if entry["lit_at_end"]):
         yield from (f"**Channel {channel} is left ON.**", "")
+
+
+def _marking(totals: dict[str, Any]) -> Iterator[str]:
+    """Worst and typical of each figure that is not 0."""
+    rows = [
+        [
+            str(entry["channel"]), word, marking_unit(name, entry["unit"]), str(entry["marks"]),
+            figure(entry["worst"][name]), figure(entry["typical"][name]),
+        ]
+        for entry in totals.get("marking", ())
+        for name, word in MARKING_WORDS.items()
+        if entry["worst"][name]
+    ]  # fmt: skip
+    if rows:
+        yield from _table(["channel", "marking", "unit", "marks", "worst", "typical"], rows, left=3)
 
 
 def _while_off(output: dict[str, float] | None) -> str:

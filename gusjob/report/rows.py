@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
@@ -12,6 +12,8 @@ import numpy.typing as npt
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.state import LaserState
 from gusjob.machine import Machine
+from gusjob.report.marks import marking_totals, marks_of
+from gusjob.stream import Run
 
 Floats = npt.NDArray[np.float64]
 _ARC_NODES = 64
@@ -34,20 +36,26 @@ class SegmentKind(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """`columns`: one entry a segment each, by name; `kind` holds SegmentKind numbers. `totals` as in the JSON."""
+    """`columns`: one entry a segment each, by name; `kind` holds SegmentKind numbers. `totals` as in the JSON.
+
+    `marks`: columns too, one entry a mark; none without marks or where they were not asked for.
+    """
 
     job: str
     period_us: float
     totals: dict[str, Any]
     columns: dict[str, npt.NDArray[Any]]
     notes: dict[str, Any]
+    marks: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.columns["line"])
 
 
-def make_report(trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = ()) -> Report:
-    """Rows and totals of a trace.
+def make_report(
+    trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = (), *, marking: bool = True
+) -> Report:
+    """Rows and totals of a trace; those of marks unless `marking` is False.
 
     `files`: of a job that includes others, name and base of each; then `line` counts in the line's own file, and
     `file` is that file's place among the names in the notes.
@@ -63,7 +71,7 @@ def make_report(trace: Trace, machine: Machine, files: tuple[tuple[str, int], ..
     lit = np.zeros(len(duration), dtype=np.bool_)
     for channel in trace.channels:
         lit |= channel.emitted.emission_ms > 0
-    kind = np.where(clock.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, SegmentKind.JUMP)).astype(np.int8)
+    kind = _kinds(trace, lit)
     columns: dict[str, npt.NDArray[Any]] = {
         "line": trace.line,
         "kind": kind,
@@ -81,11 +89,13 @@ def make_report(trace: Trace, machine: Machine, files: tuple[tuple[str, int], ..
         columns.update(_channel_columns(channel, clock.stage, machine))
         totals += _channel_totals(channel, clock.stage, machine)
     notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
+    scanner = machine.scanner
+    notes["scanner"] = scanner and {"model": scanner.model.value, "tracking_error_us": scanner.tracking_error_us}
+    marks = marks_of(trace, machine) if marking else {}
     if files:
         bases = np.array([base for _, base in files], dtype=np.int32)
-        file = (np.searchsorted(bases, trace.line - 1, side="right") - 1).astype(np.int16)
-        columns["line"] = trace.line - bases[file]
-        columns["file"] = file
+        _name_files(columns, bases)
+        _name_files(marks, bases)
         notes["files"] = [name for name, _ in files]
     return Report(
         job=trace.name,
@@ -94,13 +104,33 @@ def make_report(trace: Trace, machine: Machine, files: tuple[tuple[str, int], ..
             "segments": len(duration),
             "stages": len(clock.stage_first) - 1,
             "duration_ms": float(clock.times[-1]),
-            "mark_mm": float(length_mm[kind == SegmentKind.MARK].sum()),
-            "jump_mm": float(length_mm[kind == SegmentKind.JUMP].sum()),
+            **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
             "channels": totals,
+            "marking": marking_totals(trace, marks) if marks else [],
         },
         columns=columns,
         notes=notes,
+        marks=marks,
     )
+
+
+def _kinds(trace: Trace, lit: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:
+    """SegmentKind of each timed call; what a dark motion is for is known of a planned job only."""
+    dark = np.full(len(lit), SegmentKind.JUMP, dtype=np.int8)
+    if trace.intent is not None:
+        run = trace.intent.run[trace.clock.row]
+        dark[run == Run.RUN_IN] = SegmentKind.RUN_IN
+        dark[run == Run.RUN_OUT] = SegmentKind.RUN_OUT
+    return np.where(trace.clock.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, dark)).astype(np.int8)
+
+
+def _name_files(columns: dict[str, npt.NDArray[Any]], bases: npt.NDArray[np.int32]) -> None:
+    """Count `line` in its own file, and say which that is in `file`."""
+    if not columns:
+        return
+    file = (np.searchsorted(bases, columns["line"] - 1, side="right") - 1).astype(np.int16)
+    columns["line"] = columns["line"] - bases[file]
+    columns["file"] = file
 
 
 def _length_mm(trace: Trace, machine: Machine) -> Floats:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from io import StringIO
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from gusjob.diagnostics import number, printable
+from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.rows import Report, SegmentKind
 
 MAX_ROWS = 40
@@ -19,6 +22,10 @@ _HEADS = {"line": "line", "kind": "kind", "x_mm": "x mm", "y_mm": "y mm", "lengt
           "duration_ms": "ms", "vel_mean_mm_s": "mm/s", "vel_max_mm_s": "max mm/s"}  # fmt: skip
 _CHANNEL_HEADS = {"emission_ms": "on ms", "power_min": "min", "power_mean": "mean", "power_max": "max",
                   "joules": "J", "clamped_ms": "held ms"}  # fmt: skip
+_MARK_HEADS = {"line": "line", "channel": "ch", "start_ms": "start ms", "length_mm": "mm", "on_error_um": "on err um",
+               "off_error_um": "off err um", "on_miss_um": "on miss um", "off_miss_um": "off miss um",
+               "outside_power_ms": "outside", "power_per_mm_mid": "per mm", "power_per_mm_peak": "peak",
+               "power_per_mm_rms_pct": "rms %", "corner_miss_um": "corner um"}  # fmt: skip
 
 
 def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
@@ -35,6 +42,9 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
     console.print(_summary(report))
     if not summary and len(report):
         console.print(_segments(report))
+    if not summary and report.marks and len(report.marks["line"]):
+        console.print(Text("\nmarks (+: late)"))
+        console.print(_marks(report))
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
 
 
@@ -51,7 +61,7 @@ def _summary(report: Report) -> Text:
         printable(report.job),
         f"  {totals['segments']} segments in {totals['stages']} stage{'s' if totals['stages'] != 1 else ''}, "
         f"{_figure(totals['duration_ms'])} ms; marks {_figure(totals['mark_mm'])} mm, jumps "
-        f"{_figure(totals['jump_mm'])} mm; "
+        f"{_figure(totals['jump_mm'])} mm{_runs(totals)}; "
         f"period {_figure(report.period_us)} us",
     ]
     for entry in totals["channels"]:
@@ -67,11 +77,29 @@ def _summary(report: Report) -> Text:
         )
         if entry["lit_at_end"]:
             lines.append(f"  channel {entry['channel']} is left ON")
+    lines += [_marking(entry) for entry in totals.get("marking", ())]
     lines += [
         f"  line {r['line']}: GT_GetHSIOOpt reads {r['value']} on channel {r['channel']}"
         for r in report.notes["readings"]
     ]
     return Text("\n".join(lines) + "\n")
+
+
+def _runs(totals: dict[str, Any]) -> str:
+    """Run-ins and run-outs, where there are any."""
+    words = {"run_in_mm": "run-ins", "run_out_mm": "run-outs"}
+    return "".join(f", {word} {_figure(totals[name])} mm" for name, word in words.items() if totals.get(name))
+
+
+def _marking(entry: dict[str, Any]) -> str:
+    """Worst and typical of each figure that is not 0."""
+    said = [
+        f"{word} {_figure(value)} ({_figure(entry['typical'][name])}) {marking_unit(name, entry['unit'])}"
+        for name, word in MARKING_WORDS.items()
+        if (value := entry["worst"][name])
+    ]
+    marks = f"{entry['marks']} mark{'s' if entry['marks'] != 1 else ''}"
+    return f"  channel {entry['channel']}: {marks}" + ", worst (typical): " * bool(said) + ", ".join(said)
 
 
 def _segments(report: Report) -> Table:
@@ -85,15 +113,28 @@ def _segments(report: Report) -> Table:
     for name in channels:
         channel, _, what = name.partition("_")
         table.add_column(f"{channel} {_CHANNEL_HEADS[what]}", justify="right", no_wrap=True)
-    rows = len(report)
+    _fill(table, {name: report.columns[name] for name in (*names, *channels)})
+    return table
+
+
+def _marks(report: Report) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in _MARK_HEADS:
+        table.add_column(_MARK_HEADS[name], justify="right", no_wrap=True)
+    _fill(table, {name: report.marks[name] for name in _MARK_HEADS})
+    return table
+
+
+def _fill(table: Table, columns: dict[str, npt.NDArray[Any]]) -> None:
+    """All rows of a few, first and last of many."""
+    rows = len(columns["line"])
     shown = range(rows) if rows <= MAX_ROWS else [*range(MAX_ROWS // 2), -1, *range(rows - MAX_ROWS // 2, rows)]
     for i in shown:
         if i < 0:
             table.add_row("...", f"{rows - MAX_ROWS} more")
             continue
         cells = []
-        for name in (*names, *channels):
-            value = report.columns[name][i]
+        for name, column in columns.items():
+            value = column[i]
             cells.append(SegmentKind(int(value)).word if name == "kind" else _figure(float(value)))
         table.add_row(*cells)
-    return table

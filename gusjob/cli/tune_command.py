@@ -1,0 +1,116 @@
+"""gusjob tune."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gusjob.cli.common import file_argument, in_order, load, machine_option, scanner_option, show, stop
+from gusjob.diagnostics import has_errors
+from gusjob.machine import Scanner
+
+if TYPE_CHECKING:
+    from gusjob.syntax import Source
+
+
+@click.command(name="tune")
+@file_argument
+@machine_option
+@scanner_option
+@click.option("--skywrite", is_flag=True, help="Tune SKYWRITE instead of LASER DELAY.")
+@click.option("--mode", type=click.IntRange(1, 3), help="Mode of SKYWRITE. Default: the job's own, else 3.")
+@click.option("--channel", type=click.IntRange(0, 1), default=0, show_default=True, help="Laser channel.")
+@click.option("--write", "writes", is_flag=True, help="Put the statement into the job; all other text stays as it is.")
+def command(
+    path: Path,
+    machine_path: Path | None,
+    scanner: Scanner | None,
+    skywrite: bool,
+    mode: int | None,
+    channel: int,
+    writes: bool,
+) -> None:
+    """Find the delays, or the sky writing, with which marks begin and end where they should.
+
+    For the scanner of the machine profile (or --scanner) and this job's speeds. Says how the marks are before and
+    after, and how the numbers were found.
+    """
+    if mode is not None and not skywrite:
+        raise click.UsageError("--mode is for --skywrite")
+    loaded = load(path, machine_path, scanner=scanner)
+    if loaded.unreadable or loaded.source is None or has_errors(loaded.faults):
+        show(loaded)
+        sys.exit(2 if loaded.unreadable else 1)
+    if loaded.job is None:
+        stop(f"{path}: this is a listing; only a job can be tuned")
+    if loaded.machine.scanner is None:
+        stop("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")
+    from gusjob.tune import run_text, tune_delays, tune_sky_writing
+
+    before = run_text(loaded.source, loaded.machine)
+    if before.trace is None:
+        loaded.faults = in_order(before.faults)
+        show(loaded)
+        sys.exit(1)
+    if skywrite:
+        tuned = tune_sky_writing(before, loaded.machine, channel, mode)
+    else:
+        tuned = tune_delays(before, loaded.machine, channel)
+    if isinstance(tuned, str):
+        stop(f"{path}: {tuned}")
+    click.echo(f"{tuned.statement}\nfound by {tuned.how}, for the scanner {loaded.machine.scanner}\n")
+    if tuned.run.trace is None:
+        loaded.job, loaded.source = tuned.run.job, tuned.run.source
+        loaded.sources[loaded.source.name] = loaded.source
+        loaded.faults = in_order(tuned.run.faults)
+        show(loaded)
+        click.echo("gusjob: with this statement the job has errors; nothing is written", err=True)
+        sys.exit(1)
+    click.echo(_compared(before.marking, tuned.run.marking, channel))
+    if writes:
+        _write_job(path, tuned.run.source)
+
+
+def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
+    """Worst and typical figures of a channel's marks, before and after."""
+    from gusjob.diagnostics import number
+    from gusjob.report.marks import MARKING_WORDS, marking_unit
+
+    def figure(entry: dict[str, Any] | None, which: str, name: str) -> str:
+        value = entry[which][name] if entry else None
+        return "-" if value is None else number(float(f"{value:.4g}") + 0.0)
+
+    one, other = (next((e for e in entries if e["channel"] == channel), None) for entries in (before, after))
+    unit = (one or other or {"unit": "%"})["unit"]
+    rows = [["", "", "worst", "", "typical", ""], ["", "", "before", "after", "before", "after"]]
+    for name, word in MARKING_WORDS.items():
+        figures = [figure(entry, which, name) for which in ("worst", "typical") for entry in (one, other)]
+        rows.append([word, marking_unit(name, unit), *figures])
+    rows.insert(2, ["marks", "", *[str(e["marks"]) if e else "0" for e in (one, other)], "", ""])
+    widths = [max(len(row[i]) for row in rows) for i in range(6)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    )
+
+
+def _write_job(path: Path, source: Source) -> None:
+    """In one step, so that a job is never half written; a BOM stays."""
+    import os
+    import tempfile
+
+    bom = b"\xef\xbb\xbf"
+    try:
+        whole = (bom if path.read_bytes().startswith(bom) else b"") + source.data
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+            file.write(whole)
+        Path(file.name).chmod(path.stat().st_mode & 0o7777)
+        os.replace(file.name, path)  # noqa: PTH105  (Path.replace is the same call)
+    except OSError as error:
+        stop(f"{path}: can't write: {(error.strerror or 'unknown error').lower()}")
+    click.echo(f"written to {path}")
