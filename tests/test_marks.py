@@ -8,8 +8,10 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from tools import MACHINE, MARK, Ran, run_job, run_listing, stream_of
 
@@ -43,13 +45,19 @@ def lagging(model: str, machine: Machine = MACHINE) -> Machine:
     return replace(machine, scanner=Scanner(model=ScannerModel(model), tracking_error_us=LAG_US))
 
 
+def marks_in(report: Report) -> dict[str, npt.NDArray[Any]]:
+    """The marks of a report in which they were judged."""
+    assert report.marks is not None
+    return report.marks
+
+
 def marks(ran: Ran | Report, row: int = 0) -> dict[str, float]:
     report = ran.report if isinstance(ran, Ran) else ran
-    return {name: float(column[row]) for name, column in report.marks.items()}
+    return {name: float(column[row]) for name, column in marks_in(report).items()}
 
 
 def count(ran: Ran) -> int:
-    return len(ran.report.marks["line"])
+    return len(marks_in(ran.report)["line"])
 
 
 def test_without_lag_nothing_is_wrong() -> None:
@@ -254,10 +262,10 @@ def test_two_channels_have_their_own_marks() -> None:
         + move(16000, 0) + other[2] + move(30000, 0, 0) + START
     )  # fmt: skip
     ran = run_listing(text)
-    assert ran.report.marks["channel"].tolist() == [0, 1]
-    assert ran.report.marks["start_ms"] == pytest.approx([105, 125])
-    assert ran.report.marks["length_mm"] == pytest.approx([4, 4])
-    assert ran.report.marks["power_per_mm_mid"] == pytest.approx([500, 50])
+    assert marks_in(ran.report)["channel"].tolist() == [0, 1]
+    assert marks_in(ran.report)["start_ms"] == pytest.approx([105, 125])
+    assert marks_in(ran.report)["length_mm"] == pytest.approx([4, 4])
+    assert marks_in(ran.report)["power_per_mm_mid"] == pytest.approx([500, 50])
     assert [(e["channel"], e["unit"], e["marks"]) for e in ran.report.totals["marking"]] == [(0, "%", 1), (1, "V", 1)]
     assert [e["worst"]["power_per_mm_mid"] for e in ran.report.totals["marking"]] == pytest.approx([500, 50])
 
@@ -283,9 +291,9 @@ def test_an_immediate_off_of_a_running_stage_is_meant_for_its_start() -> None:
 
 def test_a_mark_through_a_wait_is_two_marks() -> None:
     ran = run_job(MARK + "LASER POWER 10\nLASER ON\nLINE X 1\nWAIT\nLINE X 3\nLASER OFF\n")
-    assert ran.report.marks["length_mm"] == pytest.approx([1, 2])
-    assert ran.report.marks["off_miss_um"].tolist() == [0, 0]
-    assert ran.report.marks["line"].tolist() == [6, 8]
+    assert marks_in(ran.report)["length_mm"] == pytest.approx([1, 2])
+    assert marks_in(ran.report)["off_miss_um"].tolist() == [0, 0]
+    assert marks_in(ran.report)["line"].tolist() == [6, 8]
 
 
 def test_merged_light_keeps_the_first_on_and_the_last_off() -> None:
@@ -349,7 +357,7 @@ def test_the_off_delay_behind_a_stage_shines_at_its_end() -> None:
     assert abs(found["off_error_um"]) < 0.1
     more = HEAD.splitlines(keepends=True)[2] + ON + move(0, 0, 0) + OFF + START
     both = run_listing(text + "GT_CrdStatus(1,run,segment,0)\n" + more)
-    assert both.report.marks["off_miss_um"].tolist() == [0, 0]
+    assert marks_in(both.report)["off_miss_um"].tolist() == [0, 0]
 
 
 def test_nothing_marked() -> None:
@@ -398,14 +406,15 @@ def test_marks_can_be_left_out() -> None:
     trace, _ = interpret(listing_stream(STEADY), MACHINE)
     assert trace is not None
     report = make_report(trace, MACHINE, marking=False)
-    assert (report.marks, report.totals["marking"]) == ({}, [])
+    assert (report.marks, report.totals["marking"]) == (None, None)
+    assert b', "marks": null' in b"".join(report_json(report, [], summary=False))
 
 
 def test_lines_count_in_their_own_file() -> None:
     trace, _ = interpret(listing_stream(STEADY), MACHINE)
     assert trace is not None
     report = make_report(trace, MACHINE, (("a.job", 0), ("b.job", 4)))
-    assert (report.marks["line"].tolist(), report.marks["file"].tolist()) == ([2], [1])
+    assert (marks_in(report)["line"].tolist(), marks_in(report)["file"].tolist()) == ([2], [1])
 
 
 def test_many_marks_at_once() -> None:
@@ -413,7 +422,7 @@ def test_many_marks_at_once() -> None:
     one = ON + move(1000, 0, 0) + move(1000, 1000, 0) + OFF + move(0, 0, 0)
     for model in ("delay", "first-order"):
         ran = run_listing(HEAD + one * 1000 + START, lagging(model))
-        for name, column in ran.report.marks.items():
+        for name, column in marks_in(ran.report).items():
             if name not in ("line", "start_ms"):
                 assert column[1:] == pytest.approx(column[1], rel=1e-6, abs=1e-6), name
 

@@ -55,7 +55,14 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option(
     "--format", "form", type=click.Choice(["table", "json", "csv", "markdown"]), default="table", show_default=True
 )
-@click.option("--summary", is_flag=True, help="Totals only, no segments.")
+@click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
+@click.option(
+    "--marks/--no-marks",
+    "marking",
+    default=None,
+    help="Judge every mark: its ends, its energy per mm, its corners. Default: with a scanner, else up to 100,000 "
+    "segments.",
+)
 @click.option(
     "--against",
     "earlier_path",
@@ -78,6 +85,7 @@ def command(
     scanner: Scanner | None,
     form: str,
     summary: bool,
+    marking: bool | None,
     earlier_path: Path | None,
     tolerance_pct: float | None,
     output: Path | None,
@@ -91,7 +99,7 @@ def command(
         raise click.UsageError("--tolerance is for --against")
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
     loaded = load(path, machine_path, scanner=scanner)
-    report = _reported(loaded)
+    report = _reported(loaded, marking)
     comparison = None
     if report is not None and earlier is not None:
         from gusjob.report.compare import compare
@@ -108,7 +116,7 @@ def command(
     sys.exit(exit_code(loaded) or int(comparison is not None and not comparison.same))
 
 
-def _reported(loaded: Loaded) -> Report | None:
+def _reported(loaded: Loaded, marking: bool | None) -> Report | None:
     """The report of a loaded file; None if an error forbids it. What the run finds is added to its faults."""
     stream = compiled(loaded)
     if stream is None:
@@ -117,7 +125,7 @@ def _reported(loaded: Loaded) -> Report | None:
 
     trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
     interpreted_faults(loaded, faults)
-    return None if trace is None else make_report(trace, loaded.machine, loaded.files)
+    return None if trace is None else make_report(trace, loaded.machine, loaded.files, marking=marking)
 
 
 def _written(

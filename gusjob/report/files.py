@@ -66,7 +66,7 @@ def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) 
         yield b", " + orjson.dumps(name) + b": " + orjson.dumps(value)
     if not summary:
         yield from _columns("segments", report.columns)
-        yield from _columns("marks", report.marks)
+        yield from [b', "marks": null'] if report.marks is None else _columns("marks", report.marks)
     yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(f) for f in faults]) + b"}\n"
 
 

@@ -98,7 +98,7 @@ def _marking(totals: dict[str, Any]) -> Iterator[str]:
             str(entry["channel"]), word, marking_unit(name, entry["unit"]), str(entry["marks"]),
             figure(entry["worst"][name]), figure(entry["typical"][name]),
         ]
-        for entry in totals.get("marking", ())
+        for entry in totals["marking"] or ()
         for name, word in MARKING_WORDS.items()
         if entry["worst"][name]
     ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -17,6 +17,10 @@ from gusjob.stream import Run
 
 Floats = npt.NDArray[np.float64]
 _ARC_NODES = 64
+
+
+MARKED_SEGMENTS = 100_000
+"""Without a scanner the marks of a job with more segments are judged only if asked for: it takes as long as all else."""
 
 
 class SegmentKind(IntEnum):
@@ -38,7 +42,7 @@ class SegmentKind(IntEnum):
 class Report:
     """`columns`: one entry a segment each, by name; `kind` holds SegmentKind numbers. `totals` as in the JSON.
 
-    `marks`: columns too, one entry a mark; none without marks or where they were not asked for.
+    `marks`: columns too, one entry a mark; None where they were not judged.
     """
 
     job: str
@@ -46,17 +50,18 @@ class Report:
     totals: dict[str, Any]
     columns: dict[str, npt.NDArray[Any]]
     notes: dict[str, Any]
-    marks: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
+    marks: dict[str, npt.NDArray[Any]] | None = None
 
     def __len__(self) -> int:
         return len(self.columns["line"])
 
 
 def make_report(
-    trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = (), *, marking: bool = True
+    trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = (), *, marking: bool | None = None
 ) -> Report:
-    """Rows and totals of a trace; those of marks unless `marking` is False.
+    """Rows and totals of a trace.
 
+    `marking`: whether marks are judged; None: with a scanner always, else up to MARKED_SEGMENTS.
     `files`: of a job that includes others, name and base of each; then `line` counts in the line's own file, and
     `file` is that file's place among the names in the notes.
     """
@@ -91,11 +96,13 @@ def make_report(
     notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
     scanner = machine.scanner
     notes["scanner"] = scanner and {"model": scanner.model.value, "tracking_error_us": scanner.tracking_error_us}
-    marks = marks_of(trace, machine) if marking else {}
+    if marking is None:
+        marking = scanner is not None or len(duration) <= MARKED_SEGMENTS
+    marks = marks_of(trace, machine) if marking else None
     if files:
         bases = np.array([base for _, base in files], dtype=np.int32)
         _name_files(columns, bases)
-        _name_files(marks, bases)
+        _name_files(marks or {}, bases)
         notes["files"] = [name for name, _ in files]
     return Report(
         job=trace.name,
@@ -106,7 +113,7 @@ def make_report(
             "duration_ms": float(clock.times[-1]),
             **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
             "channels": totals,
-            "marking": marking_totals(trace, marks) if marks else [],
+            "marking": None if marks is None else marking_totals(trace, marks) if marks else [],
         },
         columns=columns,
         notes=notes,

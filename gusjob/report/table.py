@@ -62,7 +62,7 @@ def _summary(report: Report) -> Text:
         f"  {totals['segments']} segments in {totals['stages']} stage{'s' if totals['stages'] != 1 else ''}, "
         f"{_figure(totals['duration_ms'])} ms; marks {_figure(totals['mark_mm'])} mm, jumps "
         f"{_figure(totals['jump_mm'])} mm{_runs(totals)}; "
-        f"period {_figure(report.period_us)} us",
+        f"period {_figure(report.period_us)} us{_scanner(report)}",
     ]
     for entry in totals["channels"]:
         unit = entry["unit"]
@@ -77,12 +77,20 @@ def _summary(report: Report) -> Text:
         )
         if entry["lit_at_end"]:
             lines.append(f"  channel {entry['channel']} is left ON")
-    lines += [_marking(entry) for entry in totals.get("marking", ())]
+    lines += [_marking(entry) for entry in totals["marking"] or ()]
+    if report.marks is None:
+        lines.append("  marks are not judged: --marks judges them")
     lines += [
         f"  line {r['line']}: GT_GetHSIOOpt reads {r['value']} on channel {r['channel']}"
         for r in report.notes["readings"]
     ]
     return Text("\n".join(lines) + "\n")
+
+
+def _scanner(report: Report) -> str:
+    """How the beam follows, where that is known."""
+    scanner = report.notes["scanner"]
+    return f", scanner {scanner['model']} {_figure(scanner['tracking_error_us'])} us" if scanner else ""
 
 
 def _runs(totals: dict[str, Any]) -> str:
