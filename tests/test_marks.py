@@ -431,7 +431,7 @@ def test_light_left_on_has_no_off() -> None:
     trace, _ = interpret(listing_stream(HEAD + ON + move(10000, 0, 0) + START), MACHINE)
     assert trace is not None
     assert trace.channels[0].emission.off_row.tolist() == [-1]
-    assert make_report(trace, MACHINE).marks["off_miss_um"].tolist() == [0]
+    assert marks_in(make_report(trace, MACHINE))["off_miss_um"].tolist() == [0]
 
 
 def test_a_mark_that_never_comes_to_s_is_outside_once() -> None:

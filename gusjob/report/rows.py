@@ -20,7 +20,7 @@ _ARC_NODES = 64
 
 
 MARKED_SEGMENTS = 100_000
-"""Without a scanner the marks of a job with more segments are judged only if asked for: it takes as long as all else."""
+"""Without a scanner the marks of a job with more segments are judged only if asked for: it takes its time."""
 
 
 class SegmentKind(IntEnum):

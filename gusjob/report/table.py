@@ -44,7 +44,7 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
         console.print(_segments(report))
     if not summary and report.marks and len(report.marks["line"]):
         console.print(Text("\nmarks (+: late)"))
-        console.print(_marks(report))
+        console.print(_marks(report.marks))
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
 
 
@@ -125,11 +125,11 @@ def _segments(report: Report) -> Table:
     return table
 
 
-def _marks(report: Report) -> Table:
+def _marks(marks: dict[str, npt.NDArray[Any]]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in _MARK_HEADS:
         table.add_column(_MARK_HEADS[name], justify="right", no_wrap=True)
-    _fill(table, {name: report.marks[name] for name in _MARK_HEADS})
+    _fill(table, {name: marks[name] for name in _MARK_HEADS})
     return table
 
 
