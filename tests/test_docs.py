@@ -99,7 +99,7 @@ def test_the_reference_names_every_statement() -> None:
     laser = "MODE DUTY,MODE FREQUENCY,MODE ANALOG,DELAY,STANDBY,PREVOLT,FPK,DISTANCE,POWER,FOLLOW,ON NOW,OFF"
     others = (
         "UNITS,COORDS,CRD,LINE,JUMP,ARC CW,ARC CCW,DWELL,WAIT,LOOKAHEAD OFF,LOOKAHEAD TIME,LET,REPEAT,FOR,IF,ELSE,DEF,"
-        "CALL,FRAME,INCLUDE,VEL,ACC,JUMPVEL,CHANNEL"
+        "CALL,FRAME,INCLUDE,VEL,ACC,JUMPVEL,CHANNEL,SKYWRITE MODE 2,SKYWRITE MODE 3,SKYWRITE OFF"
     )
     for word in [*(f"LASER {w}" for w in laser.split(",")), *others.split(",")]:
         assert word in said, word
