@@ -740,11 +740,11 @@ SKY_ROOM = _rule(
     "GJ809", _E, "no motion left for the switch",
     "the light of channel {channel} would have to be switched {what} {early} us {where}: {mend}",
     "A GUS switches between two motions; where there is none the light would come or go at the wrong point.",
-    bad=_HEAD + "LASER DELAY ON 5000us OFF 5000us\n" + _SKY + "LASER POWER 30\n" + _MARK,
+    bad=_HEAD + "LASER DELAY ON 50000us OFF 50000us\n" + _SKY + "LASER POWER 30\n" + _MARK,
     good=_HEAD + "LASER DELAY ON 20us OFF 20us\n" + _SKY + "LASER POWER 30\n" + _MARK, section="RTC5",
 )  # fmt: skip
 SKY_DARK = _rule(
-    "GJ810", _W, "mark that SHIFT makes dark",
+    "GJ810", _E, "mark that SHIFT makes dark",
     "the light would come {late} us behind the end of this mark: SHIFT is longer than the mark",
     "The mark is not burnt at all.",
     bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 5000us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",

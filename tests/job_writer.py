@@ -59,6 +59,8 @@ class Writer:
     """Whether a routine relies on the modes as they are."""
     local: bool = False
     """Whether the place is inside a routine."""
+    sky: bool = False
+    """Whether the job sky-writes somewhere: then light goes with the path everywhere in it."""
 
     # Choices.
 
@@ -266,6 +268,30 @@ class Writer:
                     acc = self.word("ACC", self.acceleration(self.of((10.0, 1000.0, 50000.0))))
                     self.put("LOOKAHEAD", self.some("", time, acc, self.words(time, acc)))
 
+    def skywrite(self) -> None:
+        """SKYWRITE, only where it is dark."""
+        if any(self.state.lit) and not self.slip():
+            return
+        if self.one_in(4):
+            self.put("SKYWRITE OFF")
+            return
+        mode = self.rng.randint(1, 3)
+        lag = self.of((0.0, 0.2, 5.0, 100.0, 174.0, 250.0, 320.0, 333.3, 1000.0))
+        shift = self.of((0.5, -0.5, 20.0, -40.0, -200.0, 300.0))
+        steps = ("0", "1", "11", "30", "AUTO")
+        self.put(
+            f"SKYWRITE MODE {self.whole(mode)}",
+            self.words(
+                self.word("TIMELAG", self.number(lag, self.some("", "us"))),
+                self.word("SHIFT", self.number(shift, self.some("", "us"))) if self.one_in(3) else "",
+                f"NPREV {self.some(*steps)}" if self.one_in(3) else "",
+                f"NPOST {self.some(*steps)}" if self.one_in(3) else "",
+                self.word("LIMIT", self.number(self.of((-1.0, 0.0, 0.5, 0.9, 1.0))))
+                if mode == 3 or self.slip()
+                else "",
+            ),
+        )
+
     def distance(self, channel: int) -> None:
         if self.state.distance[channel] and self.one_in(3):
             self.laser(channel, "DISTANCE OFF")
@@ -311,7 +337,7 @@ class Writer:
                 return
             if not state.powered[channel]:
                 self.give_power(channel)
-        now = "NOW" if self.one_in(8) else ""
+        now = "NOW" if self.one_in(8) and (not self.sky or self.slip()) else ""
         self.laser(channel, "ON" if on else "OFF", now)
         state.lit[channel] = on
 
@@ -319,7 +345,7 @@ class Writer:
         """Every channel off."""
         for channel in (0, 1):
             if self.state.lit[channel] and not self.slip():
-                self.laser(channel, "OFF", "NOW" if self.one_in(8) else "")
+                self.laser(channel, "OFF", "NOW" if self.one_in(8) and not self.sky else "")
                 self.state.lit[channel] = False
 
     def place(self) -> tuple[float, float]:
@@ -339,7 +365,7 @@ class Writer:
             found.append(self.word("VEL", self.speed(self.of(SPEEDS[3:6]))))
         if self.one_in(8):
             found.append(self.word("ACC", self.acceleration(self.of(ACCELERATIONS[1:]))))
-        if self.one_in(12):
+        if self.one_in(12) and not (self.sky and any(self.state.lit)):
             found.append(self.word("END", self.speed(self.of((0.0, 0.0, 0.5, 5.0)))))
         return " ".join(found)
 
@@ -522,7 +548,9 @@ class Writer:
     def statement(self, depth: int) -> None:
         state = self.state
         pick = self.rng.randrange(36)
-        if pick < 8:
+        if self.sky and self.one_in(10):
+            self.skywrite()
+        elif pick < 8:
             self.straight(self.some("LINE", "LINE", "LINE", "JUMP"))
         elif pick < 11:
             self.arc()
@@ -531,9 +559,11 @@ class Writer:
         elif pick < 18:
             self.give_power(self.a_channel())
         elif pick < 19:
+            if self.sky and any(state.lit) and not self.slip():
+                return
             self.put(self.word("DWELL", self.whole(self.rng.choice((0, 1, 2, 20)), self.some("", "ms"))))
         elif pick < 22:
-            if not any(state.lit) or self.one_in(4):
+            if not any(state.lit) or (self.one_in(4) and not self.sky):
                 self.setup(self.a_channel())
         elif pick < 23:
             state.units = self.some("MM", "PULSE")
@@ -573,6 +603,7 @@ class Writer:
             self.put("UNITS PULSE")
         if self.one_in(2):
             self.let()
+        self.sky = self.one_in(3)
         for channel in (0, 1):
             if not self.rng.randrange(channel + 1) and not self.slip():
                 self.mode(channel, self.some(*MODES))

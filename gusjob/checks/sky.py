@@ -80,7 +80,7 @@ def _under(sky: Bools, at: int) -> bool:
 
 def _changed_in_light(view: View, findings: Findings, setup: Setup) -> None:
     for channel in CHANNELS:
-        if view.lit_at(channel, np.array([setup.at * 2]))[0]:
+        if view.lit_at(channel, np.array([setup.at * 2 + 1]))[0]:
             on_line = view.lit(channel)[1][max(setup.at - 1, 0) : max(setup.at, 1)]
             findings.at(rules.SKY_LIT, setup, remarks=switched_on(view, on_line)(0), channel=channel)
 

@@ -71,7 +71,7 @@ def command(
         sys.exit(1)
     click.echo(_compared(before.marking, tuned.run.marking, channel))
     if writes:
-        _write_job(path, tuned.run.source)
+        _write_job(path, loaded.source, tuned.run.source)
 
 
 def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
@@ -99,18 +99,30 @@ def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel
     )
 
 
-def _write_job(path: Path, source: Source) -> None:
-    """In one step, so that a job is never half written; a BOM stays."""
+def _write_job(path: Path, before: Source, source: Source) -> None:
+    """In one step, so that a job is never half written; a BOM stays, and so does a link to the job."""
     import os
     import tempfile
 
     bom = b"\xef\xbb\xbf"
     try:
-        whole = (bom if path.read_bytes().startswith(bom) else b"") + source.data
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-            file.write(whole)
-        Path(file.name).chmod(path.stat().st_mode & 0o7777)
-        os.replace(file.name, path)  # noqa: PTH105  (Path.replace is the same call)
+        target = path.resolve(strict=True)
+        if not target.is_file():
+            stop(f"{path}: can't write: this is no file")
+        if not os.access(target, os.W_OK):
+            stop(f"{path}: can't write: permission denied")
+        data = target.read_bytes()
+        if data.removeprefix(bom) != before.data:
+            stop(f"{path}: can't write: the file has changed in the meantime")
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".gusjob-")
+        try:
+            with open(handle, "wb") as file:  # noqa: PTH123  (a handle has no Path)
+                file.write((bom if data.startswith(bom) else b"") + source.data)
+            Path(name).chmod(target.stat().st_mode & 0o7777)
+            Path(name).replace(target)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
     except OSError as error:
         stop(f"{path}: can't write: {(error.strerror or 'unknown error').lower()}")
     click.echo(f"written to {path}")

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.checks.view import CHANNELS, view_of
-from gusjob.geometry import Segments
+from gusjob.geometry import TURN, Arcs, Segments
 from gusjob.job import SPEED_WORDS, Op, SkyWriting
 from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, Sky, rearranged
@@ -34,6 +34,8 @@ Bools = npt.NDArray[np.bool_]
 
 _HALF_PULSE = 0.7072
 """By how much a whole pulse may lie beside the point it stands for: half the diagonal."""
+_LONGER_PULSE = (0.0, 0.75, 1.5, 2.25, 3.0, 4.0)
+"""What is tried to make an arc long enough whose ends and centre are rounded."""
 _SAME_CORNER = 1e-9
 
 # Where added rows stand, from the row of their mark: all of it between the mark's neighbours.
@@ -162,21 +164,38 @@ def _run(laid: Segments, at: Indices, length: Floats, *, ahead: bool) -> _Run:
     if len(laid.arc_at):
         number = np.minimum(np.searchsorted(laid.arc_at, at), len(laid.arc_at) - 1)
         round_ = np.flatnonzero(laid.arc_at[number] == at)
-        arcs, which = laid.arcs, number[round_]
-        sense = np.sign(arcs.sweep[which]) * way
-        begin = arcs.angle[which] + (arcs.sweep[which] if ahead else 0.0)
-        radius = arcs.radius[which]
-        along = np.minimum(length[round_] + _HALF_PULSE, np.pi * radius)
-        angle = begin + sense * along / radius
-        x[round_] = np.rint(arcs.cx[which] + radius * np.cos(angle)) + 0.0
-        y[round_] = np.rint(arcs.cy[which] + radius * np.sin(angle)) + 0.0
+        arcs = laid.arcs.pick(number[round_])
+        sense = np.sign(arcs.sweep) * way
+        begin = arcs.angle + (arcs.sweep if ahead else 0.0)
+        half_turn = np.pi * arcs.radius
+        along = np.minimum(length[round_], half_turn)
+        x[round_], y[round_] = _along(arcs, begin, sense, along, from_x[round_], from_y[round_], ahead=ahead)
         rest = length[round_] - along
-        leaves[round_] = rest > _HALF_PULSE
+        leaves[round_] = rest > 0
+        angle = begin + sense * along / arcs.radius
         far_x, far_y = x.copy(), y.copy()
         far_x[round_], far_y[round_] = _beyond(
-            x[round_], y[round_], -np.sin(angle) * sense, np.cos(angle) * sense, np.maximum(rest, 0.0)
+            x[round_], y[round_], -np.sin(angle) * sense, np.cos(angle) * sense, rest
         )
     return _Run(at=at, x=x, y=y, leaves=leaves, far_x=far_x, far_y=far_y)
+
+
+def _along(
+    arcs: Arcs, begin: Floats, sense: Floats, length: Floats, from_x: Floats, from_y: Floats, *, ahead: bool
+) -> tuple[Floats, Floats]:
+    """Whole pulses at least a length away along circles, as arcs about their rounded centres measure it."""
+    cx, cy = np.rint(arcs.cx), np.rint(arcs.cy)
+    here = np.arctan2(from_y - cy, from_x - cx)
+    x, y = from_x.copy(), from_y.copy()
+    short = np.ones(len(x), dtype=np.bool_)
+    for longer in _LONGER_PULSE:
+        angle = begin + sense * (length + longer) / arcs.radius
+        x[short] = (np.rint(arcs.cx + arcs.radius * np.cos(angle)) + 0.0)[short]
+        y[short] = (np.rint(arcs.cy + arcs.radius * np.sin(angle)) + 0.0)[short]
+        sweep = ((np.arctan2(y - cy, x - cx) - here) * sense) % TURN
+        radius = np.hypot(from_x - cx, from_y - cy) if ahead else np.hypot(x - cx, y - cy)
+        short &= sweep * radius < length
+    return x, y
 
 
 def _beyond(x: Floats, y: Floats, dx: Floats, dy: Floats, length: Floats) -> tuple[Floats, Floats]:
@@ -230,7 +249,7 @@ class _Rows:
         self.piece(run, first, _REVERSE, Run.RUN_IN, run.x, run.y, back=True, smooth=run.leaves)
         self.piece(run, first & run.leaves, _REVERSE_FAR, Run.RUN_IN, run.far_x, run.far_y, straight=True)
         self.piece(run, run.leaves, _RUN_IN_FAR, Run.RUN_IN, run.x, run.y, straight=True, smooth=True)
-        self.piece(run, np.True_, _RUN_IN, Run.RUN_IN, self.laid.x0[at], self.laid.y0[at], smooth=True)
+        self.piece(run, np.True_, _RUN_IN, Run.RUN_IN, *self.starts(at), smooth=True)
         before = self.straight_before(at)
         moves = ~first & (before >= 0)
         self.moved.append((self.state.timed[before[moves]], run.far_x[moves], run.far_y[moves]))
@@ -243,8 +262,18 @@ class _Rows:
         self.piece(run, np.True_, _RUN_OUT, Run.RUN_OUT, run.x, run.y, smooth=run.leaves)
         self.piece(run, run.leaves, _RUN_OUT_FAR, Run.RUN_OUT, run.far_x, run.far_y, straight=True)
         self.piece(run, first & run.leaves, _BACK_FAR, Run.RUN_OUT, run.x, run.y, straight=True, smooth=True)
-        self.piece(run, first, _BACK, Run.RUN_OUT, self.laid.x1[at], self.laid.y1[at], back=True)
-        self.jump(run, ~first & self.must_return(at), _JUMP_BACK, self.laid.x1[at], self.laid.y1[at])
+        self.piece(run, first, _BACK, Run.RUN_OUT, *self.ends(at), back=True)
+        self.jump(run, ~first & self.must_return(at), _JUMP_BACK, *self.ends(at))
+
+    def starts(self, at: Indices) -> tuple[Floats, Floats]:
+        """Where marks start, not yet rounded: a full circle is one by ending exactly where it starts."""
+        rows, path = self.state.timed[at], self.state.path
+        return np.append(path.x, 0.0)[rows - 1], np.append(path.y, 0.0)[rows - 1]
+
+    def ends(self, at: Indices) -> tuple[Floats, Floats]:
+        """Where marks end, not yet rounded."""
+        rows, path = self.state.timed[at], self.state.path
+        return path.x[rows], path.y[rows]
 
     def piece(
         self, run: _Run, where: Bools | np.bool_, shift: float, kind: Run, x: Floats, y: Floats, *,
@@ -253,13 +282,24 @@ class _Rows:
         """A piece of the run of the marks in `where`, at mark speed: as they are bent, or `straight`; or `back`."""
         pick = np.broadcast_to(where, len(run.at))
         at = run.at[pick]
-        rows, path = self.state.timed[at], self.state.path
+        bent = {"op": np.uint8(Op.LINE)} if straight else self.bent(at, back=back)
         self.add(
-            rows, shift, x=x[pick], y=y[pick], op=np.uint8(Op.LINE) if straight else path.op[rows],
-            ccw=path.ccw[rows] != back, radius=np.abs(path.radius[rows]), end=np.nan,
+            self.state.timed[at], shift, x=x[pick], y=y[pick], end=np.nan, **bent,
             vel=self.marks.vel[at], acc=self.marks.acc[at], vel_in_mm=False, acc_in_mm=False,
             run=np.int8(kind), smooth=np.broadcast_to(smooth, len(run.at))[pick],
         )  # fmt: skip
+
+    def bent(self, at: Indices, *, back: bool) -> dict[str, Any]:
+        """Marks' own lines or circles, these about their centre: by radius a centre is lost near half a turn."""
+        arcs, arc_at, path = self.laid.arcs, self.laid.arc_at, self.state.path
+        if not len(arc_at):
+            return {"op": np.uint8(Op.LINE)}
+        number = np.minimum(np.searchsorted(arc_at, at), len(arc_at) - 1)
+        round_ = arc_at[number] == at
+        return {
+            "op": np.where(round_, Op.ARC_CENTRE, Op.LINE), "ccw": path.ccw[self.state.timed[at]] != back,
+            "cx": arcs.cx[number], "cy": arcs.cy[number],
+        }  # fmt: skip
 
     def jump(self, run: _Run, where: Bools, shift: float, x: Floats, y: Floats) -> None:
         """Jumps that are not the job's own, at the JUMPVEL and JUMPACC in force."""
@@ -298,7 +338,10 @@ class _Rows:
         count = len(op)
         moving = np.minimum.accumulate(np.where(op == Op.DWELL, count, np.arange(count))[::-1])[::-1]
         after = np.append(moving, [count, count])[at + 1]
-        free = np.append(marks.begins | (op == Op.JUMP) | ((op == Op.LINE) & ~marks.lit[0] & ~marks.lit[1]), True)
+        free = np.append(
+            (marks.begins & (marks.mode != 1)) | (op == Op.JUMP) | ((op == Op.LINE) & ~marks.lit[0] & ~marks.lit[1]),
+            True,
+        )
         still = np.append(op == Op.DWELL, True)[at + 1] | (np.append(marks.stage, -1)[at + 1] != marks.stage[at])
         moves_us = marks.run_out_us[at] + marks.vel[at] / marks.acc[at] * US_PER_MS
         return np.asarray(~free[after] | (still & (moves_us < marks.lag_us[at])))
@@ -347,8 +390,11 @@ class _Rows:
         for rows, x, y in self.moved:
             own["x"][rows], own["y"][rows] = x, y
         own["smooth"][self.state.timed[self.marks.ends]] = True
+        mark = self.state.timed[self.marks.mark]
+        own["vel"], own["vel_in_mm"] = path.vel.copy(), path.vel_in_mm.copy()
+        own["vel"][mark], own["vel_in_mm"][mark] = self.marks.vel[self.marks.mark], False
         # What of a mark is dark lies before its light.
-        own["run"][self.state.timed[self.marks.mark]] = Run.RUN_IN
+        own["run"][mark] = Run.RUN_IN
         columns = {
             name: self.column(name, own[name] if name in own else getattr(path, name))[order]
             for name in {*own, *(name for change in self.changes for name in change)}

@@ -20,7 +20,7 @@ from gusjob.checks.view import CHANNELS
 from gusjob.diagnostics import Collector, Diagnostic, Rule
 from gusjob.geometry import Segments
 from gusjob.job import LaserDelay, LaserFpk, Op
-from gusjob.motion import Trapezoids, distance_run, reached_ends, running_sum, trapezoids
+from gusjob.motion import Trapezoids, distance_run, look_ahead, reached_ends, running_sum, trapezoids
 from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, rearranged
 from gusjob.planner.velocity import starts_at_rest
@@ -210,19 +210,30 @@ def _split(state: Plan, timeline: _Timeline, events: _Events, points: _Points) -
         return np.concatenate(parts)[order]
 
     columns = {"x": column("x", points.x), "y": column("y", points.y), "end": column("end", np.nan)}
-    columns["radius"] = path.radius[source]
-    columns["radius"][moves] = pieces.radii(state, columns["radius"][moves])
-    longer = layout(replace(rearranged(state, source, columns), sky=None))
-    assert longer.segments is not None
-    return replace(
-        longer,
-        sky=replace(sky, run=sky.run[source], smooth=sky.smooth[source]),
-        mark_end=_mark_ends(events, order, pieces, longer.timed),
+    bent = pieces.bent(state)
+    if bent is not None:
+        which, cx, cy = bent
+        at = np.flatnonzero(moves)[which]
+        for name, value in (("op", Op.ARC_CENTRE), ("cx", cx[which]), ("cy", cy[which])):
+            columns[name] = getattr(path, name)[source]
+            columns[name][at] = value
+    smooth = sky.smooth[source]
+    smooth[np.flatnonzero(moves)[~pieces.last]] = True
+    longer = replace(
+        layout(rearranged(state, source, columns)),
+        sky=replace(sky, run=sky.run[source], smooth=smooth),
+        mark_end=_mark_ends(events, order, pieces, np.flatnonzero(moves)),
         vel=state.vel[pieces.cell],
         acc=state.acc[pieces.cell],
-        vel_end=pieces.end_velocities(state, timeline.profile, longer.segments.length),
-        diagnostics=(*state.diagnostics, *_faults(state, timeline, events)),
     )
+    assert longer.segments is not None
+    ends = pieces.end_velocities(state, timeline.profile, longer.segments.length)
+    if bent is not None:
+        # The pieces of an arc may be shorter than it was.
+        acc = np.where(longer.path.op[longer.timed] == Op.DWELL, 1.0, longer.acc)
+        reached = np.minimum(look_ahead(longer.segments.length, acc, ends, starts_at_rest(longer)), ends)
+        ends = np.where(np.isfinite(longer.path.end[longer.timed]), ends, reached)
+    return replace(longer, vel_end=ends, diagnostics=(*state.diagnostics, *_faults(state, timeline, events)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,24 +243,31 @@ class _Pieces:
     cell: Indices
     place: Floats
 
-    def radii(self, state: Plan, radius: Floats) -> Floats:
-        """Radii of arcs given by radius: a piece of at most half a turn has a positive one."""
+    @property
+    def last(self) -> Bools:
+        """The last piece of each motion."""
+        return np.append(self.cell[1:] != self.cell[:-1], True)
+
+    def bent(self, state: Plan) -> tuple[Bools, Floats, Floats] | None:
+        """Pieces of arcs that were split, (p,): which these are, and their centres; None without any.
+
+        They become arcs about a centre: by radius it is lost near half a turn.
+        """
         laid = state.segments
         assert laid is not None
-        if not len(laid.arc_at):
-            return radius
-        sweep = np.zeros(len(state.timed))
-        sweep[laid.arc_at] = np.abs(laid.arcs.sweep)
-        share = self.place - np.maximum(np.concatenate([[0.0], self.place[:-1]]), self.cell)
-        return np.where(share < 1, np.abs(radius) * np.where(sweep[self.cell] * share <= np.pi, 1.0, -1.0), radius)
+        cut = np.zeros(len(state.timed), dtype=np.bool_)
+        cut[self.cell[~self.last]] = True
+        cx, cy, round_ = np.zeros(len(cut)), np.zeros(len(cut)), np.zeros(len(cut), dtype=np.bool_)
+        cx[laid.arc_at], cy[laid.arc_at], round_[laid.arc_at] = laid.arcs.cx, laid.arcs.cy, True
+        cut &= round_
+        return (cut[self.cell], cx[self.cell], cy[self.cell]) if cut.any() else None
 
     def end_velocities(self, state: Plan, profile: Trapezoids, length: Floats) -> Floats:
         """End velocity of each piece, pulse/ms: that of the whole motion at this point.
 
         From start v0 over the pieces up to here, v^2 = v0^2 + 2*a*L; down to the end likewise; never above the peak.
         """
-        cell = self.cell
-        last = np.append(cell[1:] != cell[:-1], True)
+        cell, last = self.cell, self.last
         at = np.flatnonzero(~last)
         ends = np.where(last, state.vel_end[cell], 0.0)
         if not len(at):
@@ -271,7 +289,7 @@ def _mark_ends(events: _Events, order: Indices, pieces: _Pieces, timed: Indices)
     """As in stream.Intent: the first piece of the mark that a light-on goes by, the last of a light-off's."""
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    behind = np.append(0, np.flatnonzero(np.append(pieces.cell[1:] != pieces.cell[:-1], True)) + 1)
+    behind = np.append(0, np.flatnonzero(pieces.last) + 1)
     found = np.full(len(order), -1, dtype=np.intp)
     motions = len(timed)
     for switch, piece in ((Op.ON, behind[events.ref]), (Op.OFF, behind[events.ref + 1] - 1)):

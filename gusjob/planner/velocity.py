@@ -14,6 +14,7 @@ from gusjob.diagnostics import Collector, Rule
 from gusjob.job import LookAhead, Op, shown_units
 from gusjob.motion import corner_velocity, look_ahead
 from gusjob.planner.plan import Plan
+from gusjob.stream import Run
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,14 +60,17 @@ def velocities(state: Plan) -> Plan:
         state,
         vel=vel,
         vel_end=np.where(forced, state.vel_end, vel_end),
-        diagnostics=tuple(collector.done(rules.MORE)),
+        diagnostics=(*state.diagnostics, *collector.done(rules.MORE)),
     )
 
 
 def path_velocity(state: Plan, jump: Floats) -> Floats:
     """Velocity of each timed row, (m,) pulse/ms: as written, slower on arcs where look-ahead is on, 0 in a dwell."""
     vel = np.where(state.path.op[state.timed] == Op.DWELL, 0.0, state.vel)
-    return np.where(np.isfinite(jump), _slowed_on_arcs(state, vel), vel)
+    slows = np.isfinite(jump)
+    if state.sky is not None:  # Its marks and runs have their speed already.
+        slows &= state.sky.run[state.timed] == Run.NONE
+    return np.where(slows, _slowed_on_arcs(state, vel), vel)
 
 
 def starts_at_rest(state: Plan) -> npt.NDArray[np.bool_]:

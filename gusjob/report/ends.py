@@ -78,7 +78,7 @@ def _place(trace: Trace, machine: Machine, at: Indices, ahead: Indices, before: 
         x, y = np.zeros(1), np.zeros(1)
     along = np.zeros((2, len(at)))
     comes = before >= begins
-    leaves = ~comes & (ahead < len(laid.x0))
+    leaves = ~comes & (ahead < len(laid.start_x))
     along[:, comes] = unit_mm(laid.end_x[before[comes]], laid.end_y[before[comes]], machine)
     along[:, leaves] = unit_mm(laid.start_x[ahead[leaves]], laid.start_y[ahead[leaves]], machine)
     return Place(x=x[at], y=y[at], along_x=along[0], along_y=along[1])

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gusjob.checks import check
 from gusjob.diagnostics import Diagnostic, has_errors
 from gusjob.interpreter import ChannelTrace, Trace, interpret
 from gusjob.job import Job, LaserDelay, SkyWrite
-from gusjob.limits import AUTO_SHARE, RUN_STEP_US, SWITCH_DELAY_US
+from gusjob.limits import AUTO_SHARE, RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.machine import Machine, ScannerModel
 from gusjob.planner import compile_job
 from gusjob.report.marks import marking_totals, marks_of
 from gusjob.syntax import Source, read_job
 from gusjob.tune.edit import with_statement
-from gusjob.tune.search import nearest
+from gusjob.tune.search import Band, nearest
 
 CLOSED_FORM, SEARCH = "closed form", "search on the interpreter"
 
@@ -45,8 +45,8 @@ class Tuned:
     run: Run
 
 
-def run_text(source: Source, machine: Machine) -> Run:
-    """A job's text on a machine."""
+def run_text(source: Source, machine: Machine, *, judged: bool = True) -> Run:
+    """A job's text on a machine. `judged`: with the figures of its marks."""
     job, faults = read_job(source, machine)
     faults = [*faults, *check(job, machine)]
     trace, marking = None, list[dict[str, Any]]()
@@ -54,8 +54,11 @@ def run_text(source: Source, machine: Machine) -> Run:
         stream, more = compile_job(job, machine)
         faults = [*faults, *more]
         if not has_errors(more):
-            trace, _ = interpret(stream, machine)
-            marking = [] if trace is None else marking_totals(trace, marks_of(trace, machine))
+            trace, more = interpret(stream, machine)
+            if trace is not None and judged:
+                marking = marking_totals(trace, marks_of(trace, machine))
+            elif trace is None:
+                faults = [*faults, *(replace(f, span=job.locate(f.span.line, ""), path=source.name) for f in more)]
     return Run(source=source, job=job, trace=trace, faults=faults, marking=marking)
 
 
@@ -63,24 +66,63 @@ def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:
     """LASER DELAY of a channel; where there is nothing to tune, the reason."""
     if run.job.sky_writes:
         return "this job is sky-written, which makes up for LASER DELAY: tune SKYWRITE (--skywrite)"
-    shining = _shining(run, channel)
-    if isinstance(shining, str):
-        return shining
+    at_once = _without_delays(run, machine, channel)
+    shining = at_once if isinstance(at_once, str) else _shining(at_once, channel)
+    if isinstance(at_once, str) or isinstance(shining, str):
+        return str(shining)
     gap_us, late_us = _killer_us(shining)
-    assert run.trace is not None and machine.scanner is not None
-    if machine.scanner.model is ScannerModel.DELAY:
-        on_us = off_us = round(machine.scanner.tracking_error_us)
+    assert at_once.trace is not None and machine.scanner is not None
+    lag_us = machine.scanner.tracking_error_us
+    closed = machine.scanner.model is ScannerModel.DELAY or not round(lag_us)
+    most_us = 0 if closed else SWITCH_DELAY_US.high + max(gap_us, late_us)
+    found = nearest(at_once.trace, machine, shining, slack_pulse=1, most_us=most_us)
+    if found is None:
+        return f"no mark of channel {channel} is switched by LASER ON and LASER OFF"
+    on, off, how = *found, SEARCH
+    if closed:
+        on = off = Band(first_us=round(lag_us), last_us=round(lag_us), miss_mm=0)
         how = CLOSED_FORM
-    else:
-        found = nearest(run.trace, machine, shining, slack_pulse=1)
-        if found is None:
-            return f"no mark of channel {channel} is switched by LASER ON and LASER OFF"
-        on_us, off_us, how = found.on_us, found.off_us, SEARCH
-    # What the first pulse killer delays need not be delayed again; off stays at or above on (M 二.2).
-    on_us = min(max(on_us - round(gap_us), 0), int(SWITCH_DELAY_US.high))
-    off_us = min(max(off_us - round(late_us), on_us), int(SWITCH_DELAY_US.high))
-    statement = f"LASER DELAY ON {on_us}us OFF {off_us}us" + _channel_word(run, channel)
-    return _tried(run, machine, LaserDelay, channel, statement, how)
+    on_us, off_us = _pair(_as_delays(on, gap_us), _as_delays(off, late_us), lag_us - gap_us, lag_us - late_us)
+    return _tried(run, machine, LaserDelay, channel, _delay_statement(run, channel, on_us, off_us), how)
+
+
+def _without_delays(run: Run, machine: Machine, channel: int) -> Run | str:
+    """The job without delays of a channel: those that are wrong may leave nothing of its marks."""
+    if not any(isinstance(s.what, LaserDelay) and s.channel == channel for s in run.job.setups):
+        return run
+    statement = _delay_statement(run, channel, 0, 0)
+    tried = _tried(run, machine, LaserDelay, channel, statement, SEARCH, judged=False)
+    if isinstance(tried, str):
+        return tried
+    return tried.run if tried.run.trace is not None else run
+
+
+def _delay_statement(run: Run, channel: int, on_us: int, off_us: int) -> str:
+    return f"LASER DELAY ON {on_us}us OFF {off_us}us" + _channel_word(run, channel)
+
+
+def _as_delays(band: Band, taken_us: float) -> tuple[int, int]:
+    """A band as the controller takes it; what the first pulse killer delays need not be delayed again."""
+    most = int(SWITCH_DELAY_US.high)
+    first, last = (_within(us - round(taken_us), 0, most) for us in (band.first_us, band.last_us))
+    return first, last
+
+
+def _pair(on: tuple[int, int], off: tuple[int, int], on_aim: float, off_aim: float) -> tuple[int, int]:
+    """The last on and the first off of their bands; where off would be below on, the delays that make up for the lag,
+    as far as the bands go: neither end stands longer under the light than the other. If even those are the wrong way
+    round (M 二.2), one for both, near at both ends if that can be, else at the beginning."""
+    if on[1] <= off[0]:
+        return on[1], off[0]
+    on_us, off_us = _within(round(on_aim), *on), _within(round(off_aim), *off)
+    if off_us < on_us:
+        low, high = max(on[0], off[0]), min(on[1], off[1])
+        on_us = off_us = _within(on_us, low, high) if low <= high else on[0]
+    return on_us, off_us
+
+
+def _within(value: int, low: int, high: int) -> int:
+    return min(max(value, low), high)
 
 
 def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None) -> Tuned | str:
@@ -89,29 +131,40 @@ def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None)
     if isinstance(shining, str):
         return shining
     assert machine.scanner is not None
+    if not round(machine.scanner.tracking_error_us):
+        return f"the scanner {machine.scanner} does not lag: there is nothing to make up for"
     own = next((s.what.settings for s in run.job.setups if isinstance(s.what, SkyWrite) and s.what.settings), None)
     mode = mode or (int(own.mode) if own is not None else 3)
     lag_us, gap_us = round(machine.scanner.tracking_error_us), _killer_us(shining)[0]
     npost = math.ceil(lag_us / RUN_STEP_US)
+    # LIMIT says which corners are to be sharp: that is the user's.
+    limit = f" LIMIT {own.limit!r}" if own is not None and own.limit_given and (mode == 3 or mode == own.mode) else ""
     if machine.scanner.model is ScannerModel.DELAY:
         nprev = math.floor(AUTO_SHARE["NPREV"] * lag_us + 0.5)
-        statement = _sky_statement(mode, lag_us, -gap_us, nprev, npost)
-        return _tried(run, machine, SkyWrite, channel, statement, CLOSED_FORM)
+        statement = _sky_statement(mode, lag_us, -gap_us, nprev, npost) + limit
+        return _in_force(_tried(run, machine, SkyWrite, channel, statement, CLOSED_FORM))
     best, least_mm = "", math.inf
     for share in _RUN_INS:
         nprev = math.ceil(share * lag_us / RUN_STEP_US)
-        tuned = _tried(run, machine, SkyWrite, channel, _sky_statement(mode, lag_us, -gap_us, nprev, npost), SEARCH)
+        statement = _sky_statement(mode, lag_us, -gap_us, nprev, npost) + limit
+        tuned = _in_force(_tried(run, machine, SkyWrite, channel, statement, SEARCH, judged=False))
+        if best and (isinstance(tuned, str) or tuned.run.trace is None):  # A longer run-in finds no room.
+            break
         if isinstance(tuned, str) or tuned.run.trace is None:
             return tuned
         shining = _shining(tuned.run, channel)
         # At speed no two moments are as near as each other.
-        found = None if isinstance(shining, str) else nearest(tuned.run.trace, machine, shining, slack_pulse=0)
+        found = None
+        if not isinstance(shining, str):
+            # Later the beam may come by once more, on its way back.
+            found = nearest(tuned.run.trace, machine, shining, slack_pulse=0, most_us=min(2 * lag_us, TIMELAG_US.high))
         if found is None:
             return f"no mark of channel {channel} is left with {tuned.statement}"
-        if least_mm - found.on_miss_mm < _WORTH_PULSE / min(machine.pulses_per_mm):
+        on, off = found
+        if least_mm - on.miss_mm < _WORTH_PULSE / min(machine.pulses_per_mm):
             break
-        least_mm = found.on_miss_mm
-        best = _sky_statement(mode, found.off_us, found.on_us - found.off_us - gap_us, nprev, npost)
+        least_mm, lag = on.miss_mm, off.first_us
+        best = _sky_statement(mode, lag, on.last_us - lag - gap_us, nprev, npost) + limit
     return _tried(run, machine, SkyWrite, channel, best, SEARCH)
 
 
@@ -120,13 +173,27 @@ def _sky_statement(mode: int, timelag_us: float, shift_us: float, nprev: int, np
     return f"SKYWRITE MODE {mode} TIMELAG {timelag_us:g}us{shift} NPREV {nprev} NPOST {npost}"
 
 
+def _in_force(tuned: Tuned | str) -> Tuned | str:
+    """A job with SKYWRITE, if marks are sky-written with it."""
+    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.intent is not None:
+        return tuned
+    return "SKYWRITE behind LASER MODE is taken back by a SKYWRITE OFF before the first mark: put it there by hand"
+
+
 def _tried(
-    run: Run, machine: Machine, kind: type[LaserDelay | SkyWrite], channel: int, statement: str, how: str
+    run: Run,
+    machine: Machine,
+    kind: type[LaserDelay | SkyWrite],
+    channel: int,
+    statement: str,
+    how: str,
+    *,
+    judged: bool = True,
 ) -> Tuned | str:
     source = with_statement(run.source, run.job, kind, channel, statement)
     if isinstance(source, str):
         return source
-    return Tuned(statement=statement, how=how, run=run_text(source, machine))
+    return Tuned(statement=statement, how=how, run=run_text(source, machine, judged=judged))
 
 
 def _shining(run: Run, channel: int) -> ChannelTrace | str:
@@ -145,4 +212,4 @@ def _killer_us(shining: ChannelTrace) -> tuple[float, float]:
 def _channel_word(run: Run, channel: int) -> str:
     """Said where more than one channel is spoken of, or it is not the default one."""
     others = any(s.channel != channel for s in run.job.setups) or bool((run.job.path.channel != channel).any())
-    return f" CHANNEL {channel}" if channel or others else ""
+    return f" CHANNEL {channel}" if channel or others or b"CHANNEL" in run.source.data.upper() else ""

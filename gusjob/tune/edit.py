@@ -19,9 +19,12 @@ def with_statement(
     name = "SKYWRITE" if kind is SkyWrite else "LASER DELAY"
     found = [s for s in job.setups if isinstance(s.what, kind) and _speaks_of(s, channel)]
     spans = _spans(job, found)
+    lines = {s.line for s in found}
+    if kind is LaserDelay and any(s.channel != channel for s in job.setups if s.line in lines):
+        return f"{name} in line {spans[0].line} speaks of more than one channel: write one for each"
     if len(spans) > 1:
-        lines = ", ".join(str(span.line) for span in spans)
-        return f"the job has more than one {name}, in lines {lines}: which of them is meant is yours to say"
+        where = ", ".join(str(span.line) for span in spans)
+        return f"the job has more than one {name}, in lines {where}: which of them is meant is yours to say"
     modes = _spans(job, [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel])
     if not spans and not modes:
         return f"the job has no LASER MODE for channel {channel} behind which {name} could stand"

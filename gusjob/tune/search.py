@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.machine import Machine
 from gusjob.report.ends import Place, ends_of
+from gusjob.stream import Run
 from gusjob.units import US_PER_MS
 
 Floats = npt.NDArray[np.float64]
@@ -28,24 +29,32 @@ _COARSE = 128
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Nearest:
-    """Delays behind the command, whole us, and how far the beam is off then, RMS over the marks, mm."""
+class Band:
+    """The first and last of the delays behind the command, whole us, that are as near as can be within a slack.
 
-    on_us: int
-    off_us: int
-    on_miss_mm: float
-    off_miss_mm: float
+    `miss_mm`: how far the beam is off with the nearest of all, RMS over the marks.
+    """
+
+    first_us: int
+    last_us: int
+    miss_mm: float
 
 
-def nearest(trace: Trace, machine: Machine, channel: ChannelTrace, slack_pulse: float) -> Nearest | None:
-    """For light that is switched where the marks of a channel begin and end; None without such marks."""
+def nearest(
+    trace: Trace, machine: Machine, channel: ChannelTrace, *, slack_pulse: float, most_us: float
+) -> tuple[Band, Band] | None:
+    """Delays of light on and light off, up to `most_us`, for light that is switched where the marks of a channel begin
+    and end; None without such marks. Of a job with sky writing, the marks that are sky-written."""
     ends, clock = ends_of(trace, machine, channel), trace.clock
     shine = channel.emission
-    marks = np.flatnonzero((shine.on_row >= 0) & (shine.off_row >= 0))
+    switched = (shine.on_row >= 0) & (shine.off_row >= 0)
+    if trace.intent is not None:
+        switched &= trace.intent.run[clock.row[np.maximum(ends.first - 1, 0)]] == Run.RUN_IN
+    marks = np.flatnonzero(switched)
     if not len(marks) or machine.scanner is None:
         return None
     marks = marks[np.unique(np.linspace(0, len(marks) - 1, min(len(marks), _MOST_MARKS)).astype(np.intp))]
-    most_us = max(int(_LAGS * machine.scanner.tracking_error_us), 1)
+    most = int(min(_LAGS * machine.scanner.tracking_error_us, most_us))
     on, off = (
         _Side(
             trace=trace, machine=machine, stage=shine.stage[marks], time=clock.times[at[marks]], place=place.pick(marks)
@@ -53,8 +62,7 @@ def nearest(trace: Trace, machine: Machine, channel: ChannelTrace, slack_pulse: 
         for at, place in ((ends.on, ends.begin), (ends.off, ends.finish))
     )
     slack_mm = slack_pulse / min(machine.pulses_per_mm)
-    on_us, off_us = on.best_us(most_us, slack_mm, last=True), off.best_us(most_us, slack_mm, last=False)
-    return Nearest(on_us=on_us, off_us=off_us, on_miss_mm=on.miss_mm(on_us), off_miss_mm=off.miss_mm(off_us))
+    return on.band(most, slack_mm), off.band(most, slack_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,17 +81,34 @@ class _Side:
         px, py = self.machine.pulses_per_mm
         return float(np.sqrt(np.mean(((x - self.place.x) / px) ** 2 + ((y - self.place.y) / py) ** 2)))
 
-    def best_us(self, most_us: int, slack_mm: float, *, last: bool) -> int:
-        """The last, or first, whole delay that is as near as can be within a slack."""
+    def band(self, most_us: int, slack_mm: float) -> Band:
+        """The delays from 0 to `most_us` that are as near as can be within a slack."""
+        best = self._nearest_us(most_us)
+        miss = self.miss_mm(best)
+        first, last = (self._edge_us(best, way, most_us, miss + slack_mm) for way in (-1, 1))
+        return Band(first_us=first, last_us=last, miss_mm=miss)
+
+    def _nearest_us(self, most_us: int) -> int:
+        """The nearest of all delays, on a grid that grows finer around it."""
+        low, high = 0, most_us
+        while True:
+            step = -(-(high - low) // _COARSE) or 1
+            best = min(range(low, high + 1, step), key=self.miss_mm)
+            if step == 1:
+                return best
+            low, high = max(best - step, 0), min(best + step, most_us)
+
+    def _edge_us(self, best: int, way: int, most_us: int, near_mm: float) -> int:
+        """How far one can go from the nearest delay in one way and stay near."""
+        room = most_us - best if way > 0 else best
         step = max(most_us // _COARSE, 1)
-        best = min(range(0, most_us + 1, step), key=self.miss_mm)
-        best = min(range(max(best - step, 0), best + step + 1), key=self.miss_mm)
-        near = self.miss_mm(best) + slack_mm
-        way = step if last else -step
-        while 0 <= best + way <= most_us and self.miss_mm(best + way) <= near:
-            best += way
-        while abs(way) > 1:  # Halve the last step.
-            way = int(way / 2)
-            if best + way >= 0 and self.miss_mm(best + way) <= near:
-                best += way
-        return best
+        near, far = 0, min(step, room + 1)
+        while far <= room and self.miss_mm(best + way * far) <= near_mm:
+            near, far = far, min(far + step, room + 1)
+        while far - near > 1:
+            middle = (near + far) // 2
+            if self.miss_mm(best + way * middle) <= near_mm:
+                near = middle
+            else:
+                far = middle
+        return best + way * near
