@@ -743,6 +743,16 @@ SKY_ROOM = _rule(
     bad=_HEAD + "LASER DELAY ON 50000us OFF 50000us\n" + _SKY + "LASER POWER 30\n" + _MARK,
     good=_HEAD + "LASER DELAY ON 20us OFF 20us\n" + _SKY + "LASER POWER 30\n" + _MARK, section="RTC5",
 )  # fmt: skip
+SKY_SLOW = _rule(
+    "GJ811", _W, "mark that is not at speed at its end",
+    "this mark {what} at {value} {speed}, not at its {velocity} {speed}: a corner that LIMIT calls flat is too near to "
+    "slow down for; a larger LIMIT breaks it",
+    "The end is burnt deeper, as without sky writing, and the beam is not where TIMELAG has it.",
+    bad=_HEAD + "SKYWRITE MODE 3 TIMELAG 250us LIMIT 0.5\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLINE X 0.2 Y 0.1\n"
+    "LASER OFF\n",
+    good=_HEAD + "SKYWRITE MODE 3 TIMELAG 250us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLINE X 0.2 Y 0.1\nLASER OFF\n",
+    section="RTC5",
+)  # fmt: skip
 SKY_DARK = _rule(
     "GJ810", _E, "mark that SHIFT makes dark",
     "the light would come {late} us behind the end of this mark: SHIFT is longer than the mark",

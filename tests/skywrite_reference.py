@@ -301,10 +301,21 @@ class Mark:
         v, a = self.rows[0].vel, self.rows[0].acc
         return v * v / (2 * a) + v * self.sky.run_in_us / 1000
 
-    def out_length(self) -> float:
+    def out_us(self, *, stands: bool) -> float:
+        """How long the run-out is at mark speed: where motion ends behind it, and with it the light would have to go
+        off later than run-out, braking and a jump back to E take, as long as the light is on."""
+        last, run_us = self.rows[-1], self.sky.run_out_us
+        v, a, jump_v, jump_a = last.vel, last.acc, last.jump_vel, last.jump_acc
+        back = v * v / (2 * a) + v * run_us / 1000
+        full = jump_v * jump_v / jump_a
+        back_ms = 2 * math.sqrt(back / jump_a) if back < full else back / jump_v + jump_v / jump_a
+        moves_us = run_us + (v / a + back_ms) * 1000
+        return self.sky.lag if stands and self.sky.mode != 1 and moves_us < self.sky.lag else run_us
+
+    def out_length(self, *, stands: bool) -> float:
         """From E to Q."""
         v, a = self.rows[-1].vel, self.rows[-1].acc
-        return v * v / (2 * a) + v * self.sky.run_out_us / 1000
+        return v * v / (2 * a) + v * self.out_us(stands=stands) / 1000
 
 
 def rows_of(steps: list[Step], max_acc: float = MAX_ACC) -> list[Row]:
@@ -432,7 +443,7 @@ def planned(steps: list[Step], max_acc: float = MAX_ACC) -> Planned:
             go("jump" if row.kind == "jump" else "dark", way, row, row.vel, row.acc)
         if number in ends:
             assert mark is not None
-            outs = run_out(row.way, mark.out_length())
+            outs = run_out(row.way, mark.out_length(stands=_stands_behind(rows, number)))
             for way in outs:
                 mark.outs.append(len(legs))
                 go("out", way, row, row.vel, row.acc)
@@ -444,12 +455,16 @@ def planned(steps: list[Step], max_acc: float = MAX_ACC) -> Planned:
     return Planned(legs, list(marks.values()))
 
 
+def _stands_behind(rows: list[Row], last: int) -> bool:
+    """Whether motion ends behind a row."""
+    follows = rows[last + 1] if last + 1 < len(rows) else None
+    return follows is None or follows.stage != rows[last].stage or follows.kind == "dwell"
+
+
 def _must_come_back(rows: list[Row], marks: dict[int, Mark], last: int, mark: Mark) -> bool:
     """Whether something follows that starts at E, or the motion is over before the light is."""
-    row = rows[last]
-    follows = rows[last + 1] if last + 1 < len(rows) else None
-    stands = follows is None or follows.stage != row.stage or follows.kind == "dwell"
-    if stands and mark.sky.run_out_us / 1000 + row.vel / row.acc < mark.sky.lag / 1000:
+    row, stands = rows[last], _stands_behind(rows, last)
+    if stands and mark.out_us(stands=stands) / 1000 + row.vel / row.acc < mark.sky.lag / 1000:
         return True
     behind = last + 1
     while behind < len(rows) and rows[behind].kind == "dwell":

@@ -495,10 +495,20 @@ def test_an_included_file_is_left_alone(tune: Tune, tmp_path: Path, what: bytes)
     (tmp_path / "setup.inc").write_bytes(MODE + what)
     job = b'INCLUDE "setup.inc"\n' + BODY
     result = tune(job, "--write")
-    assert result.exit_code == 2
-    assert "setup.inc, an included file" in result.output
-    assert (tmp_path / "a.job").read_bytes() == job
+    assert result.exit_code == 0
+    statement = result.output.splitlines()[0].encode()
+    assert (tmp_path / "a.job").read_bytes() == b'INCLUDE "setup.inc"\n' + statement + b"\n" + BODY
     assert (tmp_path / "setup.inc").read_bytes() == MODE + what
+    # Once more it is replaced, and not put in again.
+    assert tune((tmp_path / "a.job").read_bytes(), "--write").exit_code == 0
+    assert (tmp_path / "a.job").read_bytes().count(b"LASER DELAY") == 1
+
+
+def test_an_included_file_that_sets_it_again_is_refused(tune: Tune, tmp_path: Path) -> None:
+    (tmp_path / "setup.inc").write_bytes(MODE + b"LASER DELAY ON 1 OFF 2\n")
+    result = tune(MODE + b'LASER DELAY ON 5 OFF 6\nINCLUDE "setup.inc"\n' + BODY, "--write")
+    assert result.exit_code == 2
+    assert "sets LASER DELAY again behind line" in result.output
 
 
 def test_a_files_mode_and_a_link_to_it_stay(tune: Tune, tmp_path: Path) -> None:

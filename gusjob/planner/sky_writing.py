@@ -21,6 +21,7 @@ import numpy.typing as npt
 from gusjob.checks.view import CHANNELS, view_of
 from gusjob.geometry import TURN, Arcs, Segments
 from gusjob.job import SPEED_WORDS, Op, SkyWriting
+from gusjob.motion import trapezoids
 from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, Sky, rearranged
 from gusjob.planner.sky_field import outside_field
@@ -236,11 +237,30 @@ class _Rows:
     def runs(self) -> None:
         """The run-ins and run-outs of all marks, and the ways to and from them."""
         marks = self.marks
-        for at, ahead in ((np.flatnonzero(marks.begins), False), (np.flatnonzero(marks.ends), True)):
-            vel, acc = marks.vel[at], marks.acc[at]
-            time_us = (marks.run_out_us if ahead else marks.run_in_us)[at]
-            run = _run(self.laid, at, vel * time_us / US_PER_MS + vel * vel / (2 * acc), ahead=ahead)
-            (self.run_out if ahead else self.run_in)(run)
+        begins, ends = np.flatnonzero(marks.begins), np.flatnonzero(marks.ends)
+        self.run_in(_run(self.laid, begins, self.way(begins, marks.run_in_us[begins]), ahead=False))
+        out_us = self.run_out_us(ends)
+        self.run_out(_run(self.laid, ends, self.way(ends, out_us), ahead=True), out_us)
+
+    def way(self, at: Indices, time_us: Floats) -> Floats:
+        """How far marks' runs go, pulse: a time at mark speed, and up to it or down from it."""
+        vel = self.marks.vel[at]
+        return vel * time_us / US_PER_MS + vel * vel / (2 * self.marks.acc[at])
+
+    def run_out_us(self, at: Indices) -> Floats:
+        """How long marks' run-outs are at mark speed: longer where motion ends before the light can go off."""
+        marks, rows = self.marks, self.state.timed[at]
+        run_us, lag_us = marks.run_out_us[at], marks.lag_us[at]
+        (vel, _), (acc, _) = self.jump_speed(rows, "VEL"), self.jump_speed(rows, "ACC")
+        way, nothing = self.way(at, run_us), np.zeros(len(at))
+        back_ms = trapezoids(way, nothing, vel, nothing, acc).duration_ms
+        moves_us = run_us + (marks.vel[at] / marks.acc[at] + back_ms) * US_PER_MS
+        return np.where(self.stands_behind(at) & (marks.mode[at] != 1) & (moves_us < lag_us), lag_us, run_us)
+
+    def stands_behind(self, at: Indices) -> Bools:
+        """Whether motion ends behind marks: a dwell, or the end of their stage."""
+        dwell = np.append(self.state.path.op[self.state.timed] == Op.DWELL, True)
+        return np.asarray(dwell[at + 1] | (np.append(self.marks.stage, -1)[at + 1] != self.marks.stage[at]))
 
     def run_in(self, run: _Run) -> None:
         """From P to S; before it to P backwards from S, or by a jump."""
@@ -255,7 +275,7 @@ class _Rows:
         self.moved.append((self.state.timed[before[moves]], run.far_x[moves], run.far_y[moves]))
         self.jump(run, ~first & (before < 0), _JUMP, run.far_x, run.far_y)
 
-    def run_out(self, run: _Run) -> None:
+    def run_out(self, run: _Run, out_us: Floats) -> None:
         """From E to Q; behind it back to E, where it has to be so."""
         marks, at = self.marks, run.at
         first = marks.mode[at] == 1
@@ -263,7 +283,7 @@ class _Rows:
         self.piece(run, run.leaves, _RUN_OUT_FAR, Run.RUN_OUT, run.far_x, run.far_y, straight=True)
         self.piece(run, first & run.leaves, _BACK_FAR, Run.RUN_OUT, run.x, run.y, straight=True, smooth=True)
         self.piece(run, first, _BACK, Run.RUN_OUT, *self.ends(at), back=True)
-        self.jump(run, ~first & self.must_return(at), _JUMP_BACK, *self.ends(at))
+        self.jump(run, ~first & self.must_return(at, out_us), _JUMP_BACK, *self.ends(at))
 
     def starts(self, at: Indices) -> tuple[Floats, Floats]:
         """Where marks start, not yet rounded: a full circle is one by ending exactly where it starts."""
@@ -332,7 +352,7 @@ class _Rows:
         leads = (before >= 0) & dark[before] & (marks.stage[before] == marks.stage[at])
         return np.where(leads, before, -1)
 
-    def must_return(self, at: Indices) -> Bools:
+    def must_return(self, at: Indices, out_us: Floats) -> Bools:
         """Whether the head has to be at a mark's end again: what follows starts there, or the light needs the time."""
         marks, op = self.marks, self.state.path.op[self.state.timed]
         count = len(op)
@@ -342,9 +362,8 @@ class _Rows:
             (marks.begins & (marks.mode != 1)) | (op == Op.JUMP) | ((op == Op.LINE) & ~marks.lit[0] & ~marks.lit[1]),
             True,
         )
-        still = np.append(op == Op.DWELL, True)[at + 1] | (np.append(marks.stage, -1)[at + 1] != marks.stage[at])
-        moves_us = marks.run_out_us[at] + marks.vel[at] / marks.acc[at] * US_PER_MS
-        return np.asarray(~free[after] | (still & (moves_us < marks.lag_us[at])))
+        moves_us = out_us + marks.vel[at] / marks.acc[at] * US_PER_MS
+        return np.asarray(~free[after] | (self.stands_behind(at) & (moves_us < marks.lag_us[at])))
 
     def switches(self) -> None:
         """Light goes off and on again at a corner where the path is broken; what acts in between goes by its mark."""

@@ -15,121 +15,31 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import rules
 from gusjob.checks.view import CHANNELS
-from gusjob.diagnostics import Collector, Diagnostic, Rule
 from gusjob.geometry import Segments
-from gusjob.job import LaserDelay, LaserFpk, Op
-from gusjob.motion import Trapezoids, distance_run, look_ahead, reached_ends, running_sum, trapezoids
+from gusjob.job import Op
+from gusjob.motion import Trapezoids, distance_run, look_ahead
 from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, rearranged
+from gusjob.planner.switch_faults import switch_faults
+from gusjob.planner.timeline import Events, Timeline, events_of, timeline_of
 from gusjob.planner.velocity import starts_at_rest
-from gusjob.units import US_PER_MS
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 Bools = npt.NDArray[np.bool_]
 
 _HALF_PULSE = 0.5
-_NO_TIME_MS = 1e-9
-_ON, _OFF = 1, 2
 
 
 def switch_points(state: Plan) -> Plan:
     """Nothing to do where there is no sky writing."""
     if state.sky is None:
         return state
-    timeline = _timeline(state)
-    events = _events(state, timeline)
+    timeline = timeline_of(state)
+    events = events_of(state, timeline)
     points = _points(state, timeline, events)
     return _split(state, timeline, events, points)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Timeline:
-    """When each timed row runs, (m,), and how fast; `times` (m+1,) ms, stages back to back. `stage` of each."""
-
-    profile: Trapezoids
-    times: Floats
-    stage: Indices
-    stage_first: Indices
-    """(s+1,): number of each stage's first timed row."""
-
-
-def _timeline(state: Plan) -> _Timeline:
-    laid, timed = state.segments, state.timed
-    assert laid is not None
-    dwell = state.path.op[timed] == Op.DWELL
-    breaks = starts_at_rest(state)
-    vel, acc = np.where(dwell, 1.0, state.vel), np.where(dwell, 1.0, state.acc)
-    end = np.where(dwell, 0.0, reached_ends(laid.length, vel, state.vel_end, acc, breaks))
-    start = np.concatenate([[0.0], end[:-1]])
-    start[breaks] = 0.0
-    profile = trapezoids(laid.length, start, vel, end, acc)
-    firsts = np.searchsorted(timed, [s.first for s in state.stages])
-    return _Timeline(
-        profile=profile,
-        times=running_sum(np.where(dwell, state.path.dwell_ms[timed], profile.duration_ms)),
-        stage=np.searchsorted(firsts, np.arange(len(timed)), side="right") - 1,
-        stage_first=np.append(firsts, len(timed)),
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Events:
-    """Rows that act in between, (e,) in job order.
-
-    boundary: how many timed rows stand before; time_ms: when it is to be called. Of those that go by a mark, (g,):
-    `goes`, which of the events; `ref`, the mark's number among the timed rows; its stage; their op.
-    """
-
-    row: Indices
-    boundary: Indices
-    time_ms: Floats
-    goes: Indices
-    ref: Indices
-    stage: Indices
-    op: npt.NDArray[np.uint8]
-
-
-def _events(state: Plan, timeline: _Timeline) -> _Events:
-    path, sky = state.path, state.sky
-    assert sky is not None
-    takes_time = path.takes_time
-    timed_before: Indices = np.cumsum(takes_time) - takes_time
-    row = np.flatnonzero(~takes_time)
-    boundary = timed_before[row]
-    goes = (np.cumsum(~takes_time) - 1)[sky.row]
-    ref = timed_before[sky.ref]
-    stage = timeline.stage[ref]
-    op = path.op[sky.row]
-    late_us = _delays_us(state)[
-        stage, path.channel[sky.row], np.where(op == Op.ON, _ON, np.where(op == Op.OFF, _OFF, 0))
-    ]
-    time_ms = timeline.times[boundary]
-    time_ms[goes] = timeline.times[ref + sky.at_end] + (sky.edge_us - late_us) / US_PER_MS
-    return _Events(row=row, boundary=boundary, goes=goes, ref=ref, stage=stage, op=op, time_ms=time_ms)
-
-
-def _delays_us(state: Plan) -> Floats:
-    """How late an effect comes behind its call, (stages, channels, what): `_ON` light on, `_OFF` light off.
-
-    The off delay of the first pulse killer counts; its gap does not: that is what SHIFT is for (RTC5 p. 115).
-    """
-    found = np.zeros((len(state.stages), 2, 3))
-    on, off, killer = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-    for number, stage in enumerate(state.stages):
-        for setup in stage.setups:
-            match setup.what:
-                case LaserDelay(on_delay_us=on_us, off_delay_us=off_us):
-                    on[setup.channel], off[setup.channel] = on_us, off_us
-                case LaserFpk(times_us=times_us):
-                    killer[setup.channel] = 0.0 if times_us is None else times_us[2]
-                case _:
-                    pass
-        found[number, :, _ON] = on
-        found[number, :, _OFF] = np.add(off, killer)
-    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +56,7 @@ class _Points:
     y: Floats
 
 
-def _points(state: Plan, timeline: _Timeline, events: _Events) -> _Points:
+def _points(state: Plan, timeline: Timeline, events: Events) -> _Points:
     laid, times = state.segments, timeline.times
     assert laid is not None
     goes = events.goes
@@ -191,7 +101,7 @@ def _whole_pulses(laid: Segments, at: Indices, share: Floats) -> tuple[Floats, F
     return np.rint(x) + 0.0, np.rint(y) + 0.0
 
 
-def _split(state: Plan, timeline: _Timeline, events: _Events, points: _Points) -> Plan:
+def _split(state: Plan, timeline: Timeline, events: Events, points: _Points) -> Plan:
     """The plan with its motions split at the points, and the events there."""
     path, timed, sky = state.path, state.timed, state.sky
     assert sky is not None
@@ -233,7 +143,7 @@ def _split(state: Plan, timeline: _Timeline, events: _Events, points: _Points) -
         acc = np.where(longer.path.op[longer.timed] == Op.DWELL, 1.0, longer.acc)
         reached = np.minimum(look_ahead(longer.segments.length, acc, ends, starts_at_rest(longer)), ends)
         ends = np.where(np.isfinite(longer.path.end[longer.timed]), ends, reached)
-    return replace(longer, vel_end=ends, diagnostics=(*state.diagnostics, *_faults(state, timeline, events)))
+    return replace(longer, vel_end=ends, diagnostics=(*state.diagnostics, *switch_faults(state, timeline, events)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,7 +195,7 @@ class _Pieces:
         return ends
 
 
-def _mark_ends(events: _Events, order: Indices, pieces: _Pieces, timed: Indices) -> Indices:
+def _mark_ends(events: Events, order: Indices, pieces: _Pieces, timed: Indices) -> Indices:
     """As in stream.Intent: the first piece of the mark that a light-on goes by, the last of a light-off's."""
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
@@ -296,54 +206,3 @@ def _mark_ends(events: _Events, order: Indices, pieces: _Pieces, timed: Indices)
         mine = events.op == switch
         found[rank[motions + events.goes[mine]]] = timed[piece[mine]]
     return found
-
-
-def _faults(state: Plan, timeline: _Timeline, events: _Events) -> list[Diagnostic]:
-    """Where a switch can't come when it should: no motion runs then, or it would come before what it follows."""
-    times = timeline.times
-    collector = Collector(state.job.name)
-    rows, time = events.row[events.goes], events.time_ms[events.goes]
-    cell = np.minimum(np.searchsorted(times[1:], time, side="left"), len(timeline.stage) - 1)
-    dwell = state.path.op[state.timed[cell]] == Op.DWELL
-    waited = np.zeros(len(events.row))
-    for channel in CHANNELS:
-        mine = np.flatnonzero(state.path.channel[events.row] == channel)
-        waited[mine] = np.maximum.accumulate(events.time_ms[mine]) - events.time_ms[mine]
-    before = times[timeline.stage_first[events.stage]] - time
-    behind = time - times[timeline.stage_first[events.stage + 1]]
-    into = np.where(dwell, np.minimum(time - times[cell], times[cell + 1] - time), 0.0)
-    lost = waited[events.goes]
-    for what, switch in (("on", events.op == Op.ON), ("off", events.op == Op.OFF)):
-        delay = f"shorten LASER DELAY {what.upper()}"
-        for amount, where, mend in (
-            (before, "before the motion begins", f"{delay}, or raise NPREV"),
-            (behind, "behind the end of the motion", "raise NPOST"),
-            (into, "into a DWELL", f"raise NPOST, or {delay}"),
-            (lost if what == "on" else np.zeros(len(time)), "before what stands in front of it is done",
-             "raise NPREV and NPOST, or bring SHIFT nearer to 0"),
-        ):  # fmt: skip
-            fields = {"what": what, "where": where, "mend": mend}
-            _report(state, collector, rules.SKY_ROOM, rows, switch & (amount > _NO_TIME_MS), early=amount, **fields)
-    dark = (events.op == Op.OFF) & (lost > _NO_TIME_MS)
-    _report(state, collector, rules.SKY_DARK, rows, dark, late=lost)
-    return collector.done(rules.MORE)
-
-
-def _report(
-    state: Plan, collector: Collector, rule: Rule, rows: Indices, faulty: Bools, /, **columns: Floats | str
-) -> None:
-    """A fault a line; times that are given in ms are said in us."""
-    at = np.flatnonzero(faulty)
-    path = state.path
-    _, first, counts = np.unique(path.line[rows[at]], return_index=True, return_counts=True)
-    listed = collector.room(rule)
-    for i, count in zip(at[first[:listed]].tolist(), counts[:listed].tolist(), strict=True):
-        row = int(rows[i])
-        fields: dict[str, Any] = {
-            name: value if isinstance(value, str) else round(float(value[i]) * US_PER_MS, 3)
-            for name, value in columns.items()
-        }
-        fields["channel"] = int(path.channel[row])
-        span, remarks = state.job.locate(int(path.line[row]), ""), state.job.remarks(int(path.trail[row]))
-        collector.add(rule, span, fields, count, remarks)
-    collector.uncounted(rule, max(len(first) - listed, 0))

@@ -14,24 +14,34 @@ def with_statement(
 ) -> Source | str:
     """The text with `text` in place of its one statement of a kind, or behind the channel's first LASER MODE.
 
-    Where that is not to be done without guessing, the reason.
+    An included file stays as it is, since other jobs may use it: the statement goes behind the INCLUDE and holds from
+    there on. Where that is not to be done without guessing, the reason.
     """
     name = "SKYWRITE" if kind is SkyWrite else "LASER DELAY"
     found = [s for s in job.setups if isinstance(s.what, kind) and _speaks_of(s, channel)]
-    spans = _spans(job, found)
-    lines = {s.line for s in found}
+    own = [s for s in found if not job.locate(s.line, "").path]
+    spans, lines = _spans(job, own), {s.line for s in own}
     if kind is LaserDelay and any(s.channel != channel for s in job.setups if s.line in lines):
         return f"{name} in line {spans[0].line} speaks of more than one channel: write one for each"
     if len(spans) > 1:
         where = ", ".join(str(span.line) for span in spans)
         return f"the job has more than one {name}, in lines {where}: which of them is meant is yours to say"
-    modes = _spans(job, [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel])
-    if not spans and not modes:
+    if own and found[-1] not in own:
+        path = job.locate(found[-1].line, "").path
+        return f"{path}, an included file, sets {name} again behind line {spans[0].line}: one of them has to go"
+    if own:
+        return replace(source, data=_replaced(source, spans[0], text), _ends=None)
+    modes = [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel]
+    if not modes:
         return f"the job has no LASER MODE for channel {channel} behind which {name} could stand"
-    span = spans[0] if spans else modes[0]
-    if span.path:
-        return f"{name} belongs into {span.path}, an included file that other jobs may use: write it there by hand"
-    return replace(source, data=_replaced(source, span, text) if spans else _inserted(source, span, text), _ends=None)
+    return replace(source, data=_inserted(source, _line_of(job, found[-1] if found else modes[0]), text), _ends=None)
+
+
+def _line_of(job: Job, setup: Setup) -> int:
+    """The line of the job's own text in which a statement stands, or the file that holds it is included."""
+    if job.locate(setup.line, "").path and job.trails is not None:
+        return job.trails.steps(setup.trail)[-1].line
+    return setup.line
 
 
 def _speaks_of(setup: Setup, channel: int) -> bool:
@@ -52,10 +62,10 @@ def _replaced(source: Source, span: Span, text: str) -> bytes:
     return b"\n".join(lines)
 
 
-def _inserted(source: Source, span: Span, text: str) -> bytes:
-    """A line of its own behind that of a span, as far in as that, with the same line end."""
+def _inserted(source: Source, number: int, text: str) -> bytes:
+    """A line of its own behind another, as far in as that, with the same line end."""
     lines = source.data.split(b"\n")
-    line = lines[span.line - 1].decode()
+    line = lines[number - 1].decode()
     indent = line[: len(line) - len(line.lstrip())]
-    lines.insert(span.line, (indent + text).encode() + b"\r" * line.endswith("\r"))
+    lines.insert(number, (indent + text).encode() + b"\r" * line.endswith("\r"))
     return b"\n".join(lines)

@@ -1,0 +1,106 @@
+"""When a plan's motions run, and when what goes by a mark is to be called. For sky writing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.job import LaserDelay, LaserFpk, Op
+from gusjob.motion import Trapezoids, reached_ends, running_sum, trapezoids
+from gusjob.planner.plan import Plan
+from gusjob.planner.velocity import starts_at_rest
+from gusjob.units import US_PER_MS
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+_ON, _OFF = 1, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timeline:
+    """When each timed row runs, (m,), and how fast; `times` (m+1,) ms, stages back to back. `stage` of each."""
+
+    profile: Trapezoids
+    times: Floats
+    stage: Indices
+    stage_first: Indices
+    """(s+1,): number of each stage's first timed row."""
+
+
+def timeline_of(state: Plan) -> Timeline:
+    laid, timed = state.segments, state.timed
+    assert laid is not None
+    dwell = state.path.op[timed] == Op.DWELL
+    breaks = starts_at_rest(state)
+    vel, acc = np.where(dwell, 1.0, state.vel), np.where(dwell, 1.0, state.acc)
+    end = np.where(dwell, 0.0, reached_ends(laid.length, vel, state.vel_end, acc, breaks))
+    start = np.concatenate([[0.0], end[:-1]])
+    start[breaks] = 0.0
+    profile = trapezoids(laid.length, start, vel, end, acc)
+    firsts = np.searchsorted(timed, [s.first for s in state.stages])
+    return Timeline(
+        profile=profile,
+        times=running_sum(np.where(dwell, state.path.dwell_ms[timed], profile.duration_ms)),
+        stage=np.searchsorted(firsts, np.arange(len(timed)), side="right") - 1,
+        stage_first=np.append(firsts, len(timed)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Events:
+    """Rows that act in between, (e,) in job order.
+
+    boundary: how many timed rows stand before; time_ms: when it is to be called. Of those that go by a mark, (g,):
+    `goes`, which of the events; `ref`, the mark's number among the timed rows; its stage; their op.
+    """
+
+    row: Indices
+    boundary: Indices
+    time_ms: Floats
+    goes: Indices
+    ref: Indices
+    stage: Indices
+    op: npt.NDArray[np.uint8]
+
+
+def events_of(state: Plan, timeline: Timeline) -> Events:
+    path, sky = state.path, state.sky
+    assert sky is not None
+    takes_time = path.takes_time
+    timed_before: Indices = np.cumsum(takes_time) - takes_time
+    row = np.flatnonzero(~takes_time)
+    boundary = timed_before[row]
+    goes = (np.cumsum(~takes_time) - 1)[sky.row]
+    ref = timed_before[sky.ref]
+    stage = timeline.stage[ref]
+    op = path.op[sky.row]
+    late_us = _delays_us(state)[
+        stage, path.channel[sky.row], np.where(op == Op.ON, _ON, np.where(op == Op.OFF, _OFF, 0))
+    ]
+    time_ms = timeline.times[boundary]
+    time_ms[goes] = timeline.times[ref + sky.at_end] + (sky.edge_us - late_us) / US_PER_MS
+    return Events(row=row, boundary=boundary, goes=goes, ref=ref, stage=stage, op=op, time_ms=time_ms)
+
+
+def _delays_us(state: Plan) -> Floats:
+    """How late an effect comes behind its call, (stages, channels, what): `_ON` light on, `_OFF` light off.
+
+    The off delay of the first pulse killer counts; its gap does not: that is what SHIFT is for (RTC5 p. 115).
+    """
+    found = np.zeros((len(state.stages), 2, 3))
+    on, off, killer = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
+    for number, stage in enumerate(state.stages):
+        for setup in stage.setups:
+            match setup.what:
+                case LaserDelay(on_delay_us=on_us, off_delay_us=off_us):
+                    on[setup.channel], off[setup.channel] = on_us, off_us
+                case LaserFpk(times_us=times_us):
+                    killer[setup.channel] = 0.0 if times_us is None else times_us[2]
+                case _:
+                    pass
+        found[number, :, _ON] = on
+        found[number, :, _OFF] = np.add(off, killer)
+    return found
