@@ -42,7 +42,7 @@ CORNER = ((1.0, -1.5), (4.0, -1.5), (2.5, 1.098))
 """Two sides, 3 mm each, 60 degrees between them, mm."""
 
 INK, FAINT, EDGE = "#1f2328", "#57606a", "#d0d7de"
-LIGHT, BEAM = "#ffb37a", "#3b82c4"
+LIGHT, BEAM, COMMAND = "#ffb37a", "#0b5fd0", "#d5dbe1"
 COLOURS = {"jump": "#8c959f", "run-in": "#0b5fd0", "mark": "#b42318", "run-out": "#1a7f37"}
 HEAT = ((1.0, (255, 170, 60)), (2.0, (225, 60, 20)), (5.0, (90, 0, 10)))
 """Energy per mm in times of what is wanted, and its colour; between them in proportion."""
@@ -71,7 +71,8 @@ class Point(NamedTuple):
 
 def number(value: float) -> str:
     """At most two decimals; what lies on a tie is pushed up, whatever its last digits are."""
-    return f"{value + 3e-7:.2f}".rstrip("0").rstrip(".").replace("-0.00", "0")
+    shown = f"{value + 3e-7:.2f}".rstrip("0").rstrip(".")
+    return "0" if shown == "-0" else shown
 
 
 @dataclass(slots=True)
@@ -273,9 +274,9 @@ def skywrite_picture() -> str:
         canvas.group(f"mode-{mode}")
         _draw_sky(canvas, view, run(skywrite_job(mode)), letters=mode == 2)
         canvas.close()
-    _scale_bar(canvas, Point(28, 390), SKY_VIEWS[2].scale)
-    _scale_bar(canvas, Point(20, 638), SKY_VIEWS[1].scale)
-    _scale_bar(canvas, Point(424, 638), SKY_VIEWS[3].scale)
+    _scale_bar(canvas, Point(650, 390), SKY_VIEWS[2].scale)
+    _scale_bar(canvas, Point(296, 632), SKY_VIEWS[1].scale)
+    _scale_bar(canvas, Point(700, 632), SKY_VIEWS[3].scale)
     _sky_legend(canvas)
     return canvas.svg()
 
@@ -306,23 +307,21 @@ def _draw_sky(canvas: Canvas, view: View, trace: Trace, *, letters: bool) -> Non
 def _draw_leg(canvas: Canvas, view: View, legs: list[Leg], at: int, leg: Leg) -> None:
     """A leg; one that goes back on its neighbour is drawn a little beside it."""
     start, end = view.px(leg.start), view.px(leg.end)
-    points = [start, end]
     along = start.to(end)
-    beside = Point(-along.y, along.x)
+    beside = Point(-along.y * 5, along.x * 5)
+    points, first = [start, end], 0
     if leg.role == "run-in" and legs[at + 1].role == "run-in":
-        points = [start.plus(beside, 5), end.plus(beside, 5), end]
+        points = [start.plus(beside), end.plus(beside), end]
     if leg.role == "run-out" and legs[at - 1].role == "run-out":
-        points = [start, start.plus(beside, 5), end.plus(beside, 5)]
+        points, first = [start, start.plus(beside), end.plus(beside)], 1
     dashes: dict[str, object] = {"stroke_dasharray": "5 4"} if leg.role == "jump" else {}
     width = 1.5 if leg.role == "jump" else 2.5
     canvas.path(points, class_=leg.role, stroke=COLOURS[leg.role], stroke_width=width, **dashes)
-    back = points.index(start) if start in points else 0
-    first, second = (points[1], points[2]) if len(points) == 3 and back == 0 and points[0] == start else points[:2]
-    canvas.arrow(first, second, COLOURS[leg.role])
+    canvas.arrow(points[first], points[first + 1], COLOURS[leg.role])
 
 
 def _letters(canvas: Canvas, view: View, legs: list[Leg], marks: list[Mark]) -> None:
-    """P, S, E, Q where there is room: behind the run-in, before the run-out, outside of corners."""
+    """P, S, E, Q where there is room: behind run-ins, before run-outs, inside of flat and outside of sharp corners."""
     for leg in legs:
         start, end = view.px(leg.start), view.px(leg.end)
         along = start.to(end)
@@ -339,14 +338,15 @@ def _letters(canvas: Canvas, view: View, legs: list[Leg], marks: list[Mark]) -> 
             _letter(canvas, view.px(before.points[-1]).plus(Point(come.y, -come.x), 16), "E")
         elif before is not None:
             inside = Point(0, 0).to(Point(leave.x - come.x, leave.y - come.y))
-            _letter(canvas, view.px(before.points[-1]).plus(inside, 22), "E, S")
+            sharp = come.x * leave.x + come.y * leave.y < 0
+            _letter(canvas, view.px(before.points[-1]).plus(inside, -39 if sharp else 22), "E, S")
 
 
 def _few_letters(canvas: Canvas, view: View, marks: list[Mark]) -> None:
     """S and E at both ends of all."""
     first, last = marks[0].points, marks[-1].points
     leave, come = view.px(first[0]).to(view.px(first[1])), view.px(last[-2]).to(view.px(last[-1]))
-    _letter(canvas, view.px(first[0]).plus(Point(leave.y, -leave.x), 16), "S")
+    _letter(canvas, view.px(first[0]).plus(Point(-leave.y, leave.x), 16), "S")
     _letter(canvas, view.px(last[-1]).plus(Point(come.y, -come.x), 18), "E")
 
 
@@ -360,7 +360,7 @@ def _measures(canvas: Canvas, view: View, marks: list[Mark]) -> None:
     along, out = start[0].to(start[1]), end[-2].to(end[-1])
     run_in, run_out = _run_mm(NPREV), _run_mm(NPOST)
     _measure(canvas, view, (start[0].plus(along, -run_in), start[0]), f"run-in {run_in:.2f} mm", 22)
-    _measure(canvas, view, (start[0], marks[0].on), f"v*TIMELAG {start[0].away(marks[0].on):.2f} mm", 22, low=True)
+    _measure(canvas, view, (start[0], marks[0].on), f"v*TIMELAG {start[0].away(marks[0].on):.2f} mm", 22, ahead=True)
     _measure(canvas, view, (end[-1], end[-1].plus(out, run_out)), f"run-out {run_out:.2f} mm", 42)
     _measure(canvas, view, (end[-1], marks[-1].off), f"v*TIMELAG {end[-1].away(marks[-1].off):.2f} mm", 18)
 
@@ -371,9 +371,9 @@ def _run_mm(steps: int) -> float:
 
 
 def _measure(
-    canvas: Canvas, view: View, span: tuple[Point, Point], words: str, beside: float, *, low: bool = False
+    canvas: Canvas, view: View, span: tuple[Point, Point], words: str, beside: float, *, ahead: bool = False
 ) -> None:
-    """A length with its words, so far to the right of the way (seen along it), px; `low`: words on a second line."""
+    """A length with its words, so far to the right of the way (seen along it), px; `ahead`: words before its end."""
     start, end = view.px(span[0]), view.px(span[1])
     along = start.to(end)
     side = Point(-along.y, along.x)
@@ -383,10 +383,12 @@ def _measure(
         )
     canvas.path([start.plus(side, beside), end.plus(side, beside)], class_="measure", stroke=FAINT, stroke_width=1)
     middle = start.plus(Point(end.x - start.x, end.y - start.y), 0.5).plus(side, beside)
-    if abs(along.y) < 0.1:
-        canvas.text(middle.plus(Point(-10 if low else 0, 34 if low else 18)), words, 12, "start" if low else "middle")
+    if ahead:
+        canvas.text(end.plus(side, beside).plus(Point(8, 4)), words, 12)
+    elif abs(along.y) < 0.1:
+        canvas.text(middle.plus(Point(0, 18)), words, 12, "middle")
     else:
-        canvas.text(middle.plus(Point(8, 2)), words, 12)
+        canvas.text(middle.plus(Point(14, 1)), words, 12)
 
 
 def _scale_bar(canvas: Canvas, at: Point, scale: float) -> None:
@@ -496,20 +498,22 @@ def beam_picture() -> str:
 
 def _draw_beam(canvas: Canvas, view: View, trace: Trace) -> None:
     for leg in legs_of(trace):
-        dashes: dict[str, object] = {"stroke_dasharray": "5 4"} if leg.role == "jump" else {}
-        canvas.path([view.px(leg.start), view.px(leg.end)], class_="command", stroke=COLOURS["jump"], **dashes)
+        canvas.path(
+            [view.px(leg.start), view.px(leg.end)], class_="command", stroke=COMMAND, stroke_width=6,
+            stroke_linecap="round",
+        )  # fmt: skip
     time = np.arange(0.0, float(trace.clock.times[-1]) + 1.0, DOT_US / 1000)
     canvas.path(map(view.px, map(Point, *beam_at(trace, time))), class_="beam", stroke=BEAM, stroke_width=1.5)
     shine = trace.channels[0].emission
     spans = zip(burnt(trace), shine.start_ms.tolist(), shine.end_ms.tolist(), strict=True)
     for mark, start, end in spans:
-        moments = start + np.arange(0.0, end - start, DOT_US / 1000)
+        moments = start + np.arange(0.0, end - start + 1e-3, DOT_US / 1000)
         for x, y, hot in zip(*beam_at(trace, moments), mark.at(moments), strict=True):
             canvas.dot(view.px(Point(x, y)), DOT_MM / 2 * view.scale, class_="burnt", fill=heat(float(hot)))
     sides = [Point(*p) for p in CORNER]
     for place, toward, word in ((sides[0], sides[1], "S"), (sides[2], sides[1], "E")):
         away = view.px(place).to(view.px(toward))
-        beside = Point(away.y, -away.x) if word == "S" else Point(-away.y, away.x)
+        beside = Point(-away.y, away.x) if word == "S" else Point(away.y, -away.x)
         canvas.dot(view.px(place), 2.5, class_="end", fill=INK)
         _letter(canvas, view.px(place).plus(beside, 18), word)
 
@@ -528,7 +532,7 @@ def _diagram(canvas: Canvas, corner: Point, marks: list[Burnt]) -> None:
     across, up = width / 6.5, height / _MOST
 
     def place(run_mm: float, energy: float) -> Point:
-        return Point(left + run_mm * across, bottom - min(energy, _MOST) * up)
+        return Point(left + run_mm * across, bottom - energy * up)
 
     for level in (0, 1, 4, 8):
         canvas.path([place(0, level), place(6.5, level)], class_="grid", stroke=EDGE if level else INK, stroke_width=1)
@@ -547,21 +551,18 @@ def _diagram(canvas: Canvas, corner: Point, marks: list[Burnt]) -> None:
             "polygon", class_="energy", points=" ".join(f"{number(p.x)},{number(p.y)}" for p in steps),
             fill=LIGHT, stroke=COLOURS["mark"], stroke_width=1,
         )  # fmt: skip
-        most = int(np.argmax(mark.energy))
-        if mark.energy[most] > _MOST:
-            canvas.text(place(done, _MOST).plus(Point(0, -6)), f"up to {mark.energy[most]:.0f}", 11, "end")
 
 
 def _beam_legend(canvas: Canvas) -> None:
     at = Point(20, 592)
-    canvas.path([at, at.plus(Point(30, 0))], stroke=COLOURS["jump"], stroke_width=1.5)
-    canvas.text(at.plus(Point(37, 4)), "command", 13)
-    canvas.path([at.plus(Point(112, 0)), at.plus(Point(142, 0))], stroke=BEAM, stroke_width=2)
-    canvas.text(at.plus(Point(149, 4)), f"beam, {LAG_US:g} us behind", 13)
-    for k, (energy, _) in enumerate(HEAT):
-        canvas.dot(at.plus(Point(306 + 100 * k, 0)), 5, fill=heat(energy))
-        canvas.text(at.plus(Point(316 + 100 * k, 4)), f"{energy:g}{' or more' if k == 2 else ''} x energy"[:20], 13)
-    canvas.text(at.plus(Point(760, 4)), f"a dot every {DOT_US} us", 13, "end")
+    canvas.path([at, at.plus(Point(30, 0))], stroke=COMMAND, stroke_width=6, stroke_linecap="round")
+    canvas.text(at.plus(Point(40, 4)), "command", 13)
+    canvas.path([at.plus(Point(118, 0)), at.plus(Point(148, 0))], stroke=BEAM, stroke_width=1.5)
+    canvas.text(at.plus(Point(156, 4)), f"beam, {LAG_US:g} us behind", 13)
+    canvas.text(at.plus(Point(322, 4)), f"a dot every {DOT_US} us; energy per mm", 13)
+    for (energy, _), x, more in zip(HEAT, (570, 622, 674), ("", "", " or more"), strict=True):
+        canvas.dot(at.plus(Point(x, 0)), DOT_MM / 2 * BEAM_VIEWS[True].scale, fill=heat(energy))
+        canvas.text(at.plus(Point(x + 8, 4)), f"{energy:g}x{more}", 13)
 
 
 PICTURES: dict[str, Callable[[], str]] = {"skywrite.svg": skywrite_picture, "beam.svg": beam_picture}

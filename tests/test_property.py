@@ -87,7 +87,7 @@ def holds(text: str, machine: Machine) -> bool:
         return False
     stream, faults = compile_job(job, machine)
     if has_errors(faults):  # An END that can't be reached, a run-in outside the field; `gusjob check` plans too.
-        assert {f.rule.code for f in faults if f.severity is Severity.ERROR} <= {"GJ506", "GJ808", "GJ809"}
+        assert {f.rule.code for f in faults if f.severity is Severity.ERROR} <= {"GJ506", "GJ808", "GJ809", "GJ810"}
         return False
     own = interpreted(stream, machine, foreign=False)
     if not job.has_forced_ends:

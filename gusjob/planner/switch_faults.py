@@ -15,6 +15,7 @@ from gusjob.planner.plan import Plan
 from gusjob.planner.timeline import Events, Timeline
 from gusjob.units import US_PER_MS
 
+Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 Bools = npt.NDArray[np.bool_]
 
@@ -31,34 +32,44 @@ def switch_faults(state: Plan, timeline: Timeline, events: Events) -> list[Diagn
     channels = state.path.channel[events.row[events.goes]]
     cell = np.minimum(np.searchsorted(times[1:], time, side="left"), len(timeline.stage) - 1)
     dwell = state.path.op[state.timed[cell]] == Op.DWELL
-    waited = np.zeros(len(events.row))
-    for channel in CHANNELS:
-        mine = np.flatnonzero(state.path.channel[events.row] == channel)
-        waited[mine] = np.maximum.accumulate(events.time_ms[mine]) - events.time_ms[mine]
+    at_us = events.time_ms * US_PER_MS
+    waits_us = _waits(state, events, at_us)[events.goes]
+    at_us[events.goes] += events.late_us
+    dark_us = np.where(events.op == Op.OFF, _waits(state, events, at_us)[events.goes], 0.0)
     before_us = (times[timeline.stage_first[events.stage]] - time) * US_PER_MS
     behind_us = (time - times[timeline.stage_first[events.stage + 1]]) * US_PER_MS
     into_us = np.where(dwell, np.minimum(time - times[cell], times[cell + 1] - time), 0.0) * US_PER_MS
-    lost_us = waited[events.goes] * US_PER_MS
-    for what, switch in (("on", events.op == Op.ON), ("off", events.op == Op.OFF)):
-        delay = f"shorten LASER DELAY {what.upper()}"
-        for amount, where, mend in (
-            (before_us, "before the motion begins", f"{delay}, or raise NPREV"),
+    crosses_us = np.where(dark_us > _NO_TIME_US, 0.0, waits_us)
+    for what, switch, faults in (
+        ("on", events.op == Op.ON, (
+            (before_us, "before the motion begins", "shorten LASER DELAY ON, or raise NPREV"),
             (behind_us, "behind the end of the motion", "raise NPOST"),
-            (into_us, "into a DWELL", f"raise NPOST, or {delay}"),
-            (lost_us if what == "on" else np.zeros(len(time)), "before what stands in front of it is done",
-             "raise NPREV and NPOST, or bring SHIFT nearer to 0"),
-        ):  # fmt: skip
-            fields: dict[str, npt.NDArray[Any] | str] = {
-                "what": what,
-                "where": where,
-                "mend": mend,
-                "channel": channels,
-            }
-            _report(state, collector, rules.SKY_ROOM, rows, switch & (amount > _NO_TIME_US), **fields)
-    dark = (events.op == Op.OFF) & (lost_us > _NO_TIME_US)
-    _report(state, collector, rules.SKY_DARK, rows, dark, late=lost_us)
+            (into_us, "into a DWELL", "raise NPOST, or shorten LASER DELAY ON"),
+            (waits_us, "before what stands in front of it is done", "raise NPREV and NPOST, or SHIFT"),
+        )),
+        ("off", events.op == Op.OFF, (
+            (before_us, "before the motion begins", "shorten LASER DELAY OFF, or raise NPREV"),
+            (behind_us, "behind the end of the motion", "raise NPOST"),
+            (into_us, "into a DWELL", "raise NPOST, or shorten LASER DELAY OFF"),
+            (crosses_us, "before it is switched on", "bring ON and OFF of LASER DELAY nearer to each other"),
+        )),
+    ):  # fmt: skip
+        for amount, where, mend in faults:
+            columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "where": where, "mend": mend}
+            columns |= {"channel": channels, "early": amount}
+            _report(state, collector, rules.SKY_ROOM, rows, switch & (amount > _NO_TIME_US), **columns)
+    _report(state, collector, rules.SKY_DARK, rows, dark_us > _NO_TIME_US, late=dark_us)
     _report_slow(state, timeline, events, collector)
     return collector.done(rules.MORE)
+
+
+def _waits(state: Plan, events: Events, time: Floats) -> Floats:
+    """How much later than its own time each event comes if none of its channel comes before those in front of it."""
+    waits = np.zeros(len(time))
+    for channel in CHANNELS:
+        mine = np.flatnonzero(state.path.channel[events.row] == channel)
+        waits[mine] = np.maximum.accumulate(time[mine]) - time[mine]
+    return waits
 
 
 def _report_slow(state: Plan, timeline: Timeline, events: Events, collector: Collector) -> None:

@@ -31,6 +31,7 @@ class Timeline:
 
 
 def timeline_of(state: Plan) -> Timeline:
+    """When the motions of a plan run."""
     laid, timed = state.segments, state.timed
     assert laid is not None
     dwell = state.path.op[timed] == Op.DWELL
@@ -54,7 +55,8 @@ class Events:
     """Rows that act in between, (e,) in job order.
 
     boundary: how many timed rows stand before; time_ms: when it is to be called. Of those that go by a mark, (g,):
-    `goes`, which of the events; `ref`, the mark's number among the timed rows; its stage; their op.
+    `goes`, which of the events; `ref`, the mark's number among the timed rows; its stage; their op; late_us: how late
+    the effect comes behind the call.
     """
 
     row: Indices
@@ -64,9 +66,11 @@ class Events:
     ref: Indices
     stage: Indices
     op: npt.NDArray[np.uint8]
+    late_us: Floats
 
 
 def events_of(state: Plan, timeline: Timeline) -> Events:
+    """What acts in between the motions of a plan."""
     path, sky = state.path, state.sky
     assert sky is not None
     takes_time = path.takes_time
@@ -82,7 +86,7 @@ def events_of(state: Plan, timeline: Timeline) -> Events:
     ]
     time_ms = timeline.times[boundary]
     time_ms[goes] = timeline.times[ref + sky.at_end] + (sky.edge_us - late_us) / US_PER_MS
-    return Events(row=row, boundary=boundary, goes=goes, ref=ref, stage=stage, op=op, time_ms=time_ms)
+    return Events(row=row, boundary=boundary, goes=goes, ref=ref, stage=stage, op=op, late_us=late_us, time_ms=time_ms)
 
 
 def _delays_us(state: Plan) -> Floats:
