@@ -18,26 +18,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.checks.view import CHANNELS, view_of
-from gusjob.geometry import TURN, Arcs, Segments
-from gusjob.job import SPEED_WORDS, Op, SkyWriting
+from gusjob.checks.view import CHANNELS
+from gusjob.geometry import Segments
+from gusjob.job import SPEED_WORDS, Op
 from gusjob.motion import trapezoids
 from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, Sky, rearranged
 from gusjob.planner.sky_field import outside_field
-from gusjob.planner.velocity import corner_jump, path_velocity
+from gusjob.planner.sky_marks import Marks, marks_of
+from gusjob.planner.sky_runs import Beyond, beyond_of
 from gusjob.stream import Run
 from gusjob.units import US_PER_MS
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 Bools = npt.NDArray[np.bool_]
-
-_HALF_PULSE = 0.7072
-"""By how much a whole pulse may lie beside the point it stands for: half the diagonal."""
-_LONGER_PULSE = (0.0, 0.75, 1.5, 2.25, 3.0, 4.0)
-"""What is tried to make an arc long enough whose ends and centre are rounded."""
-_SAME_CORNER = 1e-9
 
 # Where added rows stand, from the row of their mark: all of it between the mark's neighbours.
 _ON, _REVERSE, _REVERSE_FAR, _JUMP, _RUN_IN_FAR, _RUN_IN = -0.45, -0.40, -0.35, -0.30, -0.25, -0.20
@@ -49,7 +44,7 @@ def sky_writing(state: Plan) -> Plan:
     number, settings = state.job.sky_of_rows()
     if not settings:
         return state
-    marks = _marks_of(state, number, settings)
+    marks = marks_of(state, number, settings)
     if not marks.mark.any():
         return state
     assert state.segments is not None
@@ -59,164 +54,13 @@ def sky_writing(state: Plan) -> Plan:
     return outside_field(rows.built())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Marks:
-    """The timed rows of a plan as sky writing sees them, (m,) each.
-
-    mark: is sky-written; joined: goes on from the mark before it without a break; lit: by channel. mode, timings (us)
-    and corner limit of its SKYWRITE. vel, acc: pulse/ms (2), at which it is run.
-    """
-
-    mark: Bools
-    joined: Bools
-    lit: tuple[Bools, Bools]
-    stage: Indices
-    mode: Floats
-    lag_us: Floats
-    on_us: Floats
-    run_in_us: Floats
-    run_out_us: Floats
-    vel: Floats
-    acc: Floats
-
-    @property
-    def begins(self) -> Bools:
-        """Marks that get a run-in."""
-        return self.mark & ~self.joined
-
-    @property
-    def ends(self) -> Bools:
-        """Marks that get a run-out."""
-        return np.asarray(self.mark & ~np.append(self.joined[1:], False))
-
-
-def _marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) -> _Marks:
-    path, timed, laid = state.path, state.timed, state.segments
-    assert laid is not None
-    job_rows = timed if state.origin is None else state.origin[timed]
-    view = view_of(state.job, state.machine)
-    lit = (view.lit(0)[0][job_rows], view.lit(1)[0][job_rows])
-    sky = number[job_rows]
-    op = path.op[timed]
-    mark = (sky >= 0) & (lit[0] | lit[1]) & (op != Op.JUMP) & (op != Op.DWELL)
-
-    def of(name: str) -> Floats:
-        # Rows without sky writing read the 0 at the end.
-        return np.array([*(float(getattr(s, name)) for s in settings), 0.0])[sky]
-
-    mode = of("mode")
-    stage = np.searchsorted([s.first for s in state.stages], timed, side="right") - 1
-    together = mark[1:] & mark[:-1] & (stage[1:] == stage[:-1]) & (sky[1:] == sky[:-1])
-    # The pieces of an arc that became lines are one mark.
-    pieces = (path.line[timed[1:]] == path.line[timed[:-1]]) & (path.trail[timed[1:]] == path.trail[timed[:-1]])
-    pieces &= op[1:] == Op.LINE
-    flat = np.zeros(len(together), dtype=np.bool_)
-    asked = np.flatnonzero(together & (mode[1:] == 3))
-    flat[asked] = _cosines(state, laid, asked) >= of("limit")[asked + 1] - _SAME_CORNER
-    return _Marks(
-        mark=mark,
-        joined=np.concatenate([[False], together & (pieces | flat)])[: len(mark)],
-        lit=lit,
-        stage=stage,
-        mode=mode,
-        lag_us=of("lag_us"),
-        on_us=of("on_us"),
-        run_in_us=of("run_in_us"),
-        run_out_us=of("run_out_us"),
-        vel=path_velocity(state, corner_jump(state)),
-        acc=state.acc,
-    )
-
-
-def _cosines(state: Plan, laid: Segments, at: Indices) -> Floats:
-    """Cosine of the angle, on the part, by which the path turns behind timed rows."""
-    px, py = state.machine.pulses_per_mm
-    out_x, out_y, in_x, in_y = (
-        laid.end_x[at] / px,
-        laid.end_y[at] / py,
-        laid.start_x[at + 1] / px,
-        laid.start_y[at + 1] / py,
-    )
-    return np.asarray((out_x * in_x + out_y * in_y) / (np.hypot(out_x, out_y) * np.hypot(in_x, in_y)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Run:
-    """The way beyond one end of marks `at`, (k,) each: along the mark's own line or circle to (x, y), in whole pulses.
-
-    Where it would go round more than half of its circle it leaves it there, straight on to (far_x, far_y): `leaves`.
-    """
-
-    at: Indices
-    x: Floats
-    y: Floats
-    leaves: Bools
-    far_x: Floats
-    far_y: Floats
-
-
-def _run(laid: Segments, at: Indices, length: Floats, *, ahead: bool) -> _Run:
-    """The way beyond the ends of marks (`ahead`), or before their starts."""
-    from_x, from_y = (laid.x1[at], laid.y1[at]) if ahead else (laid.x0[at], laid.y0[at])
-    way = 1.0 if ahead else -1.0
-    dx, dy = (laid.end_x[at], laid.end_y[at]) if ahead else (laid.start_x[at], laid.start_y[at])
-    x, y = _beyond(from_x, from_y, way * dx, way * dy, length)
-    far_x, far_y, leaves = x, y, np.zeros(len(at), dtype=np.bool_)
-    if len(laid.arc_at):
-        number = np.minimum(np.searchsorted(laid.arc_at, at), len(laid.arc_at) - 1)
-        round_ = np.flatnonzero(laid.arc_at[number] == at)
-        arcs = laid.arcs.pick(number[round_])
-        sense = np.sign(arcs.sweep) * way
-        begin = arcs.angle + (arcs.sweep if ahead else 0.0)
-        half_turn = np.pi * arcs.radius
-        along = np.minimum(length[round_], half_turn)
-        x[round_], y[round_] = _along(arcs, begin, sense, along, from_x[round_], from_y[round_], ahead=ahead)
-        rest = length[round_] - along
-        leaves[round_] = rest > 0
-        angle = begin + sense * along / arcs.radius
-        far_x, far_y = x.copy(), y.copy()
-        far_x[round_], far_y[round_] = _beyond(
-            x[round_], y[round_], -np.sin(angle) * sense, np.cos(angle) * sense, rest
-        )
-    return _Run(at=at, x=x, y=y, leaves=leaves, far_x=far_x, far_y=far_y)
-
-
-def _along(
-    arcs: Arcs, begin: Floats, sense: Floats, length: Floats, from_x: Floats, from_y: Floats, *, ahead: bool
-) -> tuple[Floats, Floats]:
-    """Whole pulses at least a length away along circles, as arcs about their rounded centres measure it."""
-    cx, cy = np.rint(arcs.cx), np.rint(arcs.cy)
-    here = np.arctan2(from_y - cy, from_x - cx)
-    x, y = from_x.copy(), from_y.copy()
-    short = np.ones(len(x), dtype=np.bool_)
-    for longer in _LONGER_PULSE:
-        angle = begin + sense * (length + longer) / arcs.radius
-        x[short] = (np.rint(arcs.cx + arcs.radius * np.cos(angle)) + 0.0)[short]
-        y[short] = (np.rint(arcs.cy + arcs.radius * np.sin(angle)) + 0.0)[short]
-        sweep = ((np.arctan2(y - cy, x - cx) - here) * sense) % TURN
-        radius = np.hypot(from_x - cx, from_y - cy) if ahead else np.hypot(x - cx, y - cy)
-        short &= sweep * radius < length
-    return x, y
-
-
-def _beyond(x: Floats, y: Floats, dx: Floats, dy: Floats, length: Floats) -> tuple[Floats, Floats]:
-    """Whole pulses at least a length away in a direction: a run-in that rounding shortens would miss its speed."""
-    to_x, to_y = np.rint(x + dx * length), np.rint(y + dy * length)
-    short = np.hypot(to_x - x, to_y - y) < length - 1e-6
-    more = length + _HALF_PULSE
-    return (
-        np.where(short, np.rint(x + dx * more), to_x) + 0.0,
-        np.where(short, np.rint(y + dy * more), to_y) + 0.0,
-    )
-
-
 @dataclass(slots=True, kw_only=True)
 class _Rows:
     """The rows of a plan and those that sky writing adds, each with a place among them: row r has place r."""
 
     state: Plan
     laid: Segments
-    marks: _Marks
+    marks: Marks
     places: list[Floats] = field(default_factory=list)
     sources: list[Indices] = field(default_factory=list)
     changes: list[dict[str, Any]] = field(default_factory=list)
@@ -238,9 +82,9 @@ class _Rows:
         """The run-ins and run-outs of all marks, and the ways to and from them."""
         marks = self.marks
         begins, ends = np.flatnonzero(marks.begins), np.flatnonzero(marks.ends)
-        self.run_in(_run(self.laid, begins, self.way(begins, marks.run_in_us[begins]), ahead=False))
+        self.run_in(beyond_of(self.laid, begins, self.way(begins, marks.run_in_us[begins]), ahead=False))
         out_us = self.run_out_us(ends)
-        self.run_out(_run(self.laid, ends, self.way(ends, out_us), ahead=True), out_us)
+        self.run_out(beyond_of(self.laid, ends, self.way(ends, out_us), ahead=True), out_us)
 
     def way(self, at: Indices, time_us: Floats) -> Floats:
         """How far marks' runs go, pulse: a time at mark speed, and up to it or down from it."""
@@ -262,7 +106,7 @@ class _Rows:
         dwell = np.append(self.state.path.op[self.state.timed] == Op.DWELL, True)
         return np.asarray(dwell[at + 1] | (np.append(self.marks.stage, -1)[at + 1] != self.marks.stage[at]))
 
-    def run_in(self, run: _Run) -> None:
+    def run_in(self, run: Beyond) -> None:
         """From P to S; before it to P backwards from S, or by a jump."""
         marks, at = self.marks, run.at
         first = marks.mode[at] == 1
@@ -275,7 +119,7 @@ class _Rows:
         self.moved.append((self.state.timed[before[moves]], run.far_x[moves], run.far_y[moves]))
         self.jump(run, ~first & (before < 0), _JUMP, run.far_x, run.far_y)
 
-    def run_out(self, run: _Run, out_us: Floats) -> None:
+    def run_out(self, run: Beyond, out_us: Floats) -> None:
         """From E to Q; behind it back to E, where it has to be so."""
         marks, at = self.marks, run.at
         first = marks.mode[at] == 1
@@ -296,7 +140,7 @@ class _Rows:
         return path.x[rows], path.y[rows]
 
     def piece(
-        self, run: _Run, where: Bools | np.bool_, shift: float, kind: Run, x: Floats, y: Floats, *,
+        self, run: Beyond, where: Bools | np.bool_, shift: float, kind: Run, x: Floats, y: Floats, *,
         straight: bool = False, back: bool = False, smooth: Bools | bool = False,
     ) -> None:  # fmt: skip
         """A piece of the run of the marks in `where`, at mark speed: as they are bent, or `straight`; or `back`."""
@@ -321,7 +165,7 @@ class _Rows:
             "cx": arcs.cx[number], "cy": arcs.cy[number],
         }  # fmt: skip
 
-    def jump(self, run: _Run, where: Bools, shift: float, x: Floats, y: Floats) -> None:
+    def jump(self, run: Beyond, where: Bools, shift: float, x: Floats, y: Floats) -> None:
         """Jumps that are not the job's own, at the JUMPVEL and JUMPACC in force."""
         rows = self.state.timed[run.at[where]]
         vel, vel_in_mm = self.jump_speed(rows, "VEL")
