@@ -546,6 +546,17 @@ def test_power_at_a_sharp_corner_is_that_of_each_mark() -> None:
     assert found.power_ms.sum() == pytest.approx((5000.0 * 50 + 10000.0 * 20) / FAST, abs=2 * BEAM * 50 / FAST)
 
 
+@pytest.mark.parametrize("mode", [1, 2, 3])
+def test_power_set_before_the_light_goes_off_waits_for_the_beam(mode: int) -> None:
+    """LINE, LASER POWER, LASER OFF: all of the mark has the power that it was run with."""
+    sky = Sky(mode=mode, timelag=250.0)
+    steps = [*head(sky), Step(op="on"), Step(op="line", at=(10000.0, 5000.0)), Step(op="power", value=20.0)]
+    steps += [Step(op="off"), Step(op="jump", at=(0.0, 0.0))]
+    steps += [Step(op="on"), Step(op="line", at=(10000.0, 0.0)), Step(op="off")]
+    found = must(case_of(steps)).trace.channels[0].emitted
+    assert found.power_ms.sum() == pytest.approx((5000.0 * 50 + 10000.0 * 20) / FAST, abs=2 * BEAM * 50 / FAST)
+
+
 # Faults.
 
 

@@ -33,7 +33,8 @@ class Sky:
     without a corner, whatever rounding to pulses makes of it.
 
     For each row that goes by a mark, (g,) ascending: its `row`; `ref`, the row of the mark whose start, or end where
-    `at_end` is set, it goes by; `edge_us`, when its effect shall come, counted from there.
+    `at_end` is set, it goes by; `edge_us`, when its effect shall come, counted from there; `placed`, it stands where it
+    belongs already, and a start's `ref` is the piece in front of it.
     """
 
     run: npt.NDArray[np.int8]
@@ -42,6 +43,7 @@ class Sky:
     ref: npt.NDArray[np.intp]
     at_end: npt.NDArray[np.bool_]
     edge_us: Floats
+    placed: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,6 +26,7 @@ from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, Sky, rearranged
 from gusjob.planner.sky_field import outside_field
 from gusjob.planner.sky_marks import Marks, marks_of
+from gusjob.planner.sky_points import Leg, Places, places_of
 from gusjob.planner.sky_runs import Beyond, beyond_of
 from gusjob.stream import Run
 from gusjob.units import US_PER_MS
@@ -36,6 +37,8 @@ Bools = npt.NDArray[np.bool_]
 
 # Where added rows stand, from the row of their mark: all of it between the mark's neighbours.
 _ON, _REVERSE, _REVERSE_FAR, _JUMP, _RUN_IN_FAR, _RUN_IN = -0.45, -0.40, -0.35, -0.30, -0.25, -0.20
+_LEG_SHIFTS, _OFF_BEHIND, _PIECE_BEFORE = (-0.16, -0.10, 0.06, 0.12), 0.03, 0.01
+"""Of switches that are placed, by Leg; how far off stands behind on; and a piece before the switch at its end."""
 _RUN_OUT, _RUN_OUT_FAR, _BACK_FAR, _BACK, _JUMP_BACK, _OFF = 0.20, 0.25, 0.30, 0.35, 0.40, 0.45
 
 
@@ -66,11 +69,17 @@ class _Rows:
     changes: list[dict[str, Any]] = field(default_factory=list)
     moved: list[tuple[Indices, Floats, Floats]] = field(default_factory=list)
     """Rows that end somewhere else now: jumps that go to a run-in."""
-    refs: list[tuple[Indices, Indices, Bools, Floats]] = field(default_factory=list)
-    """Rows (the added ones counted behind the job's own) that go by a mark's row, by its start or its end, and when
-    their effect shall come, us."""
+    refs: list[tuple[Indices, Indices, Bools, Floats, Bools]] = field(default_factory=list)
+    """Rows (the added ones counted behind the job's own) that go by a mark's row, by its start or its end; when their
+    effect shall come, us; and whether they are placed already."""
+    replaced: list[tuple[Indices, Floats]] = field(default_factory=list)
+    """Rows of the job that stand at another place now."""
+    outs: tuple[Floats, Floats] = (np.empty(0), np.empty(0))
+    """Where the run-outs end, for each timed row."""
+    first_pieces: Indices = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    """The row that starts where a mark does, for each timed row."""
 
-    def add(self, rows: Indices, shift: float, **changes: Any) -> None:
+    def add(self, rows: Indices, shift: float | Floats, **changes: Any) -> None:
         """Rows like `rows` of the path with some columns changed, `shift` places behind them."""
         if not len(rows):
             return
@@ -123,6 +132,8 @@ class _Rows:
         """From E to Q; behind it back to E, where it has to be so."""
         marks, at = self.marks, run.at
         first = marks.mode[at] == 1
+        self.outs = (np.zeros(len(marks.mark)), np.zeros(len(marks.mark)))
+        self.outs[0][at], self.outs[1][at] = run.x, run.y
         self.piece(run, np.True_, _RUN_OUT, Run.RUN_OUT, run.x, run.y, smooth=run.leaves)
         self.piece(run, run.leaves, _RUN_OUT_FAR, Run.RUN_OUT, run.far_x, run.far_y, straight=True)
         self.piece(run, first & run.leaves, _BACK_FAR, Run.RUN_OUT, run.x, run.y, straight=True, smooth=True)
@@ -220,30 +231,67 @@ class _Rows:
             mine = path.channel == channel
             on, off = np.flatnonzero((path.op == Op.ON) & mine), np.flatnonzero((path.op == Op.OFF) & mine)
             # The last ON before a mark, the first OFF behind it; where none stands right there, one is added.
+            places = places_of(self.state, marks, self.laid, self.outs, channel)
+            self.split(places)
             found_on = np.append(on, -1)[np.searchsorted(on, timed[begin]) - 1]
-            self.switch(Op.ON, channel, begin, found_on, found_on > np.append(timed, -1)[begin - 1])
+            self.switch(Op.ON, channel, begin, found_on, found_on > np.append(timed, -1)[begin - 1], places)
             found_off = np.append(off, len(path))[np.searchsorted(off, timed[end])]
-            self.switch(Op.OFF, channel, end, found_off, found_off < np.append(timed, len(path))[end + 1])
-        powers = np.flatnonzero((path.op == Op.POWER) | (path.op == Op.FOLLOW))
-        inside = np.searchsorted(timed, powers)
-        in_mark = np.append(marks.joined, False)[inside]
-        at = inside[in_mark]
-        self.refs.append((powers[in_mark], timed[at], np.zeros(len(at), dtype=np.bool_), marks.lag_us[at]))
+            self.switch(Op.OFF, channel, end, found_off, found_off < np.append(timed, len(path))[end + 1], places)
+            self.powers(np.flatnonzero(((path.op == Op.POWER) | (path.op == Op.FOLLOW)) & mine), off, lit)
 
-    def switch(self, op: Op, channel: int, at: Indices, found: Indices, has: Bools) -> None:
-        """The switch rows of a channel for marks: those found, and new ones."""
-        off, path = op is Op.OFF, self.state.path
+    def powers(self, rows: Indices, off: Indices, lit: Bools) -> None:
+        """Powers set inside a mark that goes on, or behind its end with the light still on, come with the beam."""
+        timed, marks = self.state.timed, self.marks
+        behind = np.searchsorted(timed, rows)
+        inside = np.append(marks.joined, False)[behind]
+        before = np.maximum(behind - 1, 0)
+        still_on = np.searchsorted(off, rows) == np.searchsorted(off, timed[before])
+        ended = (behind > 0) & (marks.ends & lit)[before] & still_on & ~inside
+        for where, at, at_end in ((inside, behind, False), (ended, before, True)):
+            ref = at[where]
+            none = np.zeros(len(ref), dtype=np.bool_)
+            self.refs.append((rows[where], timed[ref], np.full(len(ref), at_end), marks.lag_us[ref], none))
+
+    def switch(self, op: Op, channel: int, at: Indices, found: Indices, has: Bools, places: Places) -> None:
+        """The switch rows of a channel for marks: those found, and new ones; where it is known, in their place."""
+        off = op is Op.OFF
         edge_us = (self.marks.lag_us if off else self.marks.on_us)[at]
-        rows = self.state.timed[at]
-        added = len(path) + sum(map(len, self.sources)) + np.cumsum(~has) - 1
-        self.refs.append((np.where(has, found, added), rows, np.full(len(at), off), edge_us))
-        self.add(rows[~has], _OFF if off else _ON, op=np.uint8(op), channel=np.int8(channel))
+        rows, known = self.state.timed[at], places.known[at]
+        refs = rows.copy() if off else self.first_pieces[at]
+        leg = (places.off if off else places.on).leg[at]
+        shift = np.where(known, np.array(_LEG_SHIFTS)[leg] + (_OFF_BEHIND if off else 0.0), _OFF if off else _ON)
+        added = self.count + np.cumsum(~has) - 1
+        self.refs.append((np.where(has, found, added), refs, np.full(len(at), off), edge_us, known))
+        self.add(rows[~has], shift[~has], op=np.uint8(op), channel=np.int8(channel))
+        here = has & known
+        self.replaced.append((found[here], np.asarray(rows[here] + shift[here], dtype=np.float64)))
+
+    def split(self, places: Places) -> None:
+        """The pieces in front of the switches that are placed, as rows of their own."""
+        self.first_pieces = self.state.timed.copy()
+        for side, behind in ((places.off, _OFF_BEHIND), (places.on, 0.0)):
+            for leg, run in ((Leg.MARK, Run.RUN_IN), (Leg.RUN_OUT, Run.RUN_OUT)):
+                at = np.flatnonzero(places.known & (side.leg == leg))
+                if leg is Leg.MARK:
+                    self.first_pieces[at] = self.count + np.arange(len(at))
+                self.add(
+                    self.state.timed[at], _LEG_SHIFTS[leg] + behind - _PIECE_BEFORE, op=np.uint8(Op.LINE), end=np.nan,
+                    x=side.x[at], y=side.y[at], vel=self.marks.vel[at], vel_in_mm=False, run=np.int8(run), smooth=True,
+                )  # fmt: skip
+
+    @property
+    def count(self) -> int:
+        """How many rows there are so far."""
+        return len(self.state.path) + sum(map(len, self.sources))
 
     def built(self) -> Plan:
         """The plan with all of its rows in order, laid out again."""
         path, n = self.state.path, len(self.state.path)
         source = np.concatenate([np.arange(n), *self.sources])
-        order = np.argsort(np.concatenate([np.arange(n, dtype=np.float64), *self.places]), kind="stable")
+        place = np.arange(n, dtype=np.float64)
+        for rows, at in self.replaced:
+            place[rows] = at
+        order = np.argsort(np.concatenate([place, *self.places]), kind="stable")
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
         own: dict[str, npt.NDArray[Any]] = {
@@ -283,7 +331,15 @@ class _Rows:
 
     def sky(self, run: npt.NDArray[np.int8], smooth: Bools, rank: Indices) -> Sky:
         """What the later passes need, of the rows at their new ranks."""
-        row, ref, at_end, edge_us = (np.concatenate(parts) for parts in zip(*self.refs, strict=True))
+        row, ref, at_end, edge_us, placed = (np.concatenate(parts) for parts in zip(*self.refs, strict=True))
         row, ref = rank[row], rank[ref]
         order = np.argsort(row)
-        return Sky(run=run, smooth=smooth, row=row[order], ref=ref[order], at_end=at_end[order], edge_us=edge_us[order])
+        return Sky(
+            run=run,
+            smooth=smooth,
+            row=row[order],
+            ref=ref[order],
+            at_end=at_end[order],
+            edge_us=edge_us[order],
+            placed=placed[order],
+        )

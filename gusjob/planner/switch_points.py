@@ -36,6 +36,8 @@ def switch_points(state: Plan) -> Plan:
     """Nothing to do where there is no sky writing."""
     if state.sky is None:
         return state
+    if state.sky.placed.all():
+        return replace(state, mark_end=_mark_ends(state, np.arange(len(state.path)), state.timed, state.timed))
     timeline = timeline_of(state)
     events = events_of(state, timeline)
     points = _points(state, timeline, events)
@@ -127,12 +129,17 @@ def _split(state: Plan, timeline: Timeline, events: Events, points: _Points) -> 
         for name, value in (("op", Op.ARC_CENTRE), ("cx", cx[which]), ("cy", cy[which])):
             columns[name] = getattr(path, name)[source]
             columns[name][at] = value
+    motions = np.flatnonzero(moves)
     smooth = sky.smooth[source]
-    smooth[np.flatnonzero(moves)[~pieces.last]] = True
+    smooth[motions[~pieces.last]] = True
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    now = np.empty(len(path), dtype=np.intp)
+    now[timed], now[events.row] = rank[:m], rank[m + splits :]
     longer = replace(
         layout(rearranged(state, source, columns)),
         sky=replace(sky, run=sky.run[source], smooth=smooth),
-        mark_end=_mark_ends(events, order, pieces, np.flatnonzero(moves)),
+        mark_end=_mark_ends(state, now, motions[pieces.first], motions[pieces.last]),
         vel=state.vel[pieces.cell],
         acc=state.acc[pieces.cell],
     )
@@ -152,6 +159,11 @@ class _Pieces:
 
     cell: Indices
     place: Floats
+
+    @property
+    def first(self) -> Bools:
+        """The first piece of each motion."""
+        return np.append(True, self.cell[1:] != self.cell[:-1])[: len(self.cell)]
 
     @property
     def last(self) -> Bools:
@@ -195,14 +207,18 @@ class _Pieces:
         return ends
 
 
-def _mark_ends(events: Events, order: Indices, pieces: _Pieces, timed: Indices) -> Indices:
-    """As in stream.Intent: the first piece of the mark that a light-on goes by, the last of a light-off's."""
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    behind = np.append(0, np.flatnonzero(pieces.last) + 1)
-    found = np.full(len(order), -1, dtype=np.intp)
-    motions = len(timed)
-    for switch, piece in ((Op.ON, behind[events.ref]), (Op.OFF, behind[events.ref + 1] - 1)):
-        mine = events.op == switch
-        found[rank[motions + events.goes[mine]]] = timed[piece[mine]]
+def _mark_ends(state: Plan, now: Indices, first: Indices, last: Indices) -> Indices:
+    """As in stream.Intent: the first piece of the motion that a light-on goes by, the last of a light-off's.
+
+    `now`: for each row of the plan its row among the pieces; `first`, `last`: for each timed row its pieces' rows.
+    """
+    sky, takes_time = state.sky, state.path.takes_time
+    assert sky is not None
+    number = (np.cumsum(takes_time) - 1)[sky.ref]
+    op = state.path.op[sky.row]
+    count = int(last[-1]) + 1 if len(last) else 0
+    found = np.full(max(count, int(now.max(initial=-1)) + 1), -1, dtype=np.intp)
+    for switch, piece in ((Op.ON, first), (Op.OFF, last)):
+        mine = op == switch
+        found[now[sky.row[mine]]] = piece[number[mine]]
     return found

@@ -16,7 +16,7 @@ from gusjob.units import US_PER_MS
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-_ON, _OFF = 1, 2
+ON, OFF = 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ def timeline_of(state: Plan) -> Timeline:
 class Events:
     """Rows that act in between, (e,) in job order.
 
-    boundary: how many timed rows stand before; time_ms: when it is to be called. Of those that go by a mark, (g,):
+    boundary: how many timed rows stand before; time_ms: when it is to be called. Of those still to be placed, (g,):
     `goes`, which of the events; `ref`, the mark's number among the timed rows; its stage; their op; late_us: how late
     the effect comes behind the call.
     """
@@ -75,22 +75,22 @@ def events_of(state: Plan, timeline: Timeline) -> Events:
     assert sky is not None
     takes_time = path.takes_time
     timed_before: Indices = np.cumsum(takes_time) - takes_time
+    open_ = np.flatnonzero(~sky.placed)
     row = np.flatnonzero(~takes_time)
     boundary = timed_before[row]
-    goes = (np.cumsum(~takes_time) - 1)[sky.row]
-    ref = timed_before[sky.ref]
+    goes = (np.cumsum(~takes_time) - 1)[sky.row[open_]]
+    ref = timed_before[sky.ref[open_]]
     stage = timeline.stage[ref]
-    op = path.op[sky.row]
-    late_us = _delays_us(state)[
-        stage, path.channel[sky.row], np.where(op == Op.ON, _ON, np.where(op == Op.OFF, _OFF, 0))
-    ]
+    op = path.op[sky.row[open_]]
+    what = np.where(op == Op.ON, ON, np.where(op == Op.OFF, OFF, 0))
+    late_us = delays_us(state)[stage, path.channel[sky.row[open_]], what]
     time_ms = timeline.times[boundary]
-    time_ms[goes] = timeline.times[ref + sky.at_end] + (sky.edge_us - late_us) / US_PER_MS
+    time_ms[goes] = timeline.times[ref + sky.at_end[open_]] + (sky.edge_us[open_] - late_us) / US_PER_MS
     return Events(row=row, boundary=boundary, goes=goes, ref=ref, stage=stage, op=op, late_us=late_us, time_ms=time_ms)
 
 
-def _delays_us(state: Plan) -> Floats:
-    """How late an effect comes behind its call, (stages, channels, what): `_ON` light on, `_OFF` light off.
+def delays_us(state: Plan) -> Floats:
+    """How late an effect comes behind its call, (stages, channels, what): `ON` light on, `OFF` light off.
 
     The off delay of the first pulse killer counts; its gap does not: that is what SHIFT is for (RTC5 p. 115).
     """
@@ -105,6 +105,6 @@ def _delays_us(state: Plan) -> Floats:
                     killer[setup.channel] = 0.0 if times_us is None else times_us[2]
                 case _:
                     pass
-        found[number, :, _ON] = on
-        found[number, :, _OFF] = np.add(off, killer)
+        found[number, :, ON] = on
+        found[number, :, OFF] = np.add(off, killer)
     return found
