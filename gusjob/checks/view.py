@@ -242,7 +242,9 @@ class View:
         if not len(keys):
             none = np.zeros(len(path), dtype=np.bool_)
             return none, np.zeros(len(path), dtype=np.intp), False, 0
-        last = np.searchsorted(keys, np.arange(len(path)) * 2, side="right") - 1
+        # The last one that acts before each row: they are ascending, so each holds up to the next.
+        begins = np.concatenate([[0], np.minimum((keys + 1) // 2, len(path)), [len(path)]])
+        last = np.repeat(np.arange(-1, len(keys)), np.diff(begins))
         state = np.where(last >= 0, on[last], False)
         # The line of the ON that began it: later ONs while on change nothing.
         begins = on & ~np.concatenate([[False], on[:-1]])

@@ -13,13 +13,23 @@ from gusjob.planner.flatten import flatten
 from gusjob.planner.layout import layout
 from gusjob.planner.lower import lower
 from gusjob.planner.plan import Plan
+from gusjob.planner.sky_field import stays_in_field
 from gusjob.planner.sky_writing import sky_writing
 from gusjob.planner.stages import split
 from gusjob.planner.switch_points import switch_points
 from gusjob.planner.velocity import velocities
 from gusjob.stream import Stream
 
-PASSES: tuple[Callable[[Plan], Plan], ...] = (flatten, split, layout, sky_writing, velocities, switch_points)
+PASSES: tuple[Callable[[Plan], Plan], ...] = (
+    flatten,
+    split,
+    layout,
+    sky_writing,
+    layout,
+    stays_in_field,
+    velocities,
+    switch_points,
+)
 """In this order; each takes a plan and gives a fuller one."""
 
 

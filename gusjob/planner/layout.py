@@ -16,7 +16,12 @@ Indices = npt.NDArray[np.intp]
 
 
 def layout(state: Plan) -> Plan:
-    """Segments between whole pulses; velocity and acceleration along each segment's own direction."""
+    """Segments between whole pulses; velocity and acceleration along each segment's own direction.
+
+    What is laid out already stays as it is.
+    """
+    if state.segments is not None:
+        return state
     path, machine, timed = state.path, state.machine, state.timed
     # + 0.0: a coordinate of -0 is 0.
     x1, y1 = np.rint(path.x[timed]) + 0.0, np.rint(path.y[timed]) + 0.0

@@ -32,7 +32,7 @@ class Sky:
     For each row, (n,): `run`, stream.Run of a motion that is dark; `smooth`, a motion that goes on into the next
     without a corner, whatever rounding to pulses makes of it.
 
-    For each row that goes by a mark, (g,) ascending: its `row`; `ref`, the row of the mark whose start, or end where
+    For each row that goes by a mark, (g,): its `row`; `ref`, the row of the mark whose start, or end where
     `at_end` is set, it goes by; `edge_us`, when its effect shall come, counted from there; `placed`, it stands where it
     belongs already, and a start's `ref` is the piece in front of it.
     """
@@ -92,6 +92,7 @@ def rearranged(state: Plan, source: npt.NDArray[np.intp], columns: dict[str, npt
     return replace(
         state,
         path=longer,
+        segments=None,
         origin=source if state.origin is None else state.origin[source],
         timed=np.flatnonzero(longer.takes_time),
         stages=tuple(

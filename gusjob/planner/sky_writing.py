@@ -22,9 +22,7 @@ from gusjob.checks.view import CHANNELS
 from gusjob.geometry import Segments
 from gusjob.job import SPEED_WORDS, Op
 from gusjob.motion import trapezoids
-from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, Sky, rearranged
-from gusjob.planner.sky_field import outside_field
 from gusjob.planner.sky_marks import Marks, marks_of
 from gusjob.planner.sky_points import Leg, Places, places_of
 from gusjob.planner.sky_runs import Beyond, beyond_of
@@ -54,7 +52,7 @@ def sky_writing(state: Plan) -> Plan:
     rows = _Rows(state=state, laid=state.segments, marks=marks)
     rows.runs()
     rows.switches()
-    return outside_field(rows.built())
+    return rows.built()
 
 
 @dataclass(slots=True, kw_only=True)
@@ -225,6 +223,8 @@ class _Rows:
         path, timed, marks = self.state.path, self.state.timed, self.marks
         for channel in CHANNELS:
             lit = marks.lit[channel]
+            if not lit.any():
+                continue
             lit_before, lit_after = np.append(False, lit[:-1]), np.append(lit[1:], False)
             begin = np.flatnonzero(marks.mark & lit & (marks.begins | ~lit_before))
             end = np.flatnonzero(marks.mark & lit & (marks.ends | ~lit_after))
@@ -285,7 +285,7 @@ class _Rows:
         return len(self.state.path) + sum(map(len, self.sources))
 
     def built(self) -> Plan:
-        """The plan with all of its rows in order, laid out again."""
+        """The plan with all of its rows in order."""
         path, n = self.state.path, len(self.state.path)
         source = np.concatenate([np.arange(n), *self.sources])
         place = np.arange(n, dtype=np.float64)
@@ -313,7 +313,7 @@ class _Rows:
         }
         run, smooth = columns.pop("run"), columns.pop("smooth")
         longer = rearranged(self.state, source[order], columns)
-        return layout(replace(longer, sky=self.sky(run, smooth, rank)))
+        return replace(longer, sky=self.sky(run, smooth, rank))
 
     def is_constant(self, name: str) -> bool:
         """Whether a column is one value in all rows, the added ones too."""
@@ -333,13 +333,4 @@ class _Rows:
         """What the later passes need, of the rows at their new ranks."""
         row, ref, at_end, edge_us, placed = (np.concatenate(parts) for parts in zip(*self.refs, strict=True))
         row, ref = rank[row], rank[ref]
-        order = np.argsort(row)
-        return Sky(
-            run=run,
-            smooth=smooth,
-            row=row[order],
-            ref=ref[order],
-            at_end=at_end[order],
-            edge_us=edge_us[order],
-            placed=placed[order],
-        )
+        return Sky(run=run, smooth=smooth, row=row, ref=ref, at_end=at_end, edge_us=edge_us, placed=placed)
