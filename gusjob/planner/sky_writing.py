@@ -158,9 +158,19 @@ class _Rows:
         bent = {"op": np.uint8(Op.LINE)} if straight else self.bent(at, back=back)
         self.add(
             self.state.timed[at], shift, x=x[pick], y=y[pick], end=np.nan, **bent,
-            vel=self.marks.vel[at], acc=self.marks.acc[at], vel_in_mm=False, acc_in_mm=False,
-            run=np.int8(kind), smooth=np.broadcast_to(smooth, len(run.at))[pick],
+            **self.mark_speed(at), run=np.int8(kind), smooth=np.broadcast_to(smooth, len(run.at))[pick],
         )  # fmt: skip
+
+    @property
+    def as_written(self) -> bool:
+        """Whether marks run at the velocity and acceleration of their rows, nothing slowed and nothing scaled."""
+        return self.state.machine.equal_axes and not len(self.laid.arc_at)
+
+    def mark_speed(self, at: Indices) -> dict[str, Any]:
+        """Columns for rows at marks' speed, where these are not their rows' own."""
+        if self.as_written:
+            return {}
+        return {"vel": self.marks.vel[at], "acc": self.marks.acc[at], "vel_in_mm": False, "acc_in_mm": False}
 
     def bent(self, at: Indices, *, back: bool) -> dict[str, Any]:
         """Marks' own lines or circles, these about their centre: by radius a centre is lost near half a turn."""
@@ -276,7 +286,7 @@ class _Rows:
                     self.first_pieces[at] = self.count + np.arange(len(at))
                 self.add(
                     self.state.timed[at], _LEG_SHIFTS[leg] + behind - _PIECE_BEFORE, op=np.uint8(Op.LINE), end=np.nan,
-                    x=side.x[at], y=side.y[at], vel=self.marks.vel[at], vel_in_mm=False, run=np.int8(run), smooth=True,
+                    x=side.x[at], y=side.y[at], **self.mark_speed(at), run=np.int8(run), smooth=True,
                 )  # fmt: skip
 
     @property
@@ -302,8 +312,9 @@ class _Rows:
             own["x"][rows], own["y"][rows] = x, y
         own["smooth"][self.state.timed[self.marks.ends]] = True
         mark = self.state.timed[self.marks.mark]
-        own["vel"], own["vel_in_mm"] = path.vel.copy(), path.vel_in_mm.copy()
-        own["vel"][mark], own["vel_in_mm"][mark] = self.marks.vel[self.marks.mark], False
+        if not self.as_written:
+            own["vel"], own["vel_in_mm"] = path.vel.copy(), path.vel_in_mm.copy()
+            own["vel"][mark], own["vel_in_mm"][mark] = self.marks.vel[self.marks.mark], False
         # What of a mark is dark lies before its light.
         own["run"][mark] = Run.RUN_IN
         columns = {
