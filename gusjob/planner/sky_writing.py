@@ -100,13 +100,17 @@ class _Rows:
 
     def run_out_us(self, at: Indices) -> Floats:
         """How long marks' run-outs are at mark speed: longer where motion ends before the light can go off."""
-        marks, rows = self.marks, self.state.timed[at]
+        marks = self.marks
         run_us, lag_us = marks.run_out_us[at], marks.lag_us[at]
-        (vel, _), (acc, _) = self.jump_speed(rows, "VEL"), self.jump_speed(rows, "ACC")
-        way, nothing = self.way(at, run_us), np.zeros(len(at))
-        back_ms = trapezoids(way, nothing, vel, nothing, acc).duration_ms
-        moves_us = run_us + (marks.vel[at] / marks.acc[at] + back_ms) * US_PER_MS
-        return np.where(self.stands_behind(at) & (marks.mode[at] != 1) & (moves_us < lag_us), lag_us, run_us)
+        moves_us = run_us + marks.vel[at] / marks.acc[at] * US_PER_MS
+        short = np.flatnonzero(self.stands_behind(at) & (marks.mode[at] != 1) & (moves_us < lag_us))
+        if len(short):  # A jump back to E may take long enough.
+            rows, nothing = self.state.timed[at[short]], np.zeros(len(short))
+            (vel, _), (acc, _) = self.jump_speed(rows, "VEL"), self.jump_speed(rows, "ACC")
+            back = trapezoids(self.way(at[short], run_us[short]), nothing, vel, nothing, acc)
+            longer = moves_us[short] + back.duration_ms * US_PER_MS < lag_us[short]
+            run_us[short] = np.where(longer, lag_us[short], run_us[short])
+        return run_us
 
     def stands_behind(self, at: Indices) -> Bools:
         """Whether motion ends behind marks: a dwell, or the end of their stage."""

@@ -1,0 +1,82 @@
+"""What sky writing adds to planning: the time of its passes on many short marks, beside that of all other passes.
+
+Run by hand: python tests/bench/sky.py [MARKS]. Mode 1 has reverse motions, modes 2 and 3 have none; `bent`: a quarter
+of the marks are arcs, whose switch points wait until all velocities are planned.
+"""
+
+from __future__ import annotations
+
+import random
+import statistics
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from gusjob.machine import Machine
+from gusjob.planner import PASSES
+from gusjob.planner.lower import lower
+from gusjob.planner.plan import Plan
+from gusjob.syntax import check_text, read_job
+
+OWN = {"sky_writing", "stays_in_field", "switch_points"}
+RUNS = 5
+
+
+def job_text(marks: int, mode: int, *, bent: bool) -> Iterator[str]:
+    """Marks of up to 1.4 mm at 1000 mm/s, at random places."""
+    rng = random.Random(1)
+    yield "LASER MODE DUTY CARRIER 20kHz\nLASER POWER 30\nVEL 1000\nACC 1000000\nJUMPVEL 5000\n"
+    yield f"SKYWRITE MODE {mode} TIMELAG 250us\n" if mode else "SKYWRITE OFF\n"
+    for number in range(marks):
+        x, y = rng.uniform(-100, 100), rng.uniform(-100, 100)
+        dx, dy = rng.uniform(-1, 1), rng.uniform(-1, 1)
+        yield f"JUMP X {x:.3f} Y {y:.3f}\nLASER ON\n"
+        if bent and number % 4 == 0:
+            yield f"ARC CCW X {x + 1:.3f} Y {y + 1:.3f} R 2\nLASER OFF\n"
+        else:
+            yield f"LINE X {x + dx:.3f} Y {y + dy:.3f}\nLASER OFF\n"
+
+
+def plan_seconds(text: str) -> dict[str, float]:
+    """Median time of each pass, s; the first run warms up."""
+    source, _ = check_text(text.encode(), "bench.job")
+    assert source is not None
+    machine = Machine()
+    job, _ = read_job(source, machine)
+    nothing = np.empty(0)
+    times: dict[str, list[float]] = defaultdict(list)
+    for _run in range(RUNS + 1):
+        state = Plan(
+            job=job, machine=machine, path=job.path, timed=np.flatnonzero(job.path.takes_time),
+            vel=nothing, acc=nothing, vel_end=nothing,
+        )  # fmt: skip
+        spent: dict[str, float] = defaultdict(float)
+        for step in PASSES:
+            begin = time.perf_counter()
+            state = step(state)
+            spent[step.__name__] += time.perf_counter() - begin
+        begin = time.perf_counter()
+        lower(state)
+        spent["lower"] = time.perf_counter() - begin
+        for name, seconds in spent.items():
+            times[name].append(seconds)
+    return {name: statistics.median(values[1:]) for name, values in times.items()}
+
+
+def main(words: list[str]) -> None:
+    """A table for each mode."""
+    marks = int(words[0]) if words else 100_000
+    print("| job | sky writing, s | all other passes, s | ratio |\n|---|--:|--:|--:|")
+    for mode, bent in ((0, False), (1, False), (2, False), (3, False), (2, True)):
+        found = plan_seconds("".join(job_text(marks, mode, bent=bent)))
+        own = sum(seconds for name, seconds in found.items() if name in OWN)
+        rest = sum(found.values()) - own
+        name = f"{marks:,} marks, " + (f"mode {mode}{', bent' if bent else ''}" if mode else "no sky writing")
+        print(f"| {name} | {own:.3f} | {rest:.3f} | {own / rest:.2f} |")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
