@@ -667,6 +667,10 @@ FIFO_FULL = _rule(
 # GJ8: sky writing.
 _SKY = "SKYWRITE MODE 2 TIMELAG 250us\n"
 _MARK = "LASER ON\nLINE X 5\nLASER OFF\n"
+_SLOW = (
+    "LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 500\nACC 1000000\n"
+    "SKYWRITE MODE 2 TIMELAG 470us NPOST 48\nLASER ON\nLINE X 5\nLASER OFF\nJUMP X 0\n"
+)
 SKY_LIT = _rule(
     "GJ801", _E, "light that sky writing can't place",
     "SKYWRITE with the laser of channel {channel} on: a mark is sky-written as a whole or not at all",
@@ -699,8 +703,13 @@ SKY_SHIFT = _rule(
     "us; raise NPREV",
     "Light on the way up to speed burns deeper, in front of the mark.",
     bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT -400us NPREV 11\nLASER POWER 30\n" + _MARK,
-    good=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT -200us NPREV 11\nLASER POWER 30\n" + _MARK, section="RTC5",
+    good=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT -100us NPREV 11\nLASER POWER 30\n" + _MARK, section="RTC5",
 )  # fmt: skip
+SKY_SHIFT_RAMP = _also(
+    SKY_SHIFT,
+    "SHIFT {value} us switches the light on {early} us before the beam, TIMELAG behind, is in its run-in at mark "
+    "speed: raise NPREV to {least}",
+)
 SKY_STEP = _rule(
     "GJ804", _E, "SHIFT between its steps", "SHIFT {value} us is no multiple of 0.5 us",
     "LaserOnShift is a whole number of half microseconds.",
@@ -725,8 +734,9 @@ SKY_RUN_OUT = _rule(
     "the run-out of {run_out} us is over before the light goes off, TIMELAG {timelag} us behind the mark's end: "
     "velocity follow reads the braking; NPOST {least} would cover it",
     "Power that follows the velocity goes down while the beam is still marking its last point.",
-    bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 174us NPREV 11 NPOST 9\n",
-    good=_HEAD + "SKYWRITE MODE 2 TIMELAG 174us NPREV 11 NPOST 18\n", section="RTC5",
+    bad=_HEAD + "LASER FOLLOW MIN 5 MAX 45 AT 100mm/s\nSKYWRITE MODE 2 TIMELAG 174us NPREV 11 NPOST 9\n" + _MARK,
+    good=_HEAD + "LASER FOLLOW MIN 5 MAX 45 AT 100mm/s\nSKYWRITE MODE 2 TIMELAG 174us NPREV 11 NPOST 18\n" + _MARK,
+    section="RTC5",
 )  # fmt: skip
 SKY_FIELD = _rule(
     "GJ808", _E, "run-in or run-out outside the field",
@@ -745,18 +755,31 @@ SKY_ROOM = _rule(
 )  # fmt: skip
 SKY_SLOW = _rule(
     "GJ811", _W, "mark that is not at speed at its end",
-    "this mark {what} at {value} {speed}, not at its {velocity} {speed}: a corner that LIMIT calls flat is too near to "
-    "slow down for; a larger LIMIT breaks it",
+    "this mark {what} at {value} {speed}, not at its {velocity} {speed}: it has to be slow too near by, at a corner "
+    "that LIMIT calls flat or in another VEL; a larger LIMIT begins anew at the corner",
     "The end is burnt deeper, as without sky writing, and the beam is not where TIMELAG has it.",
     bad=_HEAD + "SKYWRITE MODE 3 TIMELAG 250us LIMIT 0.5\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLINE X 0.2 Y 0.1\n"
     "LASER OFF\n",
     good=_HEAD + "SKYWRITE MODE 3 TIMELAG 250us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLINE X 0.2 Y 0.1\nLASER OFF\n",
     section="RTC5",
 )  # fmt: skip
+SKY_COARSE = _rule(
+    "GJ812", _W, "light switched in slow motion",
+    "the light goes {what} where the motion is nearly at rest: a whole pulse there is up to {error} um at mark speed; "
+    "raise {word} to {least}",
+    "A GUS switches at whole pulses, and the slower the motion, the longer a pulse takes.",
+    bad=_SLOW.replace("NPOST 48", "NPOST 0"), good=_SLOW, section="RTC5",
+)  # fmt: skip
+SKY_LAG = _rule(
+    "GJ813", _W, "TIMELAG of another scanner",
+    "TIMELAG is {value} us, but the machine's scanner lags {lag} us: marks begin and end {off} us off",
+    "TIMELAG is there to make up for just that lag; gusjob tune --skywrite finds it.",
+)  # fmt: skip
 SKY_DARK = _rule(
-    "GJ810", _E, "mark that SHIFT makes dark",
-    "the light would come {late} us behind the end of this mark: SHIFT is longer than the mark",
-    "The mark is not burnt at all.",
+    "GJ810", _E, "mark that stays dark",
+    "the light of this mark would go off where it comes, or {late} us before: the mark is shorter than SHIFT, or than "
+    "a pulse",
+    "The mark is not burnt at all, or a point is burnt by the delays alone.",
     bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 5000us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
     good=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 50us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
     section="RTC5",

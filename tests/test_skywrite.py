@@ -565,7 +565,7 @@ def test_power_set_before_the_light_goes_off_waits_for_the_beam(mode: int) -> No
     [
         ((-149500.0, 0.0), (-100000.0, 0.0), "run-in", "X", -149.5 - 0.88 + 150.0),
         ((0.0, 100000.0), (0.0, 149252.0), "run-out", "Y", 149.252 + 0.75 - 150.0),
-        ((0.0, -149121.0), (0.0, -140000.0), "run-in", "Y", -149.121 - 0.88 + 150.0),
+        ((0.0, -149122.0), (0.0, -140000.0), "run-in", "Y", -149.122 - 0.88 + 150.0),
     ],
 )
 def test_how_far_outside_the_field(at: Point, to: Point, what: str, axis: str, over: float) -> None:

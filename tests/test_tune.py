@@ -16,7 +16,7 @@ from typing import NoReturn
 
 import pytest
 from click.testing import CliRunner, Result
-from tools import MACHINE
+from tools import MACHINE, ROOT
 
 from gusjob.cli import cli
 from gusjob.machine import Machine, ScannerModel, parse_scanner
@@ -570,3 +570,11 @@ def test_a_job_that_changed_meanwhile_stays(tune: Tune, tmp_path: Path, monkeypa
 
 def test_every_model_is_tuned() -> None:
     assert {model.value for model in ScannerModel} == set(MODELS)
+
+
+@pytest.mark.parametrize(("name", "args"), [("hatch_delays", ()), ("hatch_skywrite", ("--skywrite", "--mode", "2"))])
+def test_the_examples_are_what_tune_says(name: str, args: tuple[str, ...]) -> None:
+    folder = ROOT / "jobs" / "skywriting"
+    result = CliRunner().invoke(cli, ["tune", str(folder / "hatch_plain.job"), *args])
+    assert result.exit_code == 0
+    assert result.output.splitlines()[0] in (folder / f"{name}.job").read_text(encoding="utf-8").splitlines()

@@ -11,14 +11,28 @@ from gusjob.checks.light import switched_on
 from gusjob.checks.view import CHANNELS, Bools, Findings, View
 from gusjob.job import Op, Setup, SkyWrite, SkyWriting, SwitchNow, opens_stage
 
+_LAG_SLACK = 0.2
+"""Share of a scanner's tracking error by which TIMELAG may miss it: what tuning makes of it, and more."""
+
 
 def settings(view: View, findings: Findings) -> None:
     """SKYWRITE: ranges, and what its numbers say together."""
+    follows = bool((view.job.path.op == Op.FOLLOW).any())
     for setup in view.setups(SkyWrite):
         assert isinstance(setup.what, SkyWrite)
         sky = setup.what.settings
-        if sky is not None and _in_range(findings, setup, sky):
-            _together(findings, setup, sky)
+        if sky is None or not _in_range(findings, setup, sky):
+            continue
+        _together(findings, setup, sky)
+        if follows and sky.is_on and sky.run_out_us < sky.lag_us - limits.RUN_STEP_US / 2:
+            least = math.ceil(sky.lag_us / limits.RUN_STEP_US)
+            findings.at(rules.SKY_RUN_OUT, setup, run_out=sky.run_out_us, timelag=sky.lag_us, least=least)
+        scanner = view.machine.scanner
+        if scanner is not None and sky.is_on:
+            off_us = abs(sky.lag_us - scanner.tracking_error_us)
+            if off_us > _LAG_SLACK * scanner.tracking_error_us:
+                lag_us = scanner.tracking_error_us
+                findings.at(rules.SKY_LAG, setup, "TIMELAG", value=sky.timelag_us, lag=lag_us, off=off_us)
 
 
 def _in_range(findings: Findings, setup: Setup, sky: SkyWriting) -> bool:
@@ -45,9 +59,9 @@ def _together(findings: Findings, setup: Setup, sky: SkyWriting) -> None:
     early = sky.on_us - (sky.lag_us + sky.shift_us)
     if early > 0:
         findings.at(rules.SKY_SHIFT, setup, "SHIFT", value=sky.shift_us, early=early, least=sky.shift_us + early)
-    if sky.run_out_us < sky.lag_us - limits.RUN_STEP_US / 2:
-        least = math.ceil(sky.lag_us / limits.RUN_STEP_US)
-        findings.at(rules.SKY_RUN_OUT, setup, run_out=sky.run_out_us, timelag=sky.lag_us, least=least)
+    elif -sky.shift_us > sky.run_in_us:
+        early, least = -sky.shift_us - sky.run_in_us, math.ceil(-sky.shift_us / limits.RUN_STEP_US)
+        findings.at(rules.SKY_SHIFT_RAMP, setup, "SHIFT", value=sky.shift_us, early=early, least=least)
 
 
 def light(view: View, findings: Findings) -> None:

@@ -95,6 +95,8 @@ def command(
     The calls are interpreted tick by tick, as the controller would run them. A job with errors is not run; a listing
     is, since some program already sends it: what the controller would refuse is reported and has no effect.
     """
+    if marking and form == "csv":
+        raise click.UsageError("--marks is for tables, JSON and markdown: CSV has segments only")
     if tolerance_pct is not None and earlier_path is None:
         raise click.UsageError("--tolerance is for --against")
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)

@@ -61,17 +61,20 @@ def command(
         tuned = tune_delays(before, loaded.machine, channel)
     if isinstance(tuned, str):
         stop(f"{path}: {tuned}")
-    click.echo(f"{tuned.statement}\nfound by {tuned.how}, for the scanner {loaded.machine.scanner}\n")
+    said = f"{tuned.statement}\nfound by {tuned.how}, for the scanner {loaded.machine.scanner}\n"
     if tuned.run.trace is None:
         loaded.job, loaded.source = tuned.run.job, tuned.run.source
         loaded.sources[loaded.source.name] = loaded.source
         loaded.faults = in_order(tuned.run.faults)
+        click.echo(said)
         show(loaded)
         click.echo("gusjob: with this statement the job has errors; nothing is written", err=True)
         sys.exit(1)
-    click.echo(_compared(before.marking, tuned.run.marking, channel))
-    if writes:
+    if writes:  # Before anything is said: who reads may stop reading.
         _write_job(path, loaded.source, tuned.run.source)
+    click.echo(f"{said}\n{_compared(before.marking, tuned.run.marking, channel)}")
+    if writes:
+        click.echo(f"written to {path}")
 
 
 def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
@@ -125,4 +128,3 @@ def _write_job(path: Path, before: Source, source: Source) -> None:
             raise
     except OSError as error:
         stop(f"{path}: can't write: {(error.strerror or 'unknown error').lower()}")
-    click.echo(f"written to {path}")

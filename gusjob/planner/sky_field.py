@@ -16,7 +16,8 @@ from gusjob.stream import Run
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-_SLACK_MM = 1e-6
+_SLACK_PULSE = 1.5
+"""Rounding to whole pulses may take a run so far."""
 
 
 def stays_in_field(state: Plan) -> Plan:
@@ -51,7 +52,7 @@ def stays_in_field(state: Plan) -> Plan:
         value = np.where(below > above, lowest / scale, highest / scale)
         for kind, what, word in ((Run.RUN_IN, "run-in", "NPREV"), (Run.RUN_OUT, "run-out", "NPOST")):
             fields = {"what": what, "word": word, "axis": axis, "low": low, "high": high}
-            mine = np.flatnonzero((run[runs] == kind) & (over > _SLACK_MM))
+            mine = np.flatnonzero((run[runs] == kind) & (over > _SLACK_PULSE / scale))
             _report(state, collector, runs[mine], over[mine], value[mine], fields)
     return replace(state, diagnostics=(*state.diagnostics, *collector.done(rules.MORE)))
 

@@ -24,12 +24,14 @@ _SAME_CORNER = 1e-9
 class Marks:
     """The timed rows of a plan as sky writing sees them, (m,) each.
 
-    mark: is sky-written; joined: goes on from the mark before it without a break; lit: by channel. mode, timings (us)
+    mark: is sky-written; joined: goes on from the mark before it without a break; bent: both are pieces of one arc
+    that became lines; lit: by channel. mode, timings (us)
     and corner limit of its SKYWRITE. vel, acc: pulse/ms (2), at which it is run.
     """
 
     mark: Bools
     joined: Bools
+    bent: Bools
     lit: tuple[Bools, Bools]
     stage: Indices
     mode: Floats
@@ -74,9 +76,12 @@ def marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) -> 
     flat = np.zeros(len(together), dtype=np.bool_)
     asked = np.flatnonzero(together & (mode[1:] == 3))
     flat[asked] = _cosines(state, laid, asked) >= of("limit")[asked + 1] - _SAME_CORNER
+    bent = np.concatenate([[False], together & pieces])[: len(mark)]
+    vel = path_velocity(state, corner_jump(state))
     return Marks(
         mark=mark,
         joined=np.concatenate([[False], together & (pieces | flat)])[: len(mark)],
+        bent=bent,
         lit=lit,
         stage=stage,
         mode=mode,
@@ -84,7 +89,7 @@ def marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) -> 
         on_us=of("on_us"),
         run_in_us=of("run_in_us"),
         run_out_us=of("run_out_us"),
-        vel=path_velocity(state, corner_jump(state)),
+        vel=_slowed_where_bent(state, vel, bent) if bent.any() else vel,
         acc=state.acc,
     )
 
@@ -99,3 +104,19 @@ def _cosines(state: Plan, laid: Segments, at: Indices) -> Floats:
         laid.start_y[at + 1] / py,
     )
     return np.asarray((out_x * in_x + out_y * in_y) / (np.hypot(out_x, out_y) * np.hypot(in_x, in_y)))
+
+
+def _slowed_where_bent(state: Plan, vel: Floats, bent: Bools) -> Floats:
+    """Arcs that became lines stay within the machine's acceleration as arcs do: all of one are slowed alike.
+
+    A chord of length L that turns by an angle phi is a piece of a circle of radius L/phi; v^2/r stays.
+    """
+    laid = state.segments
+    assert laid is not None
+    turn = np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
+    radius = np.full(len(vel), np.inf)
+    radius[1:][bent[1:]] = (laid.length[1:] / np.maximum(turn, 1e-12))[bent[1:]]
+    most = np.sqrt(state.machine.max_acceleration_pulse_per_ms2 * radius)
+    begins = np.flatnonzero(~bent)
+    share = np.minimum.reduceat(np.minimum(most / np.maximum(vel, 1e-12), 1.0), begins)
+    return np.asarray(vel * np.repeat(share, np.diff([*begins.tolist(), len(vel)])))

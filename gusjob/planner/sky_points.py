@@ -25,6 +25,10 @@ _NEAR_PULSE = 0.75
 """A point so near to an end may be that end, in whole pulses."""
 
 
+_SLOWEST = 0.2
+"""Share of the mark speed below which a whole pulse takes so long that the light may be off: others look at that."""
+
+
 class Leg(IntEnum):
     """Where a switch stands."""
 
@@ -89,4 +93,5 @@ def _way(time_ms: Floats, vel: Floats, acc: Floats, flat: Floats) -> tuple[Float
     braking_ms = np.maximum(time_ms - flat / vel, 0.0)
     way = vel * time_ms - acc * braking_ms * braking_ms / 2
     left_ms = vel / acc - braking_ms
-    return way, (way > -_NEAR_PULSE) & (left_ms > 0) & (acc * left_ms * left_ms / 2 > _NEAR_PULSE)
+    moves = (acc * left_ms > _SLOWEST * vel) & (acc * left_ms * left_ms / 2 > _NEAR_PULSE)
+    return way, (way > -_NEAR_PULSE) & (left_ms > 0) & moves

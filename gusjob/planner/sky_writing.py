@@ -315,6 +315,7 @@ class _Rows:
         for rows, x, y in self.moved:
             own["x"][rows], own["y"][rows] = x, y
         own["smooth"][self.state.timed[self.marks.ends]] = True
+        own["smooth"][self.state.timed[:-1][self.marks.bent[1:]]] = True
         mark = self.state.timed[self.marks.mark]
         if not self.as_written:
             own["vel"], own["vel_in_mm"] = path.vel.copy(), path.vel_in_mm.copy()

@@ -9,8 +9,10 @@ import numpy.typing as npt
 
 from gusjob import rules
 from gusjob.checks.view import CHANNELS
-from gusjob.diagnostics import Collector, Diagnostic, Rule
+from gusjob.diagnostics import Collector, Diagnostic, Rule, has_errors
 from gusjob.job import Op, shown_units
+from gusjob.limits import RUN_STEP_US
+from gusjob.motion import distance_run
 from gusjob.planner.plan import Plan
 from gusjob.planner.timeline import Events, Timeline
 from gusjob.units import US_PER_MS
@@ -20,12 +22,18 @@ Indices = npt.NDArray[np.intp]
 Bools = npt.NDArray[np.bool_]
 
 _NO_TIME_US = 1e-6
+_MOMENT_MS = 1e-4
+_COARSE_PULSE = 3.0
+"""So much the beam may be off where light is switched before a warning is due."""
 _AT_SPEED = 0.02
 """By how much of it a mark's speed may be missed at its ends: rounding of small circles makes as much."""
 
 
-def switch_faults(state: Plan, timeline: Timeline, events: Events) -> list[Diagnostic]:
-    """Where a switch can't come when it should: no motion runs then, or it would come before what it follows."""
+def switch_faults(state: Plan, timeline: Timeline, events: Events, place: Floats) -> list[Diagnostic]:
+    """Where a switch can't come when it should: no motion runs then, or it would come before what it follows.
+
+    `place`: of every event, as the switch points have it.
+    """
     times = timeline.times
     collector = Collector(state.job.name)
     rows, time = state.timed[events.ref], events.time_ms[events.goes]
@@ -58,8 +66,11 @@ def switch_faults(state: Plan, timeline: Timeline, events: Events) -> list[Diagn
             columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "where": where, "mend": mend}
             columns |= {"channel": channels, "early": amount}
             _report(state, collector, rules.SKY_ROOM, rows, switch & (amount > _NO_TIME_US), **columns)
-    _report(state, collector, rules.SKY_DARK, rows, dark_us > _NO_TIME_US, late=dark_us)
+    dark = (dark_us > _NO_TIME_US) | _at_one_point(state, events, place)[events.goes]
+    _report(state, collector, rules.SKY_DARK, rows, dark, late=dark_us)
     _report_slow(state, timeline, events, collector)
+    if not has_errors(collector.found):
+        _report_coarse(state, timeline, events, collector)
     return collector.done(rules.MORE)
 
 
@@ -72,14 +83,50 @@ def _waits(state: Plan, events: Events, time: Floats) -> Floats:
     return waits
 
 
+def _at_one_point(state: Plan, events: Events, place: Floats) -> Bools:
+    """Events that switch light off at the place where it was switched on."""
+    op, found = state.path.op[events.row], np.zeros(len(events.row), dtype=np.bool_)
+    for channel in CHANNELS:
+        mine = state.path.channel[events.row] == channel
+        switches = np.flatnonzero(mine & ((op == Op.ON) | (op == Op.OFF)))
+        before, behind = switches[:-1], switches[1:]
+        found[behind[(op[before] == Op.ON) & (op[behind] == Op.OFF) & (place[before] == place[behind])]] = True
+    return found
+
+
+def _report_coarse(state: Plan, timeline: Timeline, events: Events, collector: Collector) -> None:
+    """Light that is switched where the command is so slow that a whole pulse takes long, for a beam at mark speed."""
+    times, time = timeline.times, events.time_ms[events.goes]
+    cell = np.clip(np.searchsorted(times[1:], time, side="left"), 0, len(timeline.stage) - 1)
+    since, moment = np.clip(time - times[cell], 0.0, times[cell + 1] - times[cell]), _MOMENT_MS
+    run = [distance_run(timeline.profile, cell, np.maximum(since + step, 0.0)) for step in (-moment, moment)]
+    # Half a pulse at this velocity; from rest it takes 1/sqrt(acc).
+    acc = timeline.profile.acc[cell]
+    off_ms = 0.5 / np.maximum((run[1] - run[0]) / (2 * moment), 0.5 * np.sqrt(acc))
+    off_pulse = off_ms * state.vel[events.ref]
+    error_um = off_pulse / min(state.machine.pulses_per_mm) * US_PER_MS
+    from_start_us = (time - times[events.ref]) * US_PER_MS
+    from_end_us = (time - times[events.ref + 1]) * US_PER_MS
+    coarse = off_pulse > _COARSE_PULSE
+    for what, op in (("on", Op.ON), ("off", Op.OFF)):
+        for word, beyond_us in (("NPREV", -from_start_us), ("NPOST", from_end_us)):
+            which = (events.op == op) & coarse & (beyond_us > 0)
+            columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "word": word, "error": error_um}
+            columns |= {"least": np.ceil(beyond_us / RUN_STEP_US).astype(np.intp)}
+            _report(state, collector, rules.SKY_COARSE, state.timed[events.ref], which, **columns)
+
+
 def _report_slow(state: Plan, timeline: Timeline, events: Events, collector: Collector) -> None:
     """Marks that are not at speed where their light should come or go: look-ahead slows them for a corner inside."""
-    shown = shown_units(state.job, state.machine)
+    shown, laid, (px, py) = shown_units(state.job, state.machine), state.segments, state.machine.pulses_per_mm
+    assert laid is not None
     for what, op, before in (("begins", Op.ON, 1), ("ends", Op.OFF, 0)):
         mark = events.ref[events.op == op]
         passed, wanted = timeline.profile.end[mark - before], state.vel[mark]
         slow = passed < wanted * (1 - _AT_SPEED)
-        columns = {"value": passed * shown.per_pulse_per_ms, "velocity": wanted * shown.per_pulse_per_ms}
+        x, y = (laid.start_x, laid.start_y) if op is Op.ON else (laid.end_x, laid.end_y)
+        per_pulse = np.hypot(x[mark] / px, y[mark] / py) * US_PER_MS if shown.speed == "mm/s" else np.ones(len(mark))
+        columns = {"value": passed * per_pulse, "velocity": wanted * per_pulse}
         _report(state, collector, rules.SKY_SLOW, state.timed[mark], slow, what=what, speed=shown.speed, **columns)
 
 

@@ -150,7 +150,9 @@ def _split(state: Plan, timeline: Timeline, events: Events, points: _Points) -> 
         acc = np.where(longer.path.op[longer.timed] == Op.DWELL, 1.0, longer.acc)
         reached = np.minimum(look_ahead(longer.segments.length, acc, ends, starts_at_rest(longer)), ends)
         ends = np.where(np.isfinite(longer.path.end[longer.timed]), ends, reached)
-    return replace(longer, vel_end=ends, diagnostics=(*state.diagnostics, *switch_faults(state, timeline, events)))
+    return replace(
+        longer, vel_end=ends, diagnostics=(*state.diagnostics, *switch_faults(state, timeline, events, points.place))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -73,6 +73,8 @@ def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:
     gap_us, late_us = _killer_us(shining)
     assert at_once.trace is not None and machine.scanner is not None
     lag_us = machine.scanner.tracking_error_us
+    if lag_us > SWITCH_DELAY_US.high:
+        return f"the scanner {machine.scanner} lags more than a delay can be, {SWITCH_DELAY_US.high:g} us"
     closed = machine.scanner.model is ScannerModel.DELAY or not round(lag_us)
     most_us = 0 if closed else SWITCH_DELAY_US.high + max(gap_us, late_us)
     found = nearest(at_once.trace, machine, shining, slack_pulse=1, most_us=most_us)
@@ -133,6 +135,8 @@ def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None)
     assert machine.scanner is not None
     if not round(machine.scanner.tracking_error_us):
         return f"the scanner {machine.scanner} does not lag: there is nothing to make up for"
+    if machine.scanner.tracking_error_us > TIMELAG_US.high:
+        return f"the scanner {machine.scanner} lags more than a TIMELAG can be, {TIMELAG_US.high:g} us"
     own = next((s.what.settings for s in run.job.setups if isinstance(s.what, SkyWrite) and s.what.settings), None)
     mode = mode or (int(own.mode) if own is not None else 3)
     lag_us, gap_us = round(machine.scanner.tracking_error_us), _killer_us(shining)[0]
