@@ -16,7 +16,7 @@ from tools import MACHINE, faults_in, job_of, run_job
 from gusjob.checks import check
 from gusjob.diagnostics import Diagnostic, Severity
 from gusjob.interpreter import Trace, interpret
-from gusjob.machine import Machine
+from gusjob.machine import Machine, Scanner, ScannerModel
 from gusjob.planner import compile_job
 from gusjob.stream import Buffered, Stream
 
@@ -643,3 +643,30 @@ def test_dry_arcs_of_unequal_axes_are_one_mark() -> None:
     assert [f.rule.code for f in said if f.severity is Severity.ERROR] == []
     trace = ran(stream, machine)
     assert len(trace.channels[0].emission.start_ms) == 1
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3])
+@pytest.mark.parametrize("arc", ["ARC CCW X 20 Y 10 R 5", "ARC CW I 5 J 2"])
+def test_an_arc_on_unequal_axes_is_at_speed_all_the_way(arc: str, mode: int) -> None:
+    """It becomes chords, but stays one mark: 50 % at 1000 mm/s are 50 %*ms/mm everywhere."""
+    machine = replace(MACHINE, pulses_per_mm=(1000.0, 800.0))
+    found = run_job(
+        "LASER MODE DUTY CARRIER 10\nLASER POWER 50\nVEL 1000\nACC 500000\n"
+        f"SKYWRITE MODE {mode} TIMELAG 250us\nJUMP X 20 Y 0\nLASER ON\n{arc}\nLASER OFF\nJUMP X 0\n",
+        replace(machine, scanner=Scanner(model=ScannerModel.DELAY, tracking_error_us=250.0)),
+    )
+    assert found.report.marks is not None
+    assert len(found.report.marks["line"]) == 1
+    assert found.report.marks["power_per_mm_peak"] == pytest.approx([50], rel=5e-3)
+    assert found.report.marks["power_per_mm_rms_pct"] == pytest.approx([0], abs=0.1)
+    assert abs(found.report.marks["off_error_um"][0]) < 2
+
+
+@pytest.mark.parametrize(("shift", "to"), [("5000", 10.0), ("299.5us", 5.3), ("6000", 10.0)])
+def test_a_mark_that_stays_dark_is_refused(shift: str, to: float) -> None:
+    """SHIFT as long as the mark, or longer, or shorter by less than a pulse."""
+    text = (
+        "LASER MODE DUTY CARRIER 10\nLASER POWER 50\nVEL 1000\nACC 500000\n"
+        f"SKYWRITE MODE 2 TIMELAG 250us SHIFT {shift}\nJUMP X 5\nLASER ON\nLINE X {to}\nLASER OFF\nJUMP X 0\n"
+    )
+    assert "GJ810" in {f.rule.code for f in compiled(text)[1]}
