@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.state import Program
-from gusjob.motion import REACHED
+from gusjob.motion import REACHED, distance_run
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -57,19 +57,7 @@ class Motion:
         """Length run since the cell's start, pulse."""
         profile, clock = self.clock.profile, self.clock
         since = np.clip(time - clock.times[cell], 0.0, clock.duration_ms[cell])
-        rise, cruise = profile.rise_ms[cell], profile.cruise_ms[cell]
-        start, peak, acc = profile.start[cell], profile.peak[cell], profile.acc[cell]
-        sign = np.where(start > peak, -1.0, 1.0)
-        in_rise = np.minimum(since, rise)
-        in_cruise = np.clip(since - rise, 0.0, cruise)
-        in_fall = np.maximum(since - rise - cruise, 0.0)
-        return (
-            start * in_rise
-            + sign * acc * in_rise * in_rise / 2
-            + peak * in_cruise
-            + peak * in_fall
-            - acc * in_fall * in_fall / 2
-        )
+        return distance_run(profile, cell, since)
 
     def position(self, cell: Indices, time: Floats) -> tuple[Floats, Floats]:
         """Planned position in the coordinate system, pulse."""

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from gusjob import rules
 from gusjob.diagnostics import Collector
+from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
 from gusjob.stream import Run
 
@@ -62,12 +63,9 @@ def _report(
 ) -> None:
     """One fault a line, where it is worst."""
     worst = np.argsort(-over, kind="stable")
-    rows = state.timed[at[worst]]
-    _, first, counts = np.unique(state.path.line[rows], return_index=True, return_counts=True)
-    listed = collector.room(rules.SKY_FIELD)
-    for i, count in zip(first[:listed].tolist(), counts[:listed].tolist(), strict=True):
-        row, which = int(rows[i]), int(worst[i])
-        span, remarks = state.job.locate(int(state.path.line[row]), ""), state.job.remarks(int(state.path.trail[row]))
-        numbers = {"value": round(float(value[which]), 6), "over": round(float(over[which]), 6)}
-        collector.add(rules.SKY_FIELD, span, {**fields, **numbers}, count, remarks)
-    collector.uncounted(rules.SKY_FIELD, max(len(first) - listed, 0))
+
+    def numbers(index: int) -> dict[str, Any]:
+        which = worst[index]
+        return {**fields, "value": round(float(value[which]), 6), "over": round(float(over[which]), 6)}
+
+    report_rows(state, collector, rules.SKY_FIELD, state.timed[at[worst]], numbers)

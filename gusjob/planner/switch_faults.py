@@ -13,6 +13,7 @@ from gusjob.diagnostics import Collector, Diagnostic, Rule, has_errors
 from gusjob.job import Op, shown_units
 from gusjob.limits import RUN_STEP_US
 from gusjob.motion import distance_run
+from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
 from gusjob.planner.timeline import Events, Timeline
 from gusjob.units import US_PER_MS
@@ -133,16 +134,11 @@ def _report_slow(state: Plan, timeline: Timeline, events: Events, collector: Col
 def _report(
     state: Plan, collector: Collector, rule: Rule, rows: Indices, faulty: Bools, /, **columns: npt.NDArray[Any] | str
 ) -> None:
-    """A fault a line."""
+    """A fault at the lines of the faulty ones of some rows, each with its own of every column."""
     at = np.flatnonzero(faulty)
-    path = state.path
-    _, first, counts = np.unique(path.line[rows[at]], return_index=True, return_counts=True)
-    listed = collector.room(rule)
-    for i, count in zip(at[first[:listed]].tolist(), counts[:listed].tolist(), strict=True):
-        row = int(rows[i])
-        fields: dict[str, Any] = {
-            name: value if isinstance(value, str) else round(value[i].item(), 3) for name, value in columns.items()
-        }
-        span, remarks = state.job.locate(int(path.line[row]), ""), state.job.remarks(int(path.trail[row]))
-        collector.add(rule, span, fields, count, remarks)
-    collector.uncounted(rule, max(len(first) - listed, 0))
+
+    def fields(index: int) -> dict[str, Any]:
+        i = at[index]
+        return {k: v if isinstance(v, str) else round(v[i].item(), 3) for k, v in columns.items()}
+
+    report_rows(state, collector, rule, rows[at], fields)

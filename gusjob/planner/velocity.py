@@ -13,6 +13,7 @@ from gusjob import rules
 from gusjob.diagnostics import Collector, Rule
 from gusjob.job import LookAhead, Op, shown_units
 from gusjob.motion import corner_velocity, look_ahead
+from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
 from gusjob.stream import Run
 
@@ -121,18 +122,14 @@ def _report(
 ) -> None:
     """A fault at the END of every segment in `where`."""
     at = np.flatnonzero(where)
-    path, timed = state.path, state.timed
-    _, first, counts = np.unique(path.line[timed[at]], return_index=True, return_counts=True)
-    listed, shown = collector.room(rule), shown_units(state.job, state.machine)
-    for i, count in zip(at[first[:listed]].tolist(), counts[:listed].tolist(), strict=True):
-        row = int(timed[i])
-        span, remarks = state.job.locate(int(path.line[row]), "END"), state.job.remarks(int(path.trail[row]))
+    path, timed, shown = state.path, state.timed, shown_units(state.job, state.machine)
+    values = {"value": state.vel_end, "high": reached, **columns}
+
+    def fields(index: int) -> dict[str, Any]:
+        i = at[index]
         # As written: where the axes differ, a velocity in mm is another one in pulses for each direction.
-        written = float(path.end[row] / state.vel_end[i]) if state.vel_end[i] > 0 else 1.0
-        values = {"value": state.vel_end, "high": reached, **columns}
-        fields: dict[str, Any] = {
-            name: float(column[i]) * written * shown.per_pulse_per_ms for name, column in values.items()
-        }
-        fields["speed"] = shown.speed
-        collector.add(rule, span, fields, count, remarks)
-    collector.uncounted(rule, max(len(first) - listed, 0))
+        written = float(path.end[timed[i]] / state.vel_end[i]) if state.vel_end[i] > 0 else 1.0
+        shares = {name: float(column[i]) * written * shown.per_pulse_per_ms for name, column in values.items()}
+        return {**shares, "speed": shown.speed}
+
+    report_rows(state, collector, rule, timed[at], fields, "END")

@@ -1,0 +1,31 @@
+"""Faults that only the planner sees, told at the lines of the job."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.diagnostics import Collector, Rule
+from gusjob.planner.plan import Plan
+
+
+def report_rows(
+    state: Plan,
+    collector: Collector,
+    rule: Rule,
+    rows: npt.NDArray[np.intp],
+    fields: Callable[[int], dict[str, Any]],
+    word: str = "",
+) -> None:
+    """One fault a line, at its first of some rows of the path, with how often it comes; `fields` of the i-th row."""
+    path = state.path
+    _, first, counts = np.unique(path.line[rows], return_index=True, return_counts=True)
+    listed = collector.room(rule)
+    for i, count in zip(first[:listed].tolist(), counts[:listed].tolist(), strict=True):
+        row = int(rows[i])
+        span, remarks = state.job.locate(int(path.line[row]), word), state.job.remarks(int(path.trail[row]))
+        collector.add(rule, span, fields(i), count, remarks)
+    collector.uncounted(rule, max(len(first) - listed, 0))
