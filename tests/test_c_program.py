@@ -23,7 +23,7 @@ from gusjob.stream import BUFFERED, SIGNATURES, Stream
 from gusjob.syntax import check_text, read_listing
 
 VENDOR = Path(__file__).parent / "vendor"
-FILES = [*sorted((ROOT / "jobs").glob("*.job")), *sorted((Path(__file__).parent / "manual").glob("*.c"))]
+FILES = [*sorted((ROOT / "jobs").rglob("*.job")), *sorted((Path(__file__).parent / "manual").glob("*.c"))]
 STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-I", str(VENDOR))
 CC = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_cc = pytest.mark.skipif(CC is None, reason="no C compiler (cc, gcc, clang) on this machine")

@@ -25,7 +25,7 @@ from gusjob.stream import Stream
 from gusjob.syntax import Source, check_text, read_job, read_listing
 
 MACHINES = (Machine(), Machine(pulses_per_mm=(655.36, 500.0), period_us=333.0))
-JOBS = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "jobs").glob("*.job")) if p.stem != "engrave"]
+JOBS = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "jobs").rglob("*.job")) if p.stem != "engrave"]
 ROUTINES = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "tests" / "manual").glob("*.c"))]
 GRAMMAR = (ROOT / "grammar" / "job.lark").read_text(encoding="utf-8")
 KEYWORDS = re.findall(r"^([A-Z0-9]+)(?:\.\d)?: /", GRAMMAR, re.MULTILINE)
