@@ -31,6 +31,11 @@ def test_a_gap_outlasts_a_mark_of_two_ms(gap_us: int, said: list[str]) -> None:
     assert codes(f"{FAST}LASER FPK WIDTH 10 GAP {gap_us} OFFDELAY 0\nLASER ON\nLINE X 1\nLASER OFF\n") == said
 
 
+@pytest.mark.parametrize(("delays", "said"), [("ON 1 OFF 200", ["GJ403", "GJ406"]), ("ON 9 OFF 9", ["GJ406"])])
+def test_light_of_the_delays_alone_needs_a_power(delays: str, said: list[str]) -> None:
+    assert codes(f"{MARK}LASER DELAY {delays}\nLASER ON\nLASER OFF\nLINE X 5\n") == said
+
+
 def test_what_a_line_with_a_fault_may_hold_is_not_missed() -> None:
     assert codes(MARK + "LASER POWER 30\nLASER ON\nLNE X 5\nLASER OFF\n") == ["GJ102"]
 

@@ -227,10 +227,16 @@ def _longest_ms(view: View, rows: Indices) -> Floats:
 
 
 def no_power(view: View, findings: Findings) -> None:
-    """Light in a motion or dwell while the channel has a mode but no power set since."""
+    """Light in a motion or dwell, or of the delays alone, while the channel has a mode but no power set since."""
     path = view.job.path
-    timed = np.flatnonzero(path.takes_time)
+    takes_time = path.takes_time
     for channel in CHANNELS:
+        offs = np.flatnonzero((path.op == Op.OFF) & (path.channel == channel))
+        places, on_us, off_us = _delays_in_force(view, channel)
+        force = np.searchsorted(places, offs * 2, side="right") - 1
+        shines = takes_time.copy()
+        shines[offs[off_us[force] > on_us[force]]] = True
+        timed = np.flatnonzero(shines)
         lit, on_line, _, _ = view.lit(channel)
         keys = view.power_keys(channel)
         changed = None
