@@ -20,7 +20,7 @@ from gusjob.interpreter.power import Spans, integrals
 from gusjob.machine import Machine, Scanner, ScannerModel
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
-from gusjob.report.marks import BIN_MM, MARKING_WORDS
+from gusjob.report.marks import BIN_MM, MARKING_WORDS, _root
 from gusjob.report.rows import Report, SegmentKind, make_report
 from gusjob.report.table import report_table
 from gusjob.stream import Buffered, Intent, Run, Stream
@@ -447,3 +447,74 @@ def test_light_carried_into_a_stage_is_judged_along_its_first_motion() -> None:
     found = marks(run_listing("GT_SetLevelDelay(0,2000,0)\n" + text.partition("\n")[2]))
     # On 2 ms after a dwell of 1 ms: 1 ms at 10 pulse/ms2 along Y.
     assert found["on_error_um"] == pytest.approx(5)
+
+
+def test_a_mark_before_s_and_beyond_e_all_the_way_is_outside_once() -> None:
+    """There and back inside the lag: at 9980..9995 um the beam is before S = 10000, and beyond E = 10005 (come at from
+    above)."""
+    text = STEADY.replace(move(20000, 0), move(10010, 0) + move(10005, 0))
+    found = marks(run_listing(text, lagging("delay")))
+    assert (found["on_error_um"], found["off_error_um"]) == pytest.approx((-20, 10))
+    assert found["outside_power_ms"] == pytest.approx(50 * 0.15)
+
+
+@pytest.mark.parametrize(("degrees", "misses"), [(0.95, [False]), (1.05, [True])])
+def test_a_corner_turns_by_more_than_a_degree(degrees: float, misses: list[bool]) -> None:
+    up = 100_000 * math.tan(math.radians(degrees))
+    text = STEADY.replace(move(20000, 0), move(110_000, 0) + move(210_000, round(up)))
+    assert (~np.isnan(marks_in(run_listing(text).report)["corner_miss_um"])).tolist() == misses
+
+
+LAGGED = "GT_SetLevelDelay(200,200,0)\n"
+"""Light as late as the beam of a scanner that is late by 200 us."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [move(10000, 0, 0), f"GT_ArcXYC(1,0,0,0,5000,1,100,{ACC},0,0)\n", "GT_BufDelay(1,3,0)\n" + move(700, 300, 0)],
+)
+def test_light_as_late_as_the_beam_is_light_without_a_lag(path: str) -> None:
+    """The pieces of the way move with the beam, past the end of the stage too: every figure is the same."""
+    text = HEAD + ON + path + OFF + START
+    plain, late = marks(run_listing(text)), marks(run_listing(LAGGED + text, lagging("delay")))
+    for name in MARKING_WORDS:
+        assert late[name] == pytest.approx(plain[name], rel=1e-9, abs=1e-9, nan_ok=True), name
+
+
+@pytest.mark.parametrize("model", ["first-order", "second-order"])
+def test_where_a_beam_cuts_a_corner_it_burns_more(model: str) -> None:
+    """In Y 1 - f of the speed while f is left in X: least v/sqrt(2) at f = 1/2, for either filter."""
+    slow = replace(MACHINE, scanner=Scanner(model=ScannerModel(model), tracking_error_us=10_000))
+    text = HEAD + move(100_000, 0) + ON + move(110_000, 0) + move(110_000, 50_000) + OFF + move(110_000, 90_000, 0)
+    assert marks(run_listing(text + START, slow))["power_per_mm_peak"] == pytest.approx(500 * math.sqrt(2), rel=3e-3)
+
+
+def test_light_that_goes_in_front_of_a_stages_first_motion_is_judged_along_that() -> None:
+    """Not along X, in which the stage before ended: off 1 ms behind a dwell, a*t^2/2 along Y."""
+    power = HEAD.splitlines(keepends=True)[2]
+    text = "GT_SetLevelDelay(1000,0,0)\n" + HEAD + move(10000, 0, 0) + START + "GT_CrdStatus(1,run,segment,0)\n"
+    text += power + ON + "GT_BufDelay(1,1,0)\n" + OFF + move(10000, 10000, 0) + START
+    assert marks(run_listing(text))["off_error_um"] == pytest.approx(5)
+
+
+def test_roots_of_parabolas() -> None:
+    """(s - 1/4)*(s + 2) bends up, (s - 1/4)*(2 - s) bends down, s - 1/4 is straight."""
+    share = np.array([[0.0], [0.5], [1.0]])
+    values = (share - 0.25) * np.concatenate([share + 2, 2 - share, np.ones_like(share)], axis=1)
+    assert _root(values) == pytest.approx([0.25, 0.25, 0.25], rel=1e-12)
+
+
+def test_the_worst_corner_counts() -> None:
+    text = HEAD + move(10000, 0) + ON + move(20000, 0) + move(30000, 2000) + move(28000, 12000) + OFF
+    found = marks(run_listing(text + move(26000, 22000, 0) + START, lagging("first-order")))
+    # The turn by 11 degrees misses by far less than that by 90.
+    assert found["corner_miss_um"] == pytest.approx(corner_miss(LAG_UM, 1), rel=1e-2)
+
+
+def test_a_corner_miss_on_unequal_axes_is_in_mm() -> None:
+    """20 um of lag in X, 10 um in Y."""
+    machine = lagging("first-order", replace(MACHINE, pulses_per_mm=(1000.0, 2000.0)))
+    text = HEAD + move(5000, 0) + ON + move(10000, 0) + move(10000, 10000) + OFF + move(10000, 15000, 0) + START
+    time = np.linspace(0, 8, 800_001)
+    least = float(np.hypot(20 * np.exp(-time), 10 * (time - 1 + np.exp(-time))).min())
+    assert marks(run_listing(text, machine))["corner_miss_um"] == pytest.approx(least, rel=2e-3)

@@ -16,6 +16,7 @@ from tools import MACHINE, faults_in, job_of, run_job
 from gusjob.checks import check
 from gusjob.diagnostics import Diagnostic, Severity
 from gusjob.interpreter import Trace, interpret
+from gusjob.job import SkyWriting
 from gusjob.machine import Machine, Scanner, ScannerModel
 from gusjob.planner import compile_job
 from gusjob.stream import Buffered, Stream
@@ -670,3 +671,228 @@ def test_a_mark_that_stays_dark_is_refused(shift: str, to: float) -> None:
         f"SKYWRITE MODE 2 TIMELAG 250us SHIFT {shift}\nJUMP X 5\nLASER ON\nLINE X {to}\nLASER OFF\nJUMP X 0\n"
     )
     assert "GJ810" in {f.rule.code for f in compiled(text)[1]}
+
+
+HEAD_MM = "LASER MODE DUTY CARRIER 10\nLASER POWER 50\nVEL 1000\nACC 1000000\n"
+"""Up to 1000 mm/s in 1 ms and 500 um."""
+LATE = replace(MACHINE, scanner=Scanner(model=ScannerModel.DELAY, tracking_error_us=250.0))
+
+
+def said_of(text: str, machine: Machine = MACHINE) -> list[Diagnostic]:
+    """What check and planning say, errors too."""
+    job = job_of(text, machine)
+    return [*check(job, machine), *compile_job(job, machine)[1]]
+
+
+@pytest.mark.parametrize(("x", "y"), [(7, 3), (1.1, 5.3), (3, 7), (-2.3, 9.1), (8, 1), (5, -9)])
+def test_straight_on_is_flat_for_any_limit(x: float, y: float) -> None:
+    text = f"SKYWRITE MODE 3 TIMELAG 250us LIMIT 1\nLASER ON\nLINE X {x} Y {y}\nLINE X {2 * x} Y {2 * y}\nLASER OFF\n"
+    assert len(moves_of(compiled(HEAD_MM + text)[0]).at) == len(
+        moves_of(compiled(HEAD_MM + text.replace("LIMIT 1", "LIMIT 0.9"))[0]).at
+    )
+
+
+def test_a_round_of_a_loop_is_a_mark_of_its_own() -> None:
+    """Lines of one statement are no pieces of an arc: each has its run-in of 880 um."""
+    text = "SKYWRITE MODE 2 TIMELAG 250us\nLASER ON\nREPEAT 3 AS k\nLINE X (5 * k + 5) Y (k * k)\nEND\nLASER OFF\n"
+    assert len(ran(compiled(HEAD_MM + text)[0]).channels[0].emission.start_ms) == 3
+
+
+@pytest.mark.parametrize("radius", [0.5, 2.0])
+def test_chords_of_an_arc_are_slowed_as_the_arc_is(radius: float) -> None:
+    """v^2/r stays within the machine's acceleration at the narrowest place, where X has the finer pulses."""
+    machine = replace(MACHINE, pulses_per_mm=(1000.0, 800.0))
+    text = HEAD_MM.replace("1000\n", "9000\n").replace("1000000", "5000000") + "SKYWRITE MODE 2 TIMELAG 250us\n"
+    found = run_job(f"{text}JUMP X 20\nLASER ON\nARC CCW I {radius} J 0\nLASER OFF\nJUMP X 0\n", machine).report.marks
+    assert found is not None
+    fastest = math.sqrt(machine.max_acceleration_pulse_per_ms2 * radius / 1000)
+    assert 50 / fastest <= found["power_per_mm_mid"][0] <= 1.08 * 50 / fastest
+    assert found["power_per_mm_rms_pct"][0] < 1
+
+
+def test_each_stage_has_its_own_laser_delay() -> None:
+    text = HEAD_MM + "SKYWRITE MODE 2 TIMELAG 250us\n"
+    for x, (on, off) in ((5, (20, 30)), (20, (100, 180)), (40, (0, 240))):
+        text += f"LASER DELAY ON {on} OFF {off}\nJUMP X {x}\nLASER ON\nLINE X {x + 5}\nLASER OFF\nJUMP X {x + 9}\n"
+    found = run_job(text, LATE).report.marks
+    assert found is not None
+    assert found["on_error_um"] == pytest.approx([0, 0, 0], abs=1e-6)
+    assert found["off_error_um"] == pytest.approx([0, 0, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("lag", "furthest"), [(1500, 500), (4000, 4500)])
+@pytest.mark.parametrize("then", ["DWELL 20", "WAIT"])
+def test_a_run_out_in_front_of_a_rest_lasts_until_the_light_goes(lag: int, furthest: int, then: str) -> None:
+    """Down in 1 ms and 500 um, back to E in 1.41 ms more: enough for 1.5 ms, not for 4."""
+    text = HEAD_MM + f"SKYWRITE MODE 2 TIMELAG {lag}us NPREV 0 NPOST 0\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
+    stream, said = compiled(text + then + "\nJUMP X 0\n")
+    assert [f for f in said if f.severity is not Severity.NOTE] == []
+    assert max(moves_of(stream).at) == (10000.0 + furthest, 0.0)
+
+
+def test_jumps_at_corners_go_at_the_jumpvel_in_force_there() -> None:
+    text = HEAD_MM + "JUMPVEL 3000\nSKYWRITE MODE 2 TIMELAG 250us\nJUMP X 5\nLASER ON\nLINE X 10\n"
+    moves = moves_of(compiled(text + "JUMPVEL 2000\nLINE X 10 Y 5\nLASER OFF\nJUMP X 0\n")[0])
+    assert [v for v in moves.vel if v != 1000.0] == [3000.0, 2000.0, 2000.0]
+
+
+def test_a_jump_in_front_of_a_wait_goes_where_it_is_sent() -> None:
+    text = HEAD_MM + "SKYWRITE MODE 2 TIMELAG 250us NPREV 0\nJUMP X 5\nWAIT\nLASER ON\nLINE X 10\nLASER OFF\nJUMP X 0\n"
+    assert moves_of(compiled(text)[0]).at[:3] == [(5000.0, 0.0), (4500.0, 0.0), (5000.0, 0.0)]
+
+
+@pytest.mark.parametrize(("length", "slow"), [(0.405, [("ends", 900.0)]), (0.485, [])])
+def test_how_much_slower_a_mark_may_end(length: float, slow: list[tuple[str, float]]) -> None:
+    """From rest at a flat corner v^2 = 2*a*s: 900 mm/s behind 405 um, 985 behind 485."""
+    text = HEAD_MM + "SKYWRITE MODE 3 TIMELAG 250us LIMIT 0.5\nJUMP X 5\nLASER ON\nLINE X 10\n"
+    text += f"LINE X {10 + 0.8 * length} Y {0.6 * length}\nLASER OFF\nJUMP X 0\n"
+    found = [f.fields for f in said_of(text, Machine(lookahead_acc_pulse_per_ms2=1e-6)) if f.rule.code == "GJ811"]
+    assert [(f["what"], f["value"]) for f in found] == [(what, pytest.approx(v, rel=1e-3)) for what, v in slow]
+
+
+@pytest.mark.parametrize("other", [0, 1])
+def test_light_that_changes_at_a_flat_corner_is_not_dark(other: int) -> None:
+    """Off and on at one point, of one channel or of two, is no mark without light."""
+    text = HEAD_MM + f"LASER MODE DUTY CARRIER 10 CHANNEL {other}\nLASER POWER 50 CHANNEL {other}\n"
+    text += "SKYWRITE MODE 3 TIMELAG 250us\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
+    text += f"LASER ON CHANNEL {other}\nLINE X 20\nLASER OFF CHANNEL {other}\n"
+    assert [f.rule.code for f in said_of(text) if f.severity is not Severity.NOTE] == []
+
+
+@pytest.mark.parametrize("other", [0, 1])
+def test_messages_say_the_least_that_would_do(other: int) -> None:
+    line, rule = (
+        ("SKYWRITE MODE 2 TIMELAG 100us SHIFT -114.5us NPREV 11 NPOST 10\n", "GJ803"),
+        ("LASER FOLLOW MIN 5 MAX 45 AT 500mm/s\nSKYWRITE MODE 2 TIMELAG 114.5us NPREV 11 NPOST 10\n", "GJ807"),
+    )[other]
+    found = [f for f in said_of(HEAD_MM + line + "LINE X 1\n") if f.rule.code == rule]
+    assert [f.fields["least"] for f in found] == [12]
+
+
+def test_the_worst_point_outside_the_field_is_told() -> None:
+    """100 mm to -149.5 mm and 880 um more: -150.38."""
+    text = HEAD_MM + "SKYWRITE MODE 2 TIMELAG 250us\nJUMP X -149.5\nLASER ON\nLINE X -100\nLASER OFF\n"
+    assert [f.fields["value"] for f in said_of(text) if f.rule.code == "GJ808"] == [pytest.approx(-150.38, abs=2e-3)]
+
+
+def test_timelag_below_a_quarter_us_is_none() -> None:
+    sky = SkyWriting(mode=2, timelag_us=0.25, shift_us=0, nprev=1, npost=1, limit=0, limit_given=False)
+    lower = replace(sky, timelag_us=0.249)
+    assert (sky.lag_us, lower.lag_us, lower.is_on, replace(sky, timelag_us=0.125).is_on) == (0.25, 0.0, True, True)
+    assert not replace(sky, timelag_us=0.124).is_on
+
+
+def test_a_wait_parts_marks_that_go_straight_on() -> None:
+    text = HEAD_MM + "SKYWRITE MODE 3 TIMELAG 250us\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\nWAIT\nLASER ON\n"
+    emission = ran(compiled(text + "LINE X 20\nLASER OFF\nJUMP X 0\n")[0]).channels[0].emission
+    assert emission.end_ms - emission.start_ms == pytest.approx([5, 10], abs=2e-3)
+
+
+def test_a_delay_does_not_hide_that_a_mark_is_dark() -> None:
+    """On is called before off, but acts 100 us behind it."""
+    text = HEAD_MM + "SKYWRITE MODE 2 TIMELAG 400us SHIFT 200us\nLASER DELAY ON 300 OFF 0\nJUMP X 5\nLASER ON\n"
+    assert "GJ810" in {f.rule.code for f in said_of(text + "LINE X 5.1\nLASER OFF\nJUMP X 9\n")}
+
+
+@pytest.mark.parametrize(("lag", "coarse"), [(300, False), (450, True)])
+def test_light_that_goes_off_nearly_at_rest_is_told(lag: int, coarse: bool) -> None:
+    """Braking from 500 mm/s in 0.5 ms: 200 mm/s at 0.3 ms, 50 at 0.45."""
+    text = HEAD_MM.replace("VEL 1000", "VEL 500") + f"SKYWRITE MODE 2 TIMELAG {lag}us NPREV 75 NPOST 0\nJUMP X 1\n"
+    said = said_of(text + "LASER ON\nLINE X 5\nLASER OFF\nJUMP X 0\n")
+    assert ("GJ812" in {f.rule.code for f in said}) == coarse
+
+
+def test_a_run_in_that_leaves_its_circle_keeps_its_speed() -> None:
+    """Half a turn of 63 um is too short to reach 140 mm/s at 100 pulse/ms2: 98 um."""
+    text = "LASER MODE DUTY CARRIER 10\nLASER POWER 50\nVEL 140\nACC 100000\nSKYWRITE MODE 2 TIMELAG 250us\n"
+    said = said_of(text + "JUMP X 5\nLASER ON\nARC CCW I 0.02 J 0\nLASER OFF\nJUMP X 0\n")
+    assert [f.rule.code for f in said if f.severity is not Severity.NOTE] == []
+
+
+def test_a_run_in_may_leave_the_field_between_its_ends() -> None:
+    """Centre 149.505 mm to the left, radius 0.5: S is 0.3 rad behind the leftmost point, P 0.63 rad before S."""
+    x, y = -149.505 - 0.5 * math.cos(0.3), -0.5 * math.sin(0.3)
+    to = f"X {-149.505 - 0.5 * math.cos(1.8):.6f} Y {-0.5 * math.sin(1.8):.6f} R 0.5"
+    text = HEAD_MM.replace("VEL 1000", "VEL 500") + f"SKYWRITE MODE 2 TIMELAG 250us\nJUMP X {x:.6f} Y {y:.6f}\n"
+    found = [f.fields for f in said_of(text + f"LASER ON\nARC CCW {to}\nLASER OFF\n") if f.rule.code == "GJ808"]
+    assert [(f["what"], f["value"]) for f in found] == [("run-in", pytest.approx(-150.005, abs=1.5e-3))]
+
+
+def test_each_axis_has_its_own_field() -> None:
+    text = HEAD_MM + "SKYWRITE MODE 2 TIMELAG 250us\nJUMP Y 40\nLASER ON\nLINE Y 49.5\nLASER OFF\nJUMP Y 0\n"
+    said = said_of(text, replace(MACHINE, field_y_mm=(-50.0, 50.0)))
+    assert [f.fields["axis"] for f in said if f.rule.code == "GJ808"] == ["Y"]
+
+
+def test_light_comes_at_the_start_of_a_full_circle_not_at_its_end() -> None:
+    """A quarter of a pulse behind S, which is E too."""
+    text = HEAD_MM.replace("VEL 1000", "VEL 500") + "SKYWRITE MODE 2 TIMELAG 0.5us NPREV 10 NPOST 10\nJUMP X 5\n"
+    emission = ran(compiled(text + "LASER ON\nARC CCW I 1 J 0\nLASER OFF\nJUMP X 0\n")[0]).channels[0].emission
+    assert emission.end_ms - emission.start_ms == pytest.approx([math.tau / 0.5], abs=0.02)
+
+
+@pytest.mark.parametrize(("lag", "late"), [(2410, []), (2420, [5.8])])
+def test_how_long_the_light_may_take_behind_the_last_mark(lag: int, late: list[float]) -> None:
+    """Mode 1: down in 1 ms, back to E in sqrt(2) ms."""
+    text = HEAD_MM + f"SKYWRITE MODE 1 TIMELAG {lag}us NPREV 0 NPOST 0\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
+    said = said_of(text, Machine(lookahead_acc_pulse_per_ms2=1e-6))
+    assert [f.fields["early"] for f in said if f.rule.code == "GJ809"] == [pytest.approx(v, abs=0.1) for v in late]
+
+
+_PATHS = {
+    "line": ("LINE X 25 Y 3.5\n", 1),
+    "arc": ("ARC CCW X 20 Y 10 R 5\n", 1),
+    "circle": ("ARC CW I -3 J 2\n", 1),
+    "polyline": ("LINE X 23\nLINE X 26 Y 0.3\nARC CCW X 26.3 Y 3 R 2\nLINE X 22 Y 5\n", None),
+}
+
+
+@pytest.mark.parametrize("power", ["LASER POWER 50", "LASER FOLLOW MIN 1 MAX 50 AT 800"])
+@pytest.mark.parametrize("mode", [1, 2, 3])
+@pytest.mark.parametrize("path", _PATHS)
+def test_a_report_of_any_mark_is_even_and_in_place(path: str, mode: int, power: str) -> None:
+    """With the pure delay for which TIMELAG stands: ends within a pulse, 50 % at 800 mm/s everywhere, none outside."""
+    lines, count = _PATHS[path]
+    found = run_job(
+        f"LASER MODE DUTY CARRIER 10\n{power}\nVEL 800\nACC 500000\n"
+        f"SKYWRITE MODE {mode} TIMELAG 250us NPREV 60 NPOST 60 LIMIT 0.999\n"
+        f"JUMP X 20 Y 0\nLASER ON\n{lines}LASER OFF\nJUMP X 0\n",
+        replace(MACHINE, scanner=Scanner(model=ScannerModel.DELAY, tracking_error_us=250.0)),
+    )
+    marks = found.report.marks
+    assert marks is not None
+    assert len(marks["line"]) == (count or 4)
+    for name in ("on_error_um", "off_error_um", "on_miss_um", "off_miss_um"):
+        assert np.abs(marks[name]).max() <= 2, name
+    assert marks["outside_power_ms"].max() <= 50 * 2 / 800
+    assert marks["power_per_mm_mid"] == pytest.approx(50 / 0.8, rel=1e-3)
+    # Half a pulse where an arc is split is 1 % of one bin of 50 um, and 0.13 % of sixty.
+    assert marks["power_per_mm_rms_pct"] == pytest.approx(0, abs=0.1 if path in ("line", "circle") else 0.15)
+
+
+def test_a_killer_that_is_off_again_delays_nothing() -> None:
+    found = run_job(
+        "LASER MODE FREQUENCY WIDTH 5us MAX 100\nLASER FPK WIDTH 20 GAP 0 OFFDELAY 90\nLASER FPK OFF\n"
+        "SKYWRITE MODE 2 TIMELAG 250us\nLASER POWER 30\nVEL 800\nACC 500000\n"
+        "JUMP X 5\nLASER ON\nLINE X 9\nLASER OFF\nJUMP X 0\n",
+        replace(MACHINE, scanner=Scanner(model=ScannerModel.DELAY, tracking_error_us=250.0)),
+    )
+    assert found.report.marks is not None
+    assert found.report.marks["off_error_um"] == pytest.approx([0], abs=1)
+
+
+def test_two_channels_wait_each_for_its_own() -> None:
+    """Channel 1 is set while channel 0 is on its way: neither holds up the other."""
+    found = run_job(
+        "LASER MODE DUTY CARRIER 10\nLASER MODE DUTY CARRIER 10 CHANNEL 1\nLASER DELAY ON 5 OFF 5\n"
+        "LASER DELAY ON 200 OFF 210 CHANNEL 1\nLASER POWER 50\nLASER POWER 20 CHANNEL 1\nVEL 800\nACC 500000\n"
+        "SKYWRITE MODE 3 TIMELAG 250us NPREV 60 NPOST 60\nJUMP X 5\nLASER ON\nLINE X 9\nLASER ON CHANNEL 1\nLINE X 12\n"
+        "LASER OFF\nLASER OFF CHANNEL 1\nJUMP X 0\n",
+        replace(MACHINE, scanner=Scanner(model=ScannerModel.DELAY, tracking_error_us=250.0)),
+    )
+    marks = found.report.marks
+    assert marks is not None
+    assert marks["channel"].tolist() == [0, 1]
+    assert marks["length_mm"] == pytest.approx([7, 3], abs=2e-3)
+    assert np.abs(marks["on_error_um"]).max() <= 1
+    assert np.abs(marks["off_error_um"]).max() <= 1
