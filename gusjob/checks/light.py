@@ -45,20 +45,23 @@ def dwells(view: View, findings: Findings) -> None:
     rows = view.rows(Op.DWELL)
     if not len(rows):
         return
-    moved = np.concatenate([[0], np.cumsum(path.moves)])
+    moved, sky = np.concatenate([[0], np.cumsum(path.moves)]), view.job.sky_of_rows()[0]
     for channel in CHANNELS:
         lit, on_line, _, _ = view.lit(channel)
         mine = rows[lit[rows]]
         begins = np.flatnonzero(lit & ~np.concatenate([[False], lit[:-1]]))
         ends = np.flatnonzero(lit & ~np.concatenate([lit[1:], [False]])) + 1
         number = np.searchsorted(begins, mine, side="right") - 1
-        bad = mine[(moved[mine] > moved[begins[number]]) & (moved[ends[number]] > moved[mine])]
+        # Under sky writing light in any dwell is an error already.
+        bad = mine[(moved[mine] > moved[begins[number]]) & (moved[ends[number]] > moved[mine]) & (sky[mine] < 0)]
         findings.at_rows(rules.DWELL_LIT, bad, "", channel=channel, remarks=switched_on(view, on_line[bad]))
 
 
 def waits(view: View, findings: Findings) -> None:
     """Light at the end of a stage stays on until the next one moves."""
-    stops = [s for s, opens in zip(view.job.setups, opens_stage(view.job), strict=True) if opens]
+    sky = view.job.sky_of_rows()[0]  # Under it this is an error already.
+    opening = zip(view.job.setups, opens_stage(view.job), strict=True)
+    stops = [s for s, opens in opening if opens and sky[s.at - 1] < 0]
     places = np.array([s.at * 2 for s in stops], dtype=np.intp)
     for channel in CHANNELS:
         # LASER OFF NOW is a way to end light, too.
