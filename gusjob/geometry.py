@@ -128,6 +128,23 @@ class Segments:
     arc_at: npt.NDArray[np.intp]
     arcs: Arcs
 
+    def arcs_among(self, at: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], Arcs]:
+        """Which of some segments are round, as places in `at`, and the arc of each of these."""
+        if not len(self.arc_at):
+            return np.empty(0, dtype=np.intp), NO_ARCS
+        number = np.minimum(np.searchsorted(self.arc_at, at), len(self.arc_at) - 1)
+        found = np.flatnonzero(self.arc_at[number] == at)
+        return found, self.arcs.pick(number[found])
+
+    def points(self, at: npt.NDArray[np.intp], share: Floats) -> tuple[Floats, Floats]:
+        """The points at a share 0..1 of some segments, each its own."""
+        x = self.x0[at] + (self.x1[at] - self.x0[at]) * share
+        y = self.y0[at] + (self.y1[at] - self.y0[at]) * share
+        found, arcs = self.arcs_among(at)
+        if len(found):
+            x[found], y[found] = arcs.at(share[found])
+        return x, y
+
 
 def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: npt.NDArray[np.intp], arcs: Arcs) -> Segments:
     """Segments from their end points; those at `arc_at` are `arcs`, the others straight."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span, number
 from gusjob.geometry import Arcs, arcs_by_either
-from gusjob.limits import RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
+from gusjob.limits import AUTO_SHARE, RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
 from gusjob.machine import Machine
 from gusjob.units import PowerUnit
 
@@ -223,6 +224,11 @@ class SkyWriting:
     def on_us(self) -> float:
         """When the light goes on, counted from the mark's start: not before the run-in is at mark speed."""
         return max(self.lag_us + self.shift_us, -self.run_in_us)
+
+
+def auto_steps(word: str, timelag_us: float) -> float:
+    """NPREV or NPOST where it is AUTO, in 10 us: its share of the time lag, rounded (RTC5)."""
+    return math.floor(AUTO_SHARE[word] * timelag_us + 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

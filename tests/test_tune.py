@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import pytest
 from click.testing import CliRunner, Result
@@ -566,9 +566,9 @@ def test_a_read_only_job_stays(tune: Tune, tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_job_that_changed_meanwhile_stays(tune: Tune, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def touched(*args: object, **kwargs: object) -> object:
+    def touched(*args: Any) -> Any:
         (tmp_path / "a.job").write_bytes(b"; new\n")
-        return tune_delays(*args, **kwargs)  # type: ignore[arg-type]
+        return tune_delays(*args)
 
     monkeypatch.setattr("gusjob.tune.tune_delays", touched)
     result = tune(MODE + BODY, "--write")

@@ -48,9 +48,9 @@ def command(
         stop(f"{path}: this is a listing; only a job can be tuned")
     if loaded.machine.scanner is None:
         stop("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")
-    from gusjob.tune import run_text, tune_delays, tune_sky_writing
+    from gusjob.tune import run_job, tune_delays, tune_sky_writing
 
-    before = run_text(loaded.source, loaded.machine)
+    before = run_job(loaded.source, loaded.job, loaded.faults, loaded.machine)
     if before.trace is None:
         loaded.faults = in_order(before.faults)
         show(loaded)

@@ -66,17 +66,7 @@ class Motion:
             return np.zeros(len(time)), np.zeros(len(time))
         length = laid.length[cell]
         share = np.where(length > 0, self.distance_run(cell, time) / np.where(length > 0, length, 1.0), 0.0)
-        x = laid.x0[cell] + (laid.x1[cell] - laid.x0[cell]) * share
-        y = laid.y0[cell] + (laid.y1[cell] - laid.y0[cell]) * share
-        if len(laid.arc_at):
-            number = np.searchsorted(laid.arc_at, cell)
-            number = np.minimum(number, len(laid.arc_at) - 1)
-            round_ = np.flatnonzero(laid.arc_at[number] == cell)
-            which, arcs = number[round_], laid.arcs
-            angle = arcs.angle[which] + arcs.sweep[which] * share[round_]
-            x[round_] = arcs.cx[which] + arcs.radius[which] * np.cos(angle)
-            y[round_] = arcs.cy[which] + arcs.radius[which] * np.sin(angle)
-        return x, y
+        return laid.points(cell, share)
 
     def axis_positions(self, stage: int, x: Floats, y: Floats) -> list[Floats]:
         """Positions of the four axes of distance follow; axes that are not in the coordinate system stand at 0."""

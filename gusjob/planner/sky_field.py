@@ -38,10 +38,8 @@ def stays_in_field(state: Plan) -> Plan:
     runs = np.flatnonzero(run != Run.NONE)
     x_low, x_high = np.minimum(laid.x0[runs], laid.x1[runs]), np.maximum(laid.x0[runs], laid.x1[runs])
     y_low, y_high = np.minimum(laid.y0[runs], laid.y1[runs]), np.maximum(laid.y0[runs], laid.y1[runs])
-    if len(laid.arc_at):
-        number = np.minimum(np.searchsorted(laid.arc_at, runs), len(laid.arc_at) - 1)
-        round_ = np.flatnonzero(laid.arc_at[number] == runs)
-        arcs = laid.arcs.pick(number[round_])
+    round_, arcs = laid.arcs_among(runs)
+    if len(round_):
         x_low[round_], x_high[round_], y_low[round_], y_high[round_] = arcs.extent()
     collector = Collector(state.job.name)
     for axis, lowest, highest, (low, high), scale in (

@@ -65,20 +65,23 @@ def places_of(state: Plan, marks: Marks, laid: Segments, outs: tuple[Floats, Flo
     on_us, off_us = marks.on_us[at] - late_us[:, ON], marks.lag_us[at] - late_us[:, OFF]
     vel, acc, length = marks.vel[at], marks.acc[at], laid.length[at]
     off_ms = off_us / US_PER_MS + length / vel
-    flat = length + np.hypot(outs[0][at] - laid.x1[at], outs[1][at] - laid.y1[at]) - vel * vel / (2 * acc)
+    out_length = np.hypot(outs[0][at] - laid.x1[at], outs[1][at] - laid.y1[at])
+    flat = length + out_length - vel * vel / (2 * acc)
     on_way, on_known = _way(on_us / US_PER_MS, vel, acc, flat)
     off_way, off_known = _way(off_ms, vel, acc, flat)
+    long_enough = length > 2 * _NEAR_PULSE
     lights = marks.on_us[at] - marks.lag_us[at] < length / vel * US_PER_MS
-    known[at] = on_known & off_known & lights & (off_way - on_way > 2 * _NEAR_PULSE)
+    known[at] = on_known & off_known & long_enough & lights & (off_way - on_way > 2 * _NEAR_PULSE)
     sides = []
     for way in (on_way, off_way):
         side = Side(leg=np.zeros(len(known), dtype=np.int8), x=np.zeros(len(known)), y=np.zeros(len(known)))
-        leg = np.select([way < _NEAR_PULSE, way < length - _NEAR_PULSE, way < length + _NEAR_PULSE], [0, 1, 2], 3)
+        # Leg by leg, in their order.
+        leg = Leg.START + (way >= _NEAR_PULSE) + (way >= length - _NEAR_PULSE) + (way >= length + _NEAR_PULSE)
         out = leg == Leg.RUN_OUT
         x0, y0 = np.where(out, laid.x1[at], laid.x0[at]), np.where(out, laid.y1[at], laid.y0[at])
         x1, y1 = np.where(out, outs[0][at], laid.x1[at]), np.where(out, outs[1][at], laid.y1[at])
         run = np.where(out, way - length, way)
-        share = run / np.maximum(np.hypot(x1 - x0, y1 - y0), 1.0)
+        share = run / np.maximum(np.where(out, out_length, length), 1.0)
         side.leg[at] = leg
         side.x[at], side.y[at] = np.rint(x0 + (x1 - x0) * share) + 0.0, np.rint(y0 + (y1 - y0) * share) + 0.0
         sides.append(side)

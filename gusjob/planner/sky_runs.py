@@ -41,10 +41,8 @@ def beyond_of(laid: Segments, at: Indices, length: Floats, *, ahead: bool) -> Be
     dx, dy = (laid.end_x[at], laid.end_y[at]) if ahead else (laid.start_x[at], laid.start_y[at])
     x, y = _further(from_x, from_y, way * dx, way * dy, length)
     far_x, far_y, leaves = x, y, np.zeros(len(at), dtype=np.bool_)
-    if len(laid.arc_at):
-        number = np.minimum(np.searchsorted(laid.arc_at, at), len(laid.arc_at) - 1)
-        round_ = np.flatnonzero(laid.arc_at[number] == at)
-        arcs = laid.arcs.pick(number[round_])
+    round_, arcs = laid.arcs_among(at)
+    if len(round_):
         sense = np.sign(arcs.sweep) * way
         begin = arcs.angle + (arcs.sweep if ahead else 0.0)
         half_turn = np.pi * arcs.radius

@@ -178,15 +178,13 @@ class _Rows:
 
     def bent(self, at: Indices, *, back: bool) -> dict[str, Any]:
         """Marks' own lines or circles, these about their centre: by radius a centre is lost near half a turn."""
-        arcs, arc_at, path = self.laid.arcs, self.laid.arc_at, self.state.path
-        if not len(arc_at):
+        round_, arcs = self.laid.arcs_among(at)
+        if not len(round_):
             return {"op": np.uint8(Op.LINE)}
-        number = np.minimum(np.searchsorted(arc_at, at), len(arc_at) - 1)
-        round_ = arc_at[number] == at
-        return {
-            "op": np.where(round_, Op.ARC_CENTRE, Op.LINE), "ccw": path.ccw[self.state.timed[at]] != back,
-            "cx": arcs.cx[number], "cy": arcs.cy[number],
-        }  # fmt: skip
+        op, centre = np.full(len(at), Op.LINE, dtype=np.uint8), np.full((2, len(at)), np.nan)
+        op[round_], centre[:, round_] = Op.ARC_CENTRE, (arcs.cx, arcs.cy)
+        ccw = self.state.path.ccw[self.state.timed[at]] != back
+        return {"op": op, "ccw": ccw, "cx": centre[0], "cy": centre[1]}
 
     def jump(self, run: Beyond, where: Bools, shift: float, x: Floats, y: Floats) -> None:
         """Jumps that are not the job's own, at the JUMPVEL and JUMPACC in force."""

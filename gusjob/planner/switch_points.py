@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.checks.view import CHANNELS
-from gusjob.geometry import Segments
 from gusjob.job import Op
 from gusjob.motion import Trapezoids, distance_run, look_ahead
 from gusjob.planner.layout import layout
@@ -37,7 +36,9 @@ def switch_points(state: Plan) -> Plan:
     if state.sky is None:
         return state
     if state.sky.placed.all():
-        return replace(state, mark_end=_mark_ends(state, np.arange(len(state.path)), state.timed, state.timed))
+        return replace(
+            state, mark_end=_mark_ends(state, np.arange(len(state.path)), state.timed, state.timed, len(state.path))
+        )
     timeline = timeline_of(state)
     events = events_of(state, timeline)
     points = _points(state, timeline, events)
@@ -68,7 +69,7 @@ def _points(state: Plan, timeline: Timeline, events: Events) -> _Points:
     run = distance_run(timeline.profile, at, np.clip(time - times[at], 0.0, times[at + 1] - times[at]))
     length = laid.length[at]
     share = np.divide(run, length, out=np.zeros(len(at)), where=length > 0)
-    x, y = _whole_pulses(laid, at, share)
+    x, y = (np.rint(values) + 0.0 for values in laid.points(at, share))
     begins = (run < _HALF_PULSE) | ((x == laid.x0[at]) & (y == laid.y0[at]))
     ends = (length - run < _HALF_PULSE) | ((x == laid.x1[at]) & (y == laid.y1[at]))
     on_round = np.zeros(len(timeline.stage), dtype=np.bool_)
@@ -92,15 +93,6 @@ def _points(state: Plan, timeline: Timeline, events: Events) -> _Points:
         mine = np.flatnonzero(state.path.channel[events.row] == channel)
         places[mine] = np.maximum.accumulate(places[mine])
     return _Points(place=places, at=at[kept], split=place[kept], x=x[kept], y=y[kept])
-
-
-def _whole_pulses(laid: Segments, at: Indices, share: Floats) -> tuple[Floats, Floats]:
-    x, y = laid.x0[at] + (laid.x1[at] - laid.x0[at]) * share, laid.y0[at] + (laid.y1[at] - laid.y0[at]) * share
-    if len(laid.arc_at):
-        number = np.minimum(np.searchsorted(laid.arc_at, at), len(laid.arc_at) - 1)
-        round_ = np.flatnonzero(laid.arc_at[number] == at)
-        x[round_], y[round_] = laid.arcs.pick(number[round_]).at(share[round_])
-    return np.rint(x) + 0.0, np.rint(y) + 0.0
 
 
 def _split(state: Plan, timeline: Timeline, events: Events, points: _Points) -> Plan:
@@ -139,7 +131,7 @@ def _split(state: Plan, timeline: Timeline, events: Events, points: _Points) -> 
     longer = replace(
         layout(rearranged(state, source, columns)),
         sky=replace(sky, run=sky.run[source], smooth=smooth),
-        mark_end=_mark_ends(state, now, motions[pieces.first], motions[pieces.last]),
+        mark_end=_mark_ends(state, now, motions[pieces.first], motions[pieces.last], len(order)),
         vel=state.vel[pieces.cell],
         acc=state.acc[pieces.cell],
     )
@@ -209,17 +201,16 @@ class _Pieces:
         return ends
 
 
-def _mark_ends(state: Plan, now: Indices, first: Indices, last: Indices) -> Indices:
+def _mark_ends(state: Plan, now: Indices, first: Indices, last: Indices, count: int) -> Indices:
     """As in stream.Intent: the first piece of the motion that a light-on goes by, the last of a light-off's.
 
-    `now`: for each row of the plan its row among the pieces; `first`, `last`: for each timed row its pieces' rows.
+    `now`: for each row of the plan its row among `count` pieces; `first`, `last`: for each timed row its pieces' rows.
     """
     sky, takes_time = state.sky, state.path.takes_time
     assert sky is not None
     number = (np.cumsum(takes_time) - 1)[sky.ref]
     op = state.path.op[sky.row]
-    count = int(last[-1]) + 1 if len(last) else 0
-    found = np.full(max(count, int(now.max(initial=-1)) + 1), -1, dtype=np.intp)
+    found = np.full(count, -1, dtype=np.intp)
     for switch, piece in ((Op.ON, first), (Op.OFF, last)):
         mine = op == switch
         found[now[sky.row[mine]]] = piece[number[mine]]

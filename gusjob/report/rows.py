@@ -65,6 +65,43 @@ def make_report(
     `files`: of a job that includes others, name and base of each; then `line` counts in the line's own file, and
     `file` is that file's place among the names in the notes.
     """
+    clock = trace.clock
+    columns = _motion_columns(trace, machine)
+    length_mm, kind = columns["length_mm"], columns["kind"]
+    totals: list[dict[str, Any]] = []
+    for channel in trace.channels:
+        columns.update(_channel_columns(channel, clock.stage, machine))
+        totals += _channel_totals(channel, clock.stage, machine)
+    notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
+    scanner = machine.scanner
+    notes["scanner"] = scanner and {"model": scanner.model.value, "tracking_error_us": scanner.tracking_error_us}
+    if marking is None:
+        marking = scanner is not None or len(length_mm) <= MARKED_SEGMENTS
+    marks = marks_of(trace, machine) if marking else None
+    if files:
+        bases = np.array([base for _, base in files], dtype=np.int32)
+        _name_files(columns, bases)
+        _name_files(marks or {}, bases)
+        notes["files"] = [name for name, _ in files]
+    return Report(
+        job=trace.name,
+        period_us=trace.period_us,
+        totals={
+            "segments": len(length_mm),
+            "stages": len(clock.stage_first) - 1,
+            "duration_ms": float(clock.times[-1]),
+            **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
+            "channels": totals,
+            "marking": None if marks is None else marking_totals(trace, marks) if marks else [],
+        },
+        columns=columns,
+        notes=notes,
+        marks=marks,
+    )
+
+
+def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any]]:
+    """What is to be said of each segment but its power."""
     clock, laid = trace.clock, trace.clock.laid
     px, py = machine.pulses_per_mm
     length_mm = _length_mm(trace, machine)
@@ -76,10 +113,9 @@ def make_report(
     lit = np.zeros(len(duration), dtype=np.bool_)
     for channel in trace.channels:
         lit |= channel.emitted.emission_ms > 0
-    kind = _kinds(trace, lit)
-    columns: dict[str, npt.NDArray[Any]] = {
+    return {
         "line": trace.line,
-        "kind": kind,
+        "kind": _kinds(trace, lit),
         "stage": (clock.stage + 1).astype(np.int32),
         "x_mm": laid.x1 / px,
         "y_mm": laid.y1 / py,
@@ -89,36 +125,6 @@ def make_report(
         "vel_mean_mm_s": mean,
         "vel_max_mm_s": fastest,
     }
-    totals: list[dict[str, Any]] = []
-    for channel in trace.channels:
-        columns.update(_channel_columns(channel, clock.stage, machine))
-        totals += _channel_totals(channel, clock.stage, machine)
-    notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
-    scanner = machine.scanner
-    notes["scanner"] = scanner and {"model": scanner.model.value, "tracking_error_us": scanner.tracking_error_us}
-    if marking is None:
-        marking = scanner is not None or len(duration) <= MARKED_SEGMENTS
-    marks = marks_of(trace, machine) if marking else None
-    if files:
-        bases = np.array([base for _, base in files], dtype=np.int32)
-        _name_files(columns, bases)
-        _name_files(marks or {}, bases)
-        notes["files"] = [name for name, _ in files]
-    return Report(
-        job=trace.name,
-        period_us=trace.period_us,
-        totals={
-            "segments": len(duration),
-            "stages": len(clock.stage_first) - 1,
-            "duration_ms": float(clock.times[-1]),
-            **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
-            "channels": totals,
-            "marking": None if marks is None else marking_totals(trace, marks) if marks else [],
-        },
-        columns=columns,
-        notes=notes,
-        marks=marks,
-    )
 
 
 def _kinds(trace: Trace, lit: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:

@@ -36,6 +36,7 @@ from gusjob.job import (
     SwitchNow,
     Trails,
     Wait,
+    auto_steps,
     chords,
     with_lines,
 )
@@ -590,9 +591,7 @@ def _sky_writing(words: dict[str, float]) -> SkyWriting:
     """NPREV and NPOST by the rule of 0.15 and 0.10 where they are AUTO, or 65535, which says so to an RTC5."""
     timelag_us = words["TIMELAG"]
     steps = {word: words.get(word, AUTO_STEPS) for word in AUTO_SHARE}
-    for word, share in AUTO_SHARE.items():
-        if steps[word] == AUTO_STEPS:
-            steps[word] = float(np.floor(share * timelag_us + 0.5))
+    steps = {word: auto_steps(word, timelag_us) if n == AUTO_STEPS else n for word, n in steps.items()}
     return SkyWriting(
         mode=words["MODE"],
         timelag_us=timelag_us,

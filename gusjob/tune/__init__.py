@@ -9,8 +9,8 @@ from typing import Any
 from gusjob.checks import check
 from gusjob.diagnostics import Diagnostic, has_errors
 from gusjob.interpreter import ChannelTrace, Trace, interpret
-from gusjob.job import Job, LaserDelay, SkyWrite
-from gusjob.limits import AUTO_SHARE, RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
+from gusjob.job import Job, LaserDelay, SkyWrite, auto_steps
+from gusjob.limits import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.machine import Machine, ScannerModel
 from gusjob.planner import compile_job
 from gusjob.report.marks import marking_totals, marks_of
@@ -48,7 +48,11 @@ class Tuned:
 def run_text(source: Source, machine: Machine, *, judged: bool = True) -> Run:
     """A job's text on a machine. `judged`: with the figures of its marks."""
     job, faults = read_job(source, machine)
-    faults = [*faults, *check(job, machine)]
+    return run_job(source, job, [*faults, *check(job, machine)], machine, judged=judged)
+
+
+def run_job(source: Source, job: Job, faults: list[Diagnostic], machine: Machine, *, judged: bool = True) -> Run:
+    """A job that was read and checked, on a machine; `faults`: what was found."""
     trace, marking = None, list[dict[str, Any]]()
     if not has_errors(faults):
         stream, more = compile_job(job, machine)
@@ -144,7 +148,7 @@ def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None)
     # LIMIT says which corners are to be sharp: that is the user's.
     limit = f" LIMIT {own.limit!r}" if own is not None and own.limit_given and (mode == 3 or mode == own.mode) else ""
     if machine.scanner.model is ScannerModel.DELAY:
-        nprev = math.floor(AUTO_SHARE["NPREV"] * lag_us + 0.5)
+        nprev = int(auto_steps("NPREV", lag_us))
         statement = _sky_statement(mode, lag_us, -gap_us, nprev, npost) + limit
         return _in_force(_tried(run, machine, SkyWrite, channel, statement, CLOSED_FORM))
     best, least_mm = "", math.inf
