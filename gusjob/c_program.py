@@ -15,7 +15,7 @@ import numpy as np
 from gusjob import __version__, limits
 from gusjob.limits import Range, Verdict
 from gusjob.listing import number_texts, value_text
-from gusjob.stream import BUFFERED, SIGNATURES, Arg, BufferedCalls, Call, Kind, Signature, Stream, Value
+from gusjob.stream import BUFFERED, CRD_FIELDS, SIGNATURES, Arg, BufferedCalls, Call, Kind, Signature, Stream, Value
 
 _TEMPLATE = Path(__file__).with_name("c_program.c")
 _MARK = "/* @job@ */\n\n"
@@ -23,18 +23,6 @@ _CHUNK = 1 << 16
 _STEPS = 200
 _LONGEST_NAME = 80
 _MOST_FAULTS = 20
-
-_SHORT = Range(name="short", unit="", low=-(2**15), high=2**15 - 1, whole=True, section="sister")
-_CRD_FIELDS = (
-    ("dimension", limits.DIMENSION),
-    ("profile", _SHORT),
-    ("synVelMax", None),
-    ("synAccMax", None),
-    ("evenTime", limits.EVEN_TIME_MS),
-    ("setOriginFlag", _SHORT),
-    ("originPos", limits.COORDINATE_PULSE),
-)
-"""TCrdPrm in its order; None for the numbers that are no whole ones."""
 
 
 def c_program(stream: Stream) -> Iterator[str]:
@@ -126,8 +114,7 @@ def _statement(call: Call, texts: list[str]) -> str:
     for i, (arg, value) in enumerate(zip(SIGNATURES[call.name].args, call.args, strict=True)):
         match arg.kind:
             case Kind.ARRAY:
-                kind = "long" if arg.range is not None and arg.range.whole else "double"
-                before.append(f"{kind} {arg.name}[] = {texts[i]};")
+                before.append(f"{arg.c} {arg.name}[] = {texts[i]};")
                 texts[i] = arg.name
             case Kind.POINTER:
                 before.append("unsigned short value = 0;")
@@ -146,7 +133,7 @@ def _statement(call: Call, texts: list[str]) -> str:
 def _fields(value: Value) -> Iterator[str]:
     """What is not 0 in a TCrdPrm, by name, since the order of the fields is the header's matter."""
     if isinstance(value, tuple):
-        for (name, _), part in zip(_CRD_FIELDS, value, strict=True):
+        for (name, *_), part in zip(CRD_FIELDS, value, strict=True):
             if isinstance(part, tuple):
                 yield from (f"crdPrm.{name}[{i}] = {value_text(one)};" for i, one in enumerate(part) if one)
             elif part:
@@ -184,7 +171,7 @@ def _buffered_faults(calls: BufferedCalls) -> Iterator[str]:
         at = np.flatnonzero(calls.kind == kind)
         for arg in signature.args:
             if arg.kind is Kind.WHOLE and len(at):
-                allowed, values = arg.range or _SHORT, calls.column(arg.column)[at]
+                allowed, values = arg.range or limits.SHORT, calls.column(arg.column)[at]
                 bad = (allowed.judge(values) == Verdict.OUTSIDE) | ~allowed.carries(values)
                 for i in np.flatnonzero(bad)[:_MOST_FAULTS].tolist():
                     yield _fault(int(calls.line[at[i]]), signature.name, arg.name, values[i], allowed)
@@ -204,12 +191,12 @@ def _whole_numbers(arg: Arg, value: Value) -> Iterator[tuple[str, Range, float]]
     """What has to be whole in an argument: its name, its range, the number."""
     match arg.kind:
         case Kind.WHOLE:
-            yield from ((arg.name, arg.range or _SHORT, number) for number in _flat(value))
+            yield from ((arg.name, arg.range or limits.SHORT, number) for number in _flat(value))
         case Kind.ARRAY if arg.range is not None and arg.range.whole:
             for number in _flat(value):
                 yield arg.name, arg.range, number
         case Kind.STRUCT if isinstance(value, tuple):
-            for (name, allowed), part in zip(_CRD_FIELDS, value, strict=True):
+            for (name, _, _, allowed), part in zip(CRD_FIELDS, value, strict=True):
                 if allowed is not None:
                     yield from ((name, allowed, number) for number in _flat(part))
         case _:

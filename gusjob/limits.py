@@ -358,6 +358,8 @@ RUN_STEPS = Range(
 )
 CORNER_LIMIT = Range(name="sky writing corner limit", unit="", low=-1, high=1, section="RTC5", note="a cosine")
 DIMENSION = Range(name="dimension", unit="", low=1, high=4, whole=True, section="sister")
+SHORT = Range(name="short", unit="", low=-(2**15), high=2**15 - 1, whole=True, section="sister")
+AXIS = Range(name="axis", unit="", low=1, high=8, whole=True, section="sister")
 EVEN_TIME_MS = Range(name="even time", unit="ms", low=0, high=32767, high_open=True, whole=True, section="sister")
 
 POWER_NOW = dict(zip(PowerMode, (POWER_NOW_PCT, POWER_NOW_KHZ, POWER_NOW_V, POWER_NOW_PCT), strict=True))

@@ -1,22 +1,14 @@
-"""The machine profile: TOML to a frozen dataclass, with diagnostics instead of exceptions for what is wrong in it."""
+"""The machine that a job runs on, as frozen dataclasses; profile.py reads them from TOML."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
-from pathlib import Path
-from typing import Any
 
 from gusjob import diagnostics as d
-from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Span
-from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, POWER_NOW, VELOCITY, PowerMode, Range
+from gusjob.limits import POWER_NOW, PowerMode
 from gusjob.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
-
-PROFILE_NAME = "gusjob.toml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +77,47 @@ def parse_scanner(text: str) -> Scanner | str:
     return Scanner(model=ScannerModel(found[1]), tracking_error_us=lag_us)
 
 
+class Abi(StrEnum):
+    """Which of the vendor's libraries it is: the GUS laser manual's, or one of the sister series."""
+
+    GUS = "gus"
+    GTS = "gts"
+    GTS_MULTI = "gts-multi"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interlock:
+    """A digital input that must read `value` (0 or 1) as long as a job runs: GT_GetDi(di_type), its bit `input`.
+
+    Type 4 are the general inputs of the sister series.
+    """
+
+    di_type: int = 4
+    input: int = 0
+    value: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controller:
+    """How the controller is reached, through the vendor's library, and how it is left. Empty texts: not given."""
+
+    library: str = ""
+    abi: Abi | None = None
+    configuration: str = ""
+    """The file for GT_LoadConfig."""
+    card: int = 0
+    open_channel: int = 0
+    open_param: int = 1
+    axes_off_after: bool = False
+    call_timeout_s: float = 2.0
+    """After so long without an answer a call counts as hung."""
+    link_patience_s: float = 5.0
+    """For so long the light is tried to be switched off over a link that does not answer."""
+    position_tolerance_pulse: float = 2.0
+    """By how much the position at the end may be off."""
+    interlock: Interlock | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
     """What a job runs on. The defaults are the documented ones of the job language."""
@@ -106,6 +139,7 @@ class Machine:
     scanner: Scanner | None = None
     """None: the beam is where the command is."""
     lasers: tuple[Laser, ...] = field(default=())
+    controller: Controller = Controller()
 
     @property
     def equal_axes(self) -> bool:
@@ -125,229 +159,3 @@ class Machine:
     def laser(self, channel: int) -> Laser:
         """The laser of a channel; one of unknown power if the profile names none."""
         return next((x for x in self.lasers if x.channel == channel), Laser(channel=channel))
-
-
-def _positive(name: str, unit: str, high: float = math.inf) -> Range:
-    return Range(name=name, unit=unit, low=0, high=high, low_open=True, high_open=True, section="profile")
-
-
-_COORDINATE_MM = Range(name="field", unit="mm", low=-1e6, high=1e6, section="profile")
-_PAIR = {"pulses_per_mm", "field_x_mm", "field_y_mm"}
-_MACHINE_KEYS: dict[str, Range] = {
-    "pulses_per_mm": _positive("pulses per mm", "pulse/mm", 1e7),
-    "field_x_mm": _COORDINATE_MM,
-    "field_y_mm": _COORDINATE_MM,
-    "max_velocity_mm_s": _positive("velocity", "mm/s", 1e9),
-    "max_acceleration_mm_s2": _positive("acceleration", "mm/s2", 1e12),
-    "period_us": Range(name="period", unit="us", low=1, high=1e6, section="profile"),
-    "host_calls_per_s": _positive("calls per second", "1/s", 1e9),
-    "chord_tolerance_um": Range(name="chord tolerance", unit="um", low=0.01, high=1000, section="profile"),
-}
-_LOOKAHEAD_KEYS: dict[str, Range] = {
-    "time_ms": LOOKAHEAD_TIME_MS,
-    "acc_pulse_per_ms2": ACCELERATION,
-}
-_EXPANSION_KEYS: dict[str, Range] = {
-    "max_statements": Range(name="statements", unit="", low=1, high=1e8, whole=True, section="profile"),
-    "max_depth": Range(name="depth", unit="", low=1, high=150, whole=True, section="profile"),
-    "max_includes": Range(name="includes", unit="", low=0, high=32, whole=True, section="profile"),
-}
-_LASER_KEYS: dict[str, Range] = {
-    "channel": CHANNEL,
-    "rated_w": _positive("rated power", "W", 1e6),
-    "max_frequency_khz": CARRIER_KHZ,
-}
-_TEXTS = {"name"}
-_NUMBER = "a number"
-
-
-def find_profile(job: Path) -> Path | None:
-    """The nearest gusjob.toml in the job's folder or above it."""
-    folder = job.resolve().parent
-    return next((p for f in (folder, *folder.parents) if (p := f / PROFILE_NAME).is_file()), None)
-
-
-def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
-    """The profile at `path`; the defaults stand in for what is wrong or missing."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        fault = Diagnostic(
-            rule=rules.UNREADABLE, span=d.NOWHERE, fields={"reason": error.strerror or "unreadable"}, path=str(path)
-        )
-        return Machine(), [fault]
-    except UnicodeDecodeError as error:
-        return Machine(), [
-            Diagnostic(rule=rules.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
-        ]
-    return parse_machine(text, str(path))
-
-
-def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]:
-    """A profile from TOML text, with a diagnostic for every entry that is wrong."""
-    import tomllib  # Most jobs have no profile: start-up time is part of the tool.
-
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        span = Span(line=getattr(error, "lineno", None) or _line_of(str(error)))
-        return Machine(), [Diagnostic(rule=rules.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
-    reader = _Reader(text=text, path=path)
-    machine = Machine()
-    tables = ("lookahead", "expansion", "laser")
-    apart = (*tables, "scanner")
-    top = {k: v for k, v in data.items() if k not in apart}
-    values = reader.table(top, _MACHINE_KEYS, "", extra=apart)
-    if "scanner" in data:
-        values["scanner"] = reader.scanner(data["scanner"])
-    ahead = reader.table(reader.as_table(data.get("lookahead", {}), "lookahead"), _LOOKAHEAD_KEYS, "lookahead")
-    values.update({f"lookahead_{k}": v for k, v in ahead.items()})
-    limits = reader.table(reader.as_table(data.get("expansion", {}), "expansion"), _EXPANSION_KEYS, "expansion")
-    values.update({f"expansion_{k}": int(v) for k, v in limits.items()})
-    lasers = data.get("laser", [])
-    if not isinstance(lasers, list):
-        reader.fault(rules.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
-        lasers = []
-    sources: list[Laser] = []
-    for number, entry in enumerate(lasers):
-        reader.laser_table = number
-        row = reader.table(reader.as_table(entry, "laser"), _LASER_KEYS, "laser")
-        if "channel" not in row:
-            if isinstance(entry, dict) and "channel" in entry:
-                continue
-            reader.fault(rules.PROFILE_TYPE, "channel", "laser", wanted="0 or 1", found="missing")
-            continue
-        if any(source.channel == row["channel"] for source in sources):
-            reader.fault(
-                rules.PROFILE_RANGE, "channel", "laser", value=d.number(row["channel"]), range="another: it is taken"
-            )
-            continue
-        sources.append(Laser(**{**row, "channel": int(row["channel"])}))
-    for axis in ("field_x_mm", "field_y_mm"):
-        if axis in values and values[axis][0] >= values[axis][1]:
-            reader.fault(
-                rules.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range="[low, high] with low < high"
-            )
-            del values[axis]
-    machine = replace(machine, **values, lasers=tuple(sources))
-    reader.check_speeds(machine)
-    return (machine, reader.faults) if not reader.faults else (Machine(), reader.faults)
-
-
-@dataclass(slots=True)
-class _Reader:
-    """Collects the faults of one profile; TOML bears no positions, so an entry's line is looked up in the text."""
-
-    text: str
-    path: str
-    laser_table: int = 0
-    """Which of the [[laser]] tables is read."""
-    faults: list[Diagnostic] = field(default_factory=list)
-
-    def fault(self, rule: d.Rule, key: str, table: str, **fields: Any) -> None:
-        name = f"{table}.{key}" if table else key
-        self.faults.append(
-            Diagnostic(rule=rule, span=self._find(key, table), fields={"key": name, **fields}, path=self.path)
-        )
-
-    def as_table(self, value: Any, key: str) -> Mapping[str, Any]:
-        if isinstance(value, dict):
-            return value
-        self.fault(rules.PROFILE_TYPE, key, "", wanted="a table", found=_kind(value))
-        return {}
-
-    def table(
-        self, data: Mapping[str, Any], keys: Mapping[str, Range], table: str, extra: tuple[str, ...] = ()
-    ) -> dict[str, Any]:
-        values: dict[str, Any] = {}
-        known = [*keys, *_TEXTS, *extra]
-        for key, value in data.items():
-            if key in _TEXTS and table not in ("lookahead", "expansion"):
-                if isinstance(value, str):
-                    values[key] = value
-                else:
-                    self.fault(rules.PROFILE_TYPE, key, table, wanted="a text", found=_kind(value))
-            elif key not in keys:
-                from difflib import get_close_matches
-
-                near = get_close_matches(key, known, 1)
-                self.fault(rules.PROFILE_UNKNOWN, key, table, hint=f"; did you mean {near[0]}?" if near else "")
-            elif key in _PAIR:
-                pair = self._pair(key, value, keys[key], table)
-                values.update({key: pair} if pair else {})
-            elif (checked := self._number(key, value, keys[key], table)) is not None:
-                values[key] = checked
-        return values
-
-    def scanner(self, value: Any) -> Scanner | None:
-        if not isinstance(value, str):
-            self.fault(
-                rules.PROFILE_TYPE, "scanner", "", wanted='a text such as "first-order:250us"', found=_kind(value)
-            )
-            return None
-        scanner = parse_scanner(value)
-        if isinstance(scanner, Scanner):
-            return scanner
-        self.fault(rules.PROFILE_RANGE, "scanner", "", value=f'"{d.printable(value)[:40]}"', range=SCANNER_FORM)
-        return None
-
-    def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
-        items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value
-        if not isinstance(items, list) or len(items) != 2:
-            found = f"a list of {len(items)}" if isinstance(items, list) else _kind(value)
-            self.fault(rules.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=found)
-            return None
-        first = self._number(key, items[0], limits, table)
-        second = None if first is None else self._number(key, items[1], limits, table)
-        return None if first is None or second is None else (first, second)
-
-    def _number(self, key: str, value: Any, limits: Range, table: str) -> float | None:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            self.fault(rules.PROFILE_TYPE, key, table, wanted=_NUMBER, found=_kind(value))
-            return None
-        try:
-            real = float(value)
-        except OverflowError:
-            real = math.inf
-        if limits.verdict(real) or not limits.carries(real):
-            self.fault(rules.PROFILE_RANGE, key, table, value=d.number(real), range=f"in {limits}")
-            return None
-        return real
-
-    def check_speeds(self, machine: Machine) -> None:
-        """The controller's own limits hold for the machine's speeds in pulses."""
-        for key, value, limits in (
-            ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),
-            ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
-        ):
-            if limits.verdict(value):
-                shown = f"{d.number(getattr(machine, key))}, that is {d.number(value)} {limits.unit}"
-                self.fault(rules.PROFILE_RANGE, key, "", value=shown, range=f"in {limits}")
-
-    def _find(self, key: str, table: str) -> Span:
-        """The line of an entry or table; the head of the entry's table, or the first line, where there is none."""
-        inside, lasers, head = "", -1, d.NOWHERE
-        for index, line in enumerate(self.text.splitlines(), 1):
-            bare = line.split("#")[0].strip()
-            is_head = bare.startswith("[")
-            name = bare.strip("[] ") if is_head else bare.split("=")[0].strip(" \"'")
-            if is_head:
-                inside = name
-                lasers += name == "laser"
-            column = line.find(name) + 1
-            span = Span(line=index, column=column, end_line=index, end_column=column + len(name))
-            here = inside == table and (table != "laser" or lasers == self.laser_table)
-            if name == key and (here or is_head):
-                return span
-            head = span if here and is_head else head
-        return head
-
-
-def _kind(value: Any) -> str:
-    names = {bool: "true or false", int: _NUMBER, float: _NUMBER, str: "a text", list: "a list", dict: "a table"}
-    return names.get(type(value), type(value).__name__)
-
-
-def _line_of(message: str) -> int:
-    digits = "".join(c if c.isdigit() else " " for c in message.partition("line")[2]).split()
-    return int(digits[0]) if digits else 1

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 from typing import Any
 
 import numpy as np
@@ -42,14 +42,37 @@ class Kind(IntEnum):
     STRUCT = 4
 
 
+class CType(StrEnum):
+    """A type of C: of an argument, or of what an array or pointer holds."""
+
+    SHORT = "short"
+    USHORT = "unsigned short"
+    LONG = "long"
+    ULONG = "unsigned long"
+    DOUBLE = "double"
+    TEXT = "char *"
+    CRD_PARAMETERS = "TCrdPrm"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arg:
-    """An argument: its C kind, its range (or None where the range hangs on the power mode), its column if buffered."""
+    """An argument: its kind, its range (or None where the range hangs on the power mode), its column if buffered.
+
+    `c`: its type; `count`: how many of them an array or pointer holds.
+    """
 
     name: str
     kind: Kind
     range: Range | None = None
     column: str = ""
+    c: CType = CType.SHORT
+    count: int = 1
+
+    @property
+    def declaration(self) -> str:
+        """The argument in C."""
+        star = "" if self.kind in (Kind.WHOLE, Kind.REAL) else "*"
+        return f"{self.c}{'' if self.c.endswith('*') else ' '}{star}{self.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,13 +87,26 @@ class Signature:
     buffered: Buffered | None = None
     section: str = "sister"
 
+    @property
+    def prototype(self) -> str:
+        """The call's prototype in C, without its semicolon. Every call returns a short."""
+        return f"short {self.name}({', '.join(a.declaration for a in self.args) or 'void'})"
 
-def _whole(name: str, allowed: Range | None = None, column: str = "") -> Arg:
-    return Arg(name=name, kind=Kind.WHOLE, range=allowed, column=column)
+
+def _whole(name: str, allowed: Range | None = None, column: str = "", c: CType = CType.SHORT) -> Arg:
+    return Arg(name=name, kind=Kind.WHOLE, range=allowed, column=column, c=c)
 
 
 def _real(name: str, allowed: Range | None = None, column: str = "") -> Arg:
-    return Arg(name=name, kind=Kind.REAL, range=allowed, column=column)
+    return Arg(name=name, kind=Kind.REAL, range=allowed, column=column, c=CType.DOUBLE)
+
+
+def _array(name: str, allowed: Range, c: CType) -> Arg:
+    return Arg(name=name, kind=Kind.ARRAY, range=allowed, c=c, count=4)
+
+
+def _found(name: str, c: CType, count: int = 1) -> Arg:
+    return Arg(name=name, kind=Kind.POINTER, c=c, count=count)
 
 
 _CRD = _whole("crd", limits.CRD, "crd")
@@ -78,8 +114,8 @@ _FIFO = _whole("fifo", limits.FIFO, "fifo")
 _CH = _whole("channel", limits.CHANNEL, "channel")
 _TO = (
     _CRD,
-    _whole("x", limits.COORDINATE_PULSE, "x"),
-    _whole("y", limits.COORDINATE_PULSE, "y"),
+    _whole("x", limits.COORDINATE_PULSE, "x", CType.LONG),
+    _whole("y", limits.COORDINATE_PULSE, "y", CType.LONG),
 )
 _SPEED = (
     _real("vel", limits.VELOCITY, "vel"),
@@ -107,7 +143,11 @@ _SIGNATURES = (
         args=(*_TO, _real("r", limits.RADIUS_PULSE, "p"), _DIR, *_SPEED),
         buffered=Buffered.ARC_RADIUS,
     ),
-    Signature(name="GT_BufDelay", args=(_CRD, _whole("ms", limits.DWELL_MS, "p"), _FIFO), buffered=Buffered.DELAY),
+    Signature(
+        name="GT_BufDelay",
+        args=(_CRD, _whole("ms", limits.DWELL_MS, "p", CType.USHORT), _FIFO),
+        buffered=Buffered.DELAY,
+    ),
     Signature(name="GT_BufLaserOn", args=(_CRD, _FIFO, _CH), buffered=Buffered.ON, section="四.2"),
     Signature(name="GT_BufLaserOff", args=(_CRD, _FIFO, _CH), buffered=Buffered.OFF, section="四.2"),
     Signature(
@@ -121,8 +161,8 @@ _SIGNATURES = (
         args=(
             _CRD,
             _real("ratio", limits.FOLLOW_RATIO, "p"),
-            _whole("minPower", None, "q"),
-            _whole("maxPower", None, "r"),
+            _whole("minPower", None, "q", CType.LONG),
+            _whole("maxPower", None, "r", CType.LONG),
             _FIFO,
             _CH,
         ),
@@ -134,8 +174,8 @@ _SIGNATURES = (
         args=(_whole("axis", limits.AXIS_MODE_AXIS), _whole("mode", limits.AXIS_MODE)),
         section="二.2",
     ),
-    Signature(name="GT_SetHSIOOpt", args=(_whole("value", limits.SWITCH_VALUE), _CH), section="二.2"),
-    Signature(name="GT_GetHSIOOpt", args=(Arg(name="pValue", kind=Kind.POINTER), _CH), section="二.2"),
+    Signature(name="GT_SetHSIOOpt", args=(_whole("value", limits.SWITCH_VALUE, c=CType.USHORT), _CH), section="二.2"),
+    Signature(name="GT_GetHSIOOpt", args=(_found("pValue", CType.USHORT), _CH), section="二.2"),
     Signature(
         name="GT_LaserPowerMode",
         args=(_whole("laserPowerMode", limits.POWER_MODE), _real("maxValue"), _real("minValue"), _CH),
@@ -143,11 +183,13 @@ _SIGNATURES = (
     ),
     Signature(name="GT_LaserPrfCmd", args=(_real("outputCmd"), _CH), section="二.2"),
     Signature(name="GT_LaserOutFrq", args=(_real("outFrq", limits.CARRIER_KHZ), _CH), section="二.2"),
-    Signature(name="GT_SetPulseWidth", args=(_whole("width", limits.PULSE_WIDTH_US), _CH), section="二.2"),
+    Signature(
+        name="GT_SetPulseWidth", args=(_whole("width", limits.PULSE_WIDTH_US, c=CType.USHORT), _CH), section="二.2"
+    ),
     Signature(
         name="GT_SetWaitPulse",
         args=(
-            _whole("mode", limits.SWITCH_VALUE),
+            _whole("mode", limits.SWITCH_VALUE, c=CType.USHORT),
             _real("waitPulseFrq", limits.STANDBY_KHZ),
             _real("waitPulseDuty", limits.STANDBY_PCT),
             _CH,
@@ -156,14 +198,14 @@ _SIGNATURES = (
     ),
     Signature(
         name="GT_SetPreVltg",
-        args=(_whole("mode", limits.SWITCH_VALUE), _real("voltageValue", limits.PREVOLTAGE_V), _CH),
+        args=(_whole("mode", limits.SWITCH_VALUE, c=CType.USHORT), _real("voltageValue", limits.PREVOLTAGE_V), _CH),
         section="二.2",
     ),
     Signature(
         name="GT_SetLevelDelay",
         args=(
-            _whole("highLevelDelay", limits.SWITCH_DELAY_US),
-            _whole("lowLevelDelay", limits.SWITCH_DELAY_US),
+            _whole("highLevelDelay", limits.SWITCH_DELAY_US, c=CType.USHORT),
+            _whole("lowLevelDelay", limits.SWITCH_DELAY_US, c=CType.USHORT),
             _CH,
         ),
         section="二.2",
@@ -171,9 +213,9 @@ _SIGNATURES = (
     Signature(
         name="GT_EnaFPK",
         args=(
-            _whole("time1", limits.FPK_WIDTH_US),
-            _whole("time2", limits.FPK_GAP_US),
-            _whole("laserOffDelay", limits.FPK_OFF_DELAY_US),
+            _whole("time1", limits.FPK_WIDTH_US, c=CType.USHORT),
+            _whole("time2", limits.FPK_GAP_US, c=CType.USHORT),
+            _whole("laserOffDelay", limits.FPK_OFF_DELAY_US, c=CType.USHORT),
             _CH,
         ),
         section="二.2",
@@ -184,8 +226,8 @@ _SIGNATURES = (
         args=(
             _whole("mode", limits.DISTANCE_ENABLE),
             _whole("source", limits.DISTANCE_SOURCE),
-            Arg(name="pPos", kind=Kind.ARRAY, range=limits.COORDINATE_PULSE),
-            Arg(name="pScale", kind=Kind.ARRAY, range=limits.DISTANCE_SCALE),
+            _array("pPos", limits.COORDINATE_PULSE, CType.LONG),
+            _array("pScale", limits.DISTANCE_SCALE, CType.DOUBLE),
             _CH,
         ),
         section="五.2",
@@ -193,19 +235,19 @@ _SIGNATURES = (
     Signature(
         name="GT_SetLaserDisRatio",
         args=(
-            Arg(name="pRatio", kind=Kind.ARRAY, range=limits.DISTANCE_RATIO),
+            _array("pRatio", limits.DISTANCE_RATIO, CType.DOUBLE),
             _real("minPower"),
             _real("maxPower"),
             _CH,
         ),
         section="五.2",
     ),
-    Signature(name="GT_SetCrdPrm", args=(_CRD, Arg(name="pCrdPrm", kind=Kind.STRUCT))),
+    Signature(name="GT_SetCrdPrm", args=(_CRD, Arg(name="pCrdPrm", kind=Kind.STRUCT, c=CType.CRD_PARAMETERS))),
     Signature(name="GT_CrdClear", args=(_CRD, _FIFO), section="四.3"),
     Signature(name="GT_CrdStart", args=(_whole("mask"), _whole("option")), section="四.3"),
     Signature(
         name="GT_CrdStatus",
-        args=(_CRD, Arg(name="pRun", kind=Kind.POINTER), Arg(name="pSegment", kind=Kind.POINTER), _FIFO),
+        args=(_CRD, _found("pRun", CType.SHORT), _found("pSegment", CType.LONG), _FIFO),
     ),
 )
 
@@ -214,25 +256,42 @@ SIGNATURES: dict[str, Signature] = {s.name: s for s in _SIGNATURES}
 
 BUFFERED: dict[Buffered, Signature] = {s.buffered: s for s in _SIGNATURES if s.buffered is not None}
 
+_AXIS = _whole("axis", limits.AXIS)
+_COUNT = _whole("count", limits.AXIS)
+
+HOST_CALLS: dict[str, Signature] = {
+    s.name: s
+    for s in (
+        Signature(name="GT_Open", args=(_whole("channel"), _whole("param"))),
+        Signature(name="GT_Close", args=()),
+        Signature(name="GT_Reset", args=()),
+        Signature(name="GT_LoadConfig", args=(Arg(name="pFile", kind=Kind.WHOLE, c=CType.TEXT),)),
+        Signature(name="GT_ClrSts", args=(_AXIS, _COUNT)),
+        Signature(name="GT_AxisOn", args=(_AXIS,)),
+        Signature(name="GT_AxisOff", args=(_AXIS,)),
+        Signature(name="GT_GetDi", args=(_whole("diType"), _found("pValue", CType.LONG))),
+        Signature(name="GT_Stop", args=(_whole("mask", c=CType.LONG), _whole("option", c=CType.LONG))),
+        Signature(name="GT_CrdSpace", args=(_CRD, _found("pSpace", CType.LONG), _FIFO)),
+        Signature(name="GT_GetCrdPos", args=(_CRD, _found("pPos", CType.DOUBLE, 8))),
+    )
+}
+"""Calls by which a program handles the controller, beside those of the job (sister)."""
+
 PASSED_OVER = frozenset(
-    [
-        "GT_Open",
-        "GT_Close",
-        "GT_Reset",
-        "GT_LoadConfig",
-        "GT_ClrSts",
-        "GT_AxisOn",
-        "GT_AxisOff",
-        "GT_GetVersion",
-        "GT_CrdSpace",
-        "GT_CrdData",
-        "GT_GetCrdPos",
-        "GT_GetCrdVel",
-        "GT_GetSts",
-        "GT_ZeroPos",
-    ]
+    (HOST_CALLS.keys() | {"GT_GetVersion", "GT_CrdData", "GT_GetCrdVel", "GT_GetSts", "GT_ZeroPos"}) - {"GT_Stop"}
 )
 """Calls of the basic manual that a listing may hold and that change neither light nor path here."""
+
+CRD_FIELDS: tuple[tuple[str, CType, int, Range | None], ...] = (
+    ("dimension", CType.SHORT, 1, limits.DIMENSION),
+    ("profile", CType.SHORT, 8, limits.SHORT),
+    ("synVelMax", CType.DOUBLE, 1, None),
+    ("synAccMax", CType.DOUBLE, 1, None),
+    ("evenTime", CType.SHORT, 1, limits.EVEN_TIME_MS),
+    ("setOriginFlag", CType.SHORT, 1, limits.SHORT),
+    ("originPos", CType.LONG, 8, limits.COORDINATE_PULSE),
+)
+"""TCrdPrm in its order (sister): name, type, how many, range (None for the numbers that are no whole ones)."""
 
 Value = float | str | tuple["Value", ...]
 """An argument of a call that is not buffered: a number, a pointer's name, an array or a struct."""

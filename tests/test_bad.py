@@ -12,7 +12,7 @@ from gusjob import rules
 from gusjob.cli.check_command import judged
 from gusjob.cli.text import diagnostic_text
 from gusjob.diagnostics import Diagnostic
-from gusjob.machine import read_machine
+from gusjob.profile import read_machine
 from gusjob.rules import RULES
 from gusjob.syntax import check_text, read_job, read_source
 

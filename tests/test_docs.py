@@ -119,7 +119,8 @@ def test_the_readme_example_checks_clean() -> None:
 def test_the_readme_profile_is_the_default() -> None:
     from dataclasses import replace
 
-    from gusjob.machine import Machine, parse_machine
+    from gusjob.machine import Machine
+    from gusjob.profile import parse_machine
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     profile = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)[0]

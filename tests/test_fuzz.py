@@ -16,8 +16,9 @@ from gusjob.cli.text import diagnostic_text
 from gusjob.diagnostics import Diagnostic, Severity, has_errors
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
-from gusjob.machine import Machine, parse_machine
+from gusjob.machine import Machine
 from gusjob.planner import compile_job
+from gusjob.profile import parse_machine
 from gusjob.report.files import report_csv, report_json
 from gusjob.report.rows import make_report
 from gusjob.report.table import report_table

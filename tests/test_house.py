@@ -11,7 +11,7 @@ import pytest
 from tools import ROOT
 
 ORDER = (
-    "limits", "diagnostics", "rules", "units", "machine", "motion", "geometry", "job", "stream", "listing",
+    "limits", "diagnostics", "rules", "units", "machine", "profile", "motion", "geometry", "job", "stream", "listing",
     "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "tune", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""

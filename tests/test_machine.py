@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from gusjob.limits import PowerMode
-from gusjob.machine import Laser, Machine, find_profile, parse_machine, read_machine
+from gusjob.machine import Laser, Machine
+from gusjob.profile import find_profile, parse_machine, read_machine
 
 
 def test_the_documented_defaults() -> None:

@@ -17,7 +17,8 @@ from tools import run_listing
 
 from gusjob.cli import cli
 from gusjob.interpreter import Trace, find_faults, interpret
-from gusjob.machine import Machine, Scanner, ScannerModel, parse_machine, parse_scanner
+from gusjob.machine import Machine, Scanner, ScannerModel, parse_scanner
+from gusjob.profile import parse_machine
 from gusjob.stream import Stream
 from gusjob.syntax import check_text, read_listing
 

@@ -14,7 +14,8 @@ import click
 from gusjob.checks import check as check_job
 from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors
 from gusjob.job import Job
-from gusjob.machine import SCANNER_FORM, Machine, Scanner, find_profile, parse_scanner, read_machine
+from gusjob.machine import SCANNER_FORM, Machine, Scanner, parse_scanner
+from gusjob.profile import find_profile, read_machine
 from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.

@@ -1,0 +1,307 @@
+"""The machine profile: TOML to a Machine, with diagnostics instead of exceptions for what is wrong in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from gusjob import diagnostics as d
+from gusjob import rules
+from gusjob.diagnostics import Diagnostic, Span
+from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, SHORT, SWITCH_VALUE, VELOCITY, Range
+from gusjob.machine import (
+    SCANNER_FORM,
+    Abi,
+    Controller,
+    Interlock,
+    Laser,
+    Machine,
+    Scanner,
+    parse_scanner,
+)
+
+PROFILE_NAME = "gusjob.toml"
+
+Wanted = Range | type[str] | type[bool] | type[Abi]
+"""What an entry must be: a number in a range, a text, true or false, one of the ABIs."""
+
+
+def _positive(name: str, unit: str, high: float = math.inf) -> Range:
+    return Range(name=name, unit=unit, low=0, high=high, low_open=True, high_open=True, section="profile")
+
+
+_COORDINATE_MM = Range(name="field", unit="mm", low=-1e6, high=1e6, section="profile")
+_PAIR = {"pulses_per_mm", "field_x_mm", "field_y_mm"}
+_MACHINE_KEYS: dict[str, Wanted] = {
+    "name": str,
+    "pulses_per_mm": _positive("pulses per mm", "pulse/mm", 1e7),
+    "field_x_mm": _COORDINATE_MM,
+    "field_y_mm": _COORDINATE_MM,
+    "max_velocity_mm_s": _positive("velocity", "mm/s", 1e9),
+    "max_acceleration_mm_s2": _positive("acceleration", "mm/s2", 1e12),
+    "period_us": Range(name="period", unit="us", low=1, high=1e6, section="profile"),
+    "host_calls_per_s": _positive("calls per second", "1/s", 1e9),
+    "chord_tolerance_um": Range(name="chord tolerance", unit="um", low=0.01, high=1000, section="profile"),
+}
+_LOOKAHEAD_KEYS: dict[str, Wanted] = {
+    "time_ms": LOOKAHEAD_TIME_MS,
+    "acc_pulse_per_ms2": ACCELERATION,
+}
+_EXPANSION_KEYS: dict[str, Wanted] = {
+    "max_statements": Range(name="statements", unit="", low=1, high=1e8, whole=True, section="profile"),
+    "max_depth": Range(name="depth", unit="", low=1, high=150, whole=True, section="profile"),
+    "max_includes": Range(name="includes", unit="", low=0, high=32, whole=True, section="profile"),
+}
+_LASER_KEYS: dict[str, Wanted] = {
+    "name": str,
+    "channel": CHANNEL,
+    "rated_w": _positive("rated power", "W", 1e6),
+    "max_frequency_khz": CARRIER_KHZ,
+}
+_CONTROLLER_KEYS: dict[str, Wanted] = {
+    "library": str,
+    "abi": Abi,
+    "configuration": str,
+    "card": Range(name="card", unit="", low=0, high=15, whole=True, section="profile"),
+    "open_channel": SHORT,
+    "open_param": SHORT,
+    "axes_off_after": bool,
+    "call_timeout_s": Range(name="time-out", unit="s", low=0.01, high=600, section="profile"),
+    "link_patience_s": Range(name="patience", unit="s", low=0.01, high=600, section="profile"),
+    "position_tolerance_pulse": Range(name="tolerance", unit="pulse", low=0, high=1e6, section="profile"),
+}
+_INTERLOCK_KEYS: dict[str, Wanted] = {
+    "di_type": SHORT,
+    "input": Range(name="input", unit="", low=0, high=31, whole=True, section="profile"),
+    "value": SWITCH_VALUE,
+}
+_NUMBER = "a number"
+
+
+def find_profile(job: Path) -> Path | None:
+    """The nearest gusjob.toml in the job's folder or above it."""
+    folder = job.resolve().parent
+    return next((p for f in (folder, *folder.parents) if (p := f / PROFILE_NAME).is_file()), None)
+
+
+def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
+    """The profile at `path`; the defaults stand in for what is wrong or missing."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        fault = Diagnostic(
+            rule=rules.UNREADABLE, span=d.NOWHERE, fields={"reason": error.strerror or "unreadable"}, path=str(path)
+        )
+        return Machine(), [fault]
+    except UnicodeDecodeError as error:
+        return Machine(), [
+            Diagnostic(rule=rules.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
+        ]
+    machine, faults = parse_machine(text, str(path))
+    return _beside(machine, path.resolve().parent), faults
+
+
+def _beside(machine: Machine, folder: Path) -> Machine:
+    """Files that the profile names are looked for beside it; a bare name that is not there is the system's matter."""
+
+    def beside(name: str) -> str:
+        return str(folder / name) if name and (folder / name).exists() else name
+
+    controller = machine.controller
+    library, configuration = beside(controller.library), beside(controller.configuration)
+    return replace(machine, controller=replace(controller, library=library, configuration=configuration))
+
+
+def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]:
+    """A profile from TOML text, with a diagnostic for every entry that is wrong."""
+    import tomllib  # Most jobs have no profile: start-up time is part of the tool.
+
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        span = Span(line=getattr(error, "lineno", None) or _line_of(str(error)))
+        return Machine(), [Diagnostic(rule=rules.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
+    reader = _Reader(text=text, path=path)
+    machine = Machine()
+    tables = ("lookahead", "expansion", "laser", "controller")
+    apart = (*tables, "scanner")
+    top = {k: v for k, v in data.items() if k not in apart}
+    values = reader.table(top, _MACHINE_KEYS, "", extra=apart)
+    if "scanner" in data:
+        values["scanner"] = reader.scanner(data["scanner"])
+    ahead = reader.table(reader.as_table(data.get("lookahead", {}), "lookahead"), _LOOKAHEAD_KEYS, "lookahead")
+    values.update({f"lookahead_{k}": v for k, v in ahead.items()})
+    limits = reader.table(reader.as_table(data.get("expansion", {}), "expansion"), _EXPANSION_KEYS, "expansion")
+    values.update({f"expansion_{k}": int(v) for k, v in limits.items()})
+    values["controller"] = reader.controller(data.get("controller", {}))
+    lasers = data.get("laser", [])
+    if not isinstance(lasers, list):
+        reader.fault(rules.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
+        lasers = []
+    sources: list[Laser] = []
+    for number, entry in enumerate(lasers):
+        reader.laser_table = number
+        row = reader.table(reader.as_table(entry, "laser"), _LASER_KEYS, "laser")
+        if "channel" not in row:
+            if isinstance(entry, dict) and "channel" in entry:
+                continue
+            reader.fault(rules.PROFILE_TYPE, "channel", "laser", wanted="0 or 1", found="missing")
+            continue
+        if any(source.channel == row["channel"] for source in sources):
+            reader.fault(
+                rules.PROFILE_RANGE, "channel", "laser", value=d.number(row["channel"]), range="another: it is taken"
+            )
+            continue
+        sources.append(Laser(**{**row, "channel": int(row["channel"])}))
+    for axis in ("field_x_mm", "field_y_mm"):
+        if axis in values and values[axis][0] >= values[axis][1]:
+            reader.fault(
+                rules.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range="[low, high] with low < high"
+            )
+            del values[axis]
+    machine = replace(machine, **values, lasers=tuple(sources))
+    reader.check_speeds(machine)
+    return (machine, reader.faults) if not reader.faults else (Machine(), reader.faults)
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Collects the faults of one profile; TOML bears no positions, so an entry's line is looked up in the text."""
+
+    text: str
+    path: str
+    laser_table: int = 0
+    """Which of the [[laser]] tables is read."""
+    faults: list[Diagnostic] = field(default_factory=list)
+
+    def fault(self, rule: d.Rule, key: str, table: str, **fields: Any) -> None:
+        name = f"{table}.{key}" if table else key
+        self.faults.append(
+            Diagnostic(rule=rule, span=self._find(key, table), fields={"key": name, **fields}, path=self.path)
+        )
+
+    def as_table(self, value: Any, key: str) -> Mapping[str, Any]:
+        if isinstance(value, dict):
+            return value
+        self.fault(rules.PROFILE_TYPE, key, "", wanted="a table", found=_kind(value))
+        return {}
+
+    def table(
+        self, data: Mapping[str, Any], keys: Mapping[str, Wanted], table: str, extra: tuple[str, ...] = ()
+    ) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        known = [*keys, *extra]
+        for key, value in data.items():
+            if key not in keys:
+                from difflib import get_close_matches
+
+                near = get_close_matches(key, known, 1)
+                self.fault(rules.PROFILE_UNKNOWN, key, table, hint=f"; did you mean {near[0]}?" if near else "")
+            elif (checked := self._entry(key, value, keys[key], table)) is not None:
+                values[key] = checked
+        return values
+
+    def _entry(self, key: str, value: Any, wanted: Wanted, table: str) -> Any:
+        """An entry's value, or None with a fault."""
+        if isinstance(wanted, Range):
+            return self._pair(key, value, wanted, table) if key in _PAIR else self._number(key, value, wanted, table)
+        if wanted is bool:
+            if not isinstance(value, bool):
+                self.fault(rules.PROFILE_TYPE, key, table, wanted="true or false", found=_kind(value))
+            return value if isinstance(value, bool) else None
+        if not isinstance(value, str):
+            self.fault(rules.PROFILE_TYPE, key, table, wanted="a text", found=_kind(value))
+            return None
+        if wanted is Abi and value not in list(Abi):
+            shown = f'"{d.printable(value)[:40]}"'
+            self.fault(rules.PROFILE_RANGE, key, table, value=shown, range=f"one of {', '.join(Abi)}")
+            return None
+        return Abi(value) if wanted is Abi else value
+
+    def controller(self, data: Any) -> Controller:
+        """The [controller] table with its [controller.interlock]."""
+        entries = dict(self.as_table(data, "controller"))
+        inner = entries.pop("interlock", None)
+        values = self.table(entries, _CONTROLLER_KEYS, "controller", extra=("interlock",))
+        values.update({key: int(values[key]) for key in ("card", "open_channel", "open_param") if key in values})
+        interlock = None
+        if inner is not None:
+            row = self.table(self.as_table(inner, "interlock"), _INTERLOCK_KEYS, "controller.interlock")
+            interlock = Interlock(**{key: int(value) for key, value in row.items()})
+        return Controller(**values, interlock=interlock)
+
+    def scanner(self, value: Any) -> Scanner | None:
+        if not isinstance(value, str):
+            self.fault(
+                rules.PROFILE_TYPE, "scanner", "", wanted='a text such as "first-order:250us"', found=_kind(value)
+            )
+            return None
+        scanner = parse_scanner(value)
+        if isinstance(scanner, Scanner):
+            return scanner
+        self.fault(rules.PROFILE_RANGE, "scanner", "", value=f'"{d.printable(value)[:40]}"', range=SCANNER_FORM)
+        return None
+
+    def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
+        items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value
+        if not isinstance(items, list) or len(items) != 2:
+            found = f"a list of {len(items)}" if isinstance(items, list) else _kind(value)
+            self.fault(rules.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=found)
+            return None
+        first = self._number(key, items[0], limits, table)
+        second = None if first is None else self._number(key, items[1], limits, table)
+        return None if first is None or second is None else (first, second)
+
+    def _number(self, key: str, value: Any, limits: Range, table: str) -> float | None:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.fault(rules.PROFILE_TYPE, key, table, wanted=_NUMBER, found=_kind(value))
+            return None
+        try:
+            real = float(value)
+        except OverflowError:
+            real = math.inf
+        if limits.verdict(real) or not limits.carries(real):
+            self.fault(rules.PROFILE_RANGE, key, table, value=d.number(real), range=f"in {limits}")
+            return None
+        return real
+
+    def check_speeds(self, machine: Machine) -> None:
+        """The controller's own limits hold for the machine's speeds in pulses."""
+        for key, value, limits in (
+            ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),
+            ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
+        ):
+            if limits.verdict(value):
+                shown = f"{d.number(getattr(machine, key))}, that is {d.number(value)} {limits.unit}"
+                self.fault(rules.PROFILE_RANGE, key, "", value=shown, range=f"in {limits}")
+
+    def _find(self, key: str, table: str) -> Span:
+        """The line of an entry or table; the head of the entry's table, or the first line, where there is none."""
+        inside, lasers, head = "", -1, d.NOWHERE
+        for index, line in enumerate(self.text.splitlines(), 1):
+            bare = line.split("#")[0].strip()
+            is_head = bare.startswith("[")
+            name = bare.strip("[] ") if is_head else bare.split("=")[0].strip(" \"'")
+            if is_head:
+                inside = name
+                lasers += name == "laser"
+            column = line.find(name) + 1
+            span = Span(line=index, column=column, end_line=index, end_column=column + len(name))
+            here = inside == table and (table != "laser" or lasers == self.laser_table)
+            if name == key and (here or is_head):
+                return span
+            head = span if here and is_head else head
+        return head
+
+
+def _kind(value: Any) -> str:
+    names = {bool: "true or false", int: _NUMBER, float: _NUMBER, str: "a text", list: "a list", dict: "a table"}
+    return names.get(type(value), type(value).__name__)
+
+
+def _line_of(message: str) -> int:
+    digits = "".join(c if c.isdigit() else " " for c in message.partition("line")[2]).split()
+    return int(digits[0]) if digits else 1
