@@ -4,7 +4,7 @@ Texts are templates with named fields. grammar/README.md's table and `gusjob exp
 run every example. Codes are stable: a code is never given to another fault.
 
 GJ0 the file, GJ1 words and the carrying out of a job, GJ2 values, GJ3 modes and order, GJ4 light, GJ5 motion, GJ6 the
-machine profile, GJ7 what the controller would say to a listing, GJ8 sky writing.
+machine profile, GJ7 what the controller would say to a listing, GJ8 sky writing, GJ9 a run on hardware.
 """
 
 from __future__ import annotations
@@ -783,4 +783,82 @@ SKY_DARK = _rule(
     bad=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 5000us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
     good=_HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 50us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
     section="RTC5",
+)  # fmt: skip
+
+# GJ9: a run on hardware.
+NO_LIBRARY = _rule(
+    "GJ901", _E, "vendor's library can't be loaded", "can't load the library {library}: {reason}",
+    "Without the vendor's library there is no way to the controller. gusjob devices lists what was found.",
+)  # fmt: skip
+NO_SYMBOLS = _rule(
+    "GJ902", _E, "vendor's library lacks calls of this job",
+    "the library {library}, taken as --abi {abi}, has no {symbols}{hint}",
+    "A job that finds out in its middle that a call is missing stands there with the light on.",
+)  # fmt: skip
+WRONG_ABI = _rule(
+    "GJ903", _E, "library of another ABI",
+    "the library {library} is not what --abi {abi} says: {reason}{hint}",
+    "Arguments in the wrong place mean other speeds, other powers, or a crash with the light on.",
+)  # fmt: skip
+CALL_FAILED = _rule(
+    "GJ904", _E, "call refused by the controller", "{call} returned {code}: {meaning}; {advice}",
+    "What the controller refused it did not do; all that follows would be done wrongly.",
+)  # fmt: skip
+NO_ANSWER = _rule(
+    "GJ905", _E, "call that does not return",
+    "{call} has not returned for {seconds} s: the library or the driver hangs; check cable and power, then start the "
+    "controller anew",
+    "A program that waits for ever can't switch the light off.",
+)  # fmt: skip
+STARVED = _rule(
+    "GJ906", _E, "FIFO ran dry",
+    "the FIFO ran dry here and the motion stopped: {rate} calls/s were sent, the segments want more; make them longer "
+    "or slower (gusjob check warns of this if the profile has host_calls_per_s)",
+    "Where the motion stops with the light on the part is burnt.",
+)  # fmt: skip
+HALTED = _rule(
+    "GJ907", _E, "motion stopped from outside",
+    "the motion stopped here with {queued} calls in the FIFO: something stopped the axes (emergency stop, limit "
+    "switch, drive alarm, another program); clear the cause, then go on with --resume",
+    "What stopped the axes had a reason; going on by itself would ignore it.",
+)  # fmt: skip
+NO_PROGRESS = _rule(
+    "GJ908", _E, "motion that does not go on",
+    "{what} for {seconds} s: look whether the axes are enabled and free, then go on with --resume",
+    "Light on a head that stands still burns the part.",
+)  # fmt: skip
+WRONG_END = _rule(
+    "GJ909", _E, "head not where the job ends",
+    "the motion ended at X {x} Y {y} pulse, not at X {want_x} Y {want_y} pulse: calls were lost, or something moved "
+    "the axes; do not trust this part",
+    "A part that was marked somewhere else is scrap, and the next one would be too.",
+)  # fmt: skip
+INTERLOCK = _rule(
+    "GJ910", _E, "interlock open",
+    "the interlock (GT_GetDi({di_type}), input {input}) reads {found}, the machine profile wants {value}: close the "
+    "door or guard, then {again}",
+    "Light must not be on while somebody can reach the beam.",
+)  # fmt: skip
+STOPPED = _rule(
+    "GJ911", _E, "run stopped on request", "stopped here by {who}; go on with --resume {journal}",
+    "A part that was not finished must not count as done.",
+)  # fmt: skip
+LIGHT_UNKNOWN = _rule(
+    "GJ912", _E, "light may be on",
+    "THE LIGHT OF CHANNEL {channel} MAY BE ON: {call} {why}. Use the emergency stop, then look at the machine",
+    "Over a link that does not answer nothing can be switched off. That takes an interlock in hardware.",
+)  # fmt: skip
+MOTION_UNKNOWN = _rule(
+    "GJ913", _E, "motion may go on", "the motion may still go on: {why}. Use the emergency stop",
+    "Over a link that does not answer nothing can be stopped.",
+)  # fmt: skip
+BAD_JOURNAL = _rule(
+    "GJ914", _E, "journal that can't be used", "{reason}",
+    "Going on from a place that is only guessed leaves something out, or burns it twice.",
+)  # fmt: skip
+PLACE_UNKNOWN = _rule(
+    "GJ915", _E, "where the job broke is not known",
+    "the controller does not know any more where the job broke ({why}); it was last seen at line {line}, and up to "
+    "{calls} more calls may have run: look at the part, then go on with --from-line N",
+    "Going on from a place that is only guessed leaves something out, or burns it twice.",
 )  # fmt: skip

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob.backend.sim import SimBackend
 from gusjob.cli.common import (
     Loaded,
     compiled,
@@ -123,9 +122,10 @@ def _reported(loaded: Loaded, marking: bool | None) -> Report | None:
     stream = compiled(loaded)
     if stream is None:
         return None
+    from gusjob.interpreter import interpret
     from gusjob.report.rows import make_report
 
-    trace, faults = SimBackend().run(stream, loaded.machine, foreign=loaded.foreign)
+    trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
     interpreted_faults(loaded, faults)
     return None if trace is None else make_report(trace, loaded.machine, loaded.files, marking=marking)
 

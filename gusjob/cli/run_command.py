@@ -9,8 +9,6 @@ from pathlib import Path
 
 import click
 
-from gusjob.backend import Backend
-from gusjob.backend.sim import SimBackend
 from gusjob.cli.common import (
     compiled,
     exit_code,
@@ -41,11 +39,11 @@ def command(path: Path, machine_path: Path | None, scanner: Scanner | None, back
         say("planning")
         stream, report = compiled(loaded), None
         if stream is not None:
+            from gusjob.interpreter import interpret
             from gusjob.report.rows import make_report
 
             say(f"running {len(stream.buffered):,} buffered calls on {backend}")
-            runner: Backend = SimBackend()
-            trace, faults = runner.run(stream, loaded.machine, foreign=loaded.foreign)
+            trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
             interpreted_faults(loaded, faults)
             report = None if trace is None else make_report(trace, loaded.machine, loaded.files)
     if report is not None:

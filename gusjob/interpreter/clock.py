@@ -73,7 +73,7 @@ def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock,
     row, stage = rows[timed], stage_of_row[timed]
     dwell = kind[timed] == Buffered.DELAY
     stage_first = np.searchsorted(stage, np.arange(len(stages) + 1))
-    laid = _lay(calls, row, dwell)
+    laid = lay(calls, row, dwell)
 
     vel = np.where(dwell, 1.0, calls.vel[row])
     acc = np.where(dwell, 1.0, calls.acc[row])
@@ -110,13 +110,15 @@ def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock,
     return clock, reporter.collector.done(rules.MORE)
 
 
-def _lay(calls: BufferedCalls, row: Indices, dwell: npt.NDArray[np.bool_]) -> Segments:
-    """Segments from the calls' own coordinates; a dwell stays where it is."""
+def lay(
+    calls: BufferedCalls, row: Indices, dwell: npt.NDArray[np.bool_], start: tuple[float, float] = (0.0, 0.0)
+) -> Segments:
+    """Segments of timed rows in a row, from the calls' own coordinates; a dwell stays where it is."""
     x1, y1 = calls.x[row], calls.y[row]
     if dwell.any():
         at = np.maximum.accumulate(np.where(dwell, -1, np.arange(len(row))))
-        x1, y1 = np.where(at >= 0, x1[at], 0.0), np.where(at >= 0, y1[at], 0.0)
-    x0, y0 = np.concatenate([[0.0], x1[:-1]]), np.concatenate([[0.0], y1[:-1]])
+        x1, y1 = np.where(at >= 0, x1[at], start[0]), np.where(at >= 0, y1[at], start[1])
+    x0, y0 = np.concatenate([[start[0]], x1[:-1]]), np.concatenate([[start[1]], y1[:-1]])
     kind = calls.kind[row]
     at = np.flatnonzero((kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS))
     ends = (x0[at], y0[at], x1[at], y1[at])

@@ -1,0 +1,64 @@
+"""The motion of a stream without light: all of it, or round the box of what it marks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gusjob.backend.rest import CRD_CALLS
+from gusjob.interpreter import Trace
+from gusjob.stream import Buffered, BufferedCalls, Call, Stream
+
+
+def without_laser(stream: Stream) -> Stream:
+    """The stream without any call to a laser."""
+    calls = stream.buffered
+    kept = calls.kind <= Buffered.DELAY
+    before = np.concatenate([[0], np.cumsum(kept)])
+    left = tuple(
+        Call(name=c.name, args=c.args, at=int(before[c.at]), line=c.line) for c in stream.calls if c.name in CRD_CALLS
+    )
+    return Stream(name=stream.name, buffered=calls.pick(np.flatnonzero(kept)), calls=left)
+
+
+def frame(stream: Stream, trace: Trace) -> Stream | None:
+    """Once round the box of all marks (of all motion, if nothing is marked), and back to its first corner.
+
+    None if nothing moves. Velocity and acceleration are those of the first motion.
+    """
+    box = box_pulse(trace)
+    motions = np.flatnonzero(stream.buffered.kind < Buffered.DELAY)
+    if box is None or not len(motions):
+        return None
+    dark, calls, first = without_laser(stream), stream.buffered, int(motions[0])
+    x_low, x_high, y_low, y_high = box
+    corners = np.rint([(x_low, y_low), (x_high, y_low), (x_high, y_high), (x_low, y_high), (x_low, y_low)])
+    rows = calls.pick(np.full(len(corners), first))
+    fields = {name: rows.column(name) for name in BufferedCalls.__slots__}
+    zeros = {name: np.zeros(len(corners)) for name in ("p", "q", "r", "vel_end")}
+    kind = np.full(len(corners), Buffered.LINE, dtype=np.uint8)
+    framed = BufferedCalls(**(fields | zeros | {"kind": kind, "x": corners[:, 0], "y": corners[:, 1]}))
+    crd, fifo, line = int(rows.crd[0]), int(rows.fifo[0]), int(rows.line[0])
+    built = [c for c in dark.calls if c.name == "GT_SetCrdPrm" and c.args[0] == crd][:1]
+    clear = Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=0, line=line)
+    args = (float(1 << (crd - 1)), float(fifo << (crd - 1)))
+    start = Call(name="GT_CrdStart", args=args, at=len(corners), line=line)
+    at_rest = [Call(name=c.name, args=c.args, at=0, line=c.line) for c in built]
+    return Stream(name=stream.name, buffered=framed, calls=(*at_rest, clear, start))
+
+
+def box_pulse(trace: Trace) -> tuple[float, float, float, float] | None:
+    """(x low, x high, y low, y high) of all marks, or of all motion if nothing is marked; None without motion."""
+    laid = trace.clock.laid
+    lit = np.zeros(len(trace.clock.row), dtype=np.bool_)
+    for channel in trace.channels:
+        lit |= channel.emitted.emission_ms > 0
+    taken = lit if lit.any() else ~trace.clock.dwell
+    if not taken.any():
+        return None
+    x_low, x_high = np.minimum(laid.x0, laid.x1), np.maximum(laid.x0, laid.x1)
+    y_low, y_high = np.minimum(laid.y0, laid.y1), np.maximum(laid.y0, laid.y1)
+    if len(laid.arc_at):
+        x_low[laid.arc_at], x_high[laid.arc_at], y_low[laid.arc_at], y_high[laid.arc_at] = laid.arcs.extent()
+    return (
+        float(x_low[taken].min()), float(x_high[taken].max()), float(y_low[taken].min()), float(y_high[taken].max())
+    )  # fmt: skip

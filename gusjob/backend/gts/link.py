@@ -1,0 +1,149 @@
+"""The line to the controller: one call at a time, each into the journal, with a mark on what has not returned yet."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from gusjob import rules
+from gusjob.backend.gts.abi import PROBE, PROBE_ARGUMENTS, PROBE_GUARD, c_value
+from gusjob.backend.gts.library import Library, bound
+from gusjob.backend.journal import Journal
+from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.machine import Abi
+from gusjob.stream import Kind, Value
+
+FULL = 1
+"""What a buffered call returns when the FIFO is full."""
+
+_CABLE = "check cable and power, and that no other program uses the controller"
+MEANINGS: dict[int, tuple[str, str]] = {
+    1: (
+        "execution error, a condition is not met",
+        "look whether the axes are on and without alarm, at rest, and the coordinate system is built",
+    ),
+    2: ("no licence for it", "ask the vendor for a licence, or leave out the statement that needs it"),
+    3: ("library and firmware do not fit", "install the library of the controller's firmware"),
+    7: ("parameter error", "the controller does not take one of the arguments; is --abi the right one?"),
+    8: ("not supported by this firmware", "leave out the statement that needs it, or update the firmware"),
+    -6: ("the controller can't be opened", f"is it on, its driver installed? {_CABLE}; gusjob devices says more"),
+    -7: ("no response", _CABLE),
+    -8: ("lock time-out", _CABLE),
+}
+"""Return codes (sister): what each means and what to do."""
+
+
+def meaning(code: int) -> tuple[str, str]:
+    """What a return code means and what to do."""
+    host = ("the link to the controller failed", _CABLE)
+    unknown = ("an unknown return code", "look it up in the library's manual")
+    return MEANINGS.get(code) or (host if code < 0 else unknown)
+
+
+class BackendError(Exception):
+    """The one exception of the house: the controller did not do what the job needs. It carries its diagnostics."""
+
+    def __init__(self, *faults: Diagnostic) -> None:
+        self.faults = list(faults)
+        super().__init__(*(fault.message for fault in faults))
+
+
+def failure(rule: Rule, line: int, **fields: Any) -> BackendError:
+    """A failure at a line of the job; line 0: wherever the run is."""
+    return BackendError(Diagnostic(rule=rule, span=Span(line=line), fields=fields))
+
+
+def refused(call: str, code: int, line: int) -> BackendError:
+    """The fault of a call that did not return 0."""
+    what, advice = meaning(code)
+    return failure(rules.CALL_FAILED, line, call=call, code=code, meaning=what, advice=advice)
+
+
+class TakenOver(BaseException):
+    """Raised in a thread whose call hung so long that another one has taken over. It must make no more calls."""
+
+
+class Link:
+    """Makes calls. Only the thread that owns the link may."""
+
+    def __init__(self, library: Library, journal: Journal) -> None:
+        self.library = library
+        self.journal = journal
+        self.owner = threading.get_ident()
+        self.calling = ""
+        self.since_s = 0.0
+        """When the call that has not returned yet was made (time.perf_counter), 0 if there is none."""
+        self.made = 0
+        """How many calls returned."""
+
+    def take_over(self) -> None:
+        """This thread owns the link from now on."""
+        self.owner = threading.get_ident()
+
+    def hung_s(self) -> float:
+        """For how long the present call has not returned."""
+        since = self.since_s
+        return time.perf_counter() - since if since else 0.0
+
+    def call(self, name: str, *values: Value | bytes, line: int = 0) -> tuple[int, list[Any]]:
+        """One call by the manual's name: what it returned, and what it found for each pointer, in order."""
+        prototype = self.library.prototypes[name]
+        given = [c_value(arg, value) for arg, value in zip(prototype.args, values, strict=True)]
+        code = self._make(name, self.library.functions[name], (*prototype.before, *given, *prototype.behind))
+        pointers = [(i, arg) for i, arg in enumerate(prototype.args) if arg.kind is Kind.POINTER]
+        found = [list(given[i]) if arg.count > 1 else given[i][0] for i, arg in pointers]
+        shown: list[Any] = [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in values]
+        for (i, _), value in zip(pointers, found, strict=True):
+            shown[i] = value
+        self.journal.call(code, line, name, shown)
+        return code, found
+
+    def must(self, name: str, *values: Value | bytes, line: int = 0) -> list[Any]:
+        """The same; anything but 0 is an error."""
+        code, found = self.call(name, *values, line=line)
+        if code:
+            raise refused(name, code, line)
+        return found
+
+    def probe(self) -> None:
+        """A call that only a library of this ABI answers with 0: it has no pointers, so a wrong one can't crash."""
+        prototype = self.library.prototypes[PROBE]
+        guarded = bound(self.library.handle, prototype)
+        guard: tuple[int, ...] = PROBE_GUARD
+        try:
+            guarded.argtypes = None  # type: ignore[attr-defined]  # More arguments than the prototype has.
+            code = self._make(PROBE, guarded, (*prototype.before, *PROBE_ARGUMENTS, *guard))
+        except ValueError:
+            # __stdcall in 32 bits counts the arguments.
+            guard = ()
+            code = self._make(PROBE, self.library.functions[PROBE], (*prototype.before, *PROBE_ARGUMENTS))
+        self.journal.call(code, 0, PROBE, [*PROBE_ARGUMENTS])
+        if code == 0:
+            return
+        if code < 0:
+            raise refused(PROBE, code, 0)
+        other = {Abi.GTS: Abi.GTS_MULTI, Abi.GTS_MULTI: Abi.GTS}.get(self.library.abi)
+        raise failure(
+            rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi,
+            reason=f"{PROBE}, which every controller takes, returned {code}",
+            hint=f"; try --abi {other}" if other else "; is it a library for several cards?",
+        )  # fmt: skip
+
+    def _make(self, name: str, function: Any, args: tuple[Any, ...]) -> int:
+        if threading.get_ident() != self.owner:
+            raise TakenOver
+        self.calling, self.since_s = name, time.perf_counter()
+        try:
+            code: int = function(*args)
+        except OSError as error:  # On Windows an access violation within the library.
+            raise failure(
+                rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi,
+                reason=f"{name} failed within the library ({error})", hint="",
+            ) from error  # fmt: skip
+        finally:
+            self.since_s = 0.0
+        self.made += 1
+        if threading.get_ident() != self.owner:
+            raise TakenOver
+        return code

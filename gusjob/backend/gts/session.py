@@ -1,0 +1,260 @@
+"""A job on a controller, from GT_Open to GT_Close. Everything in here runs in one thread, which owns the link."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gusjob import rules
+from gusjob.backend.gts.control import Control, Phase
+from gusjob.backend.gts.fifo import Fifo, Interrupted, Stage
+from gusjob.backend.gts.link import BackendError, Link, failure, refused
+from gusjob.backend.gts.way_out import Outputs, WayOut
+from gusjob.backend.place import START, Place, Route
+from gusjob.backend.rest import Part, rest
+from gusjob.diagnostics import Diagnostic
+from gusjob.machine import Machine
+from gusjob.stream import BUFFERED, Buffered, Call, Stream, Value
+from gusjob.units import US_PER_MS
+
+_PAUSE_S = 0.05
+"""How often light and interlock are looked after in a pause."""
+
+NEEDED = (
+    "GT_Open", "GT_Close", "GT_ClrSts", "GT_AxisOn", "GT_AxisOff", "GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_SetCrdPrm",
+    "GT_CrdClear", "GT_CrdSpace", "GT_CrdStart", "GT_CrdStatus", "GT_GetCrdPos", "GT_Stop", "GT_LnXY",
+)  # fmt: skip
+"""The calls that every run needs, beside those of its job."""
+
+
+def needed_calls(stream: Stream, machine: Machine) -> set[str]:
+    """Every call that a run of a stream on a machine can make."""
+    names = {*NEEDED, *(call.name for call in stream.calls)}
+    names |= {BUFFERED[Buffered(kind)].name for kind in np.unique(stream.buffered.kind).tolist()}
+    names |= {"GT_BufLaserOn", "GT_BufLaserPrfCmd"} if "GT_BufLaserOn" in names or "GT_LaserPrfCmd" in names else set()
+    names |= {"GT_ArcXYC"} if "GT_ArcXYR" in names else set()
+    names |= {"GT_LoadConfig"} if machine.controller.configuration else set()
+    return names | ({"GT_GetDi"} if machine.controller.interlock else set())
+
+
+def outputs_of(stream: Stream) -> Outputs:
+    """What a stream may leave on."""
+    calls = stream.buffered
+    channels = {int(c) for c in np.unique(calls.channel[calls.kind >= Buffered.ON])}
+    for call in stream.calls:
+        if call.name not in ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus", "GT_SetAxisMode"):
+            channels.add(int(_number(call.args[-1])))
+    crds = {int(c) for c in np.unique(calls.crd)} or {1}
+    axes = {axis for call in stream.calls if call.name == "GT_SetCrdPrm" for axis in _axes(call.args[1])} or {1, 2}
+    return Outputs(channels=tuple(sorted(channels or {0})), crds=tuple(sorted(crds)), axes=tuple(sorted(axes)))
+
+
+def _number(value: Value) -> float:
+    assert isinstance(value, float)
+    return value
+
+
+def _axes(parameters: Value) -> list[int]:
+    """The axes of a coordinate system: those whose profile names a dimension (sister)."""
+    profile = parameters[1] if isinstance(parameters, tuple) else ()
+    assert isinstance(profile, tuple)
+    return [axis for axis, dimension in enumerate(profile, 1) if dimension]
+
+
+@dataclass(slots=True)
+class Session:
+    """One run. `stream` is the whole job; `reached`: where it is in there."""
+
+    link: Link
+    machine: Machine
+    control: Control
+    stream: Stream
+    outputs: Outputs
+    reached: Place = START
+    trusted: bool = False
+    """The library has proved to be of its ABI: only then "off" means off."""
+    _part: Part | None = None
+    _fifo: Fifo | None = None
+
+    @property
+    def line(self) -> int:
+        """The job's line that was reached."""
+        lines = self.stream.buffered.line
+        return int(lines[min(self.reached.row, len(lines) - 1)]) if len(lines) else 1
+
+    # Open.
+
+    def open(self) -> None:
+        """Open the controller and make sure of it: the right library, light off, at rest, interlock closed."""
+        controller = self.machine.controller
+        self.link.must("GT_Open", float(controller.open_channel), float(controller.open_param))
+        self.link.probe()
+        self.trusted = True
+        self.dark()
+        if self.way_out.moving() and (faults := self.way_out.stop(self.control, abrupt=True)):
+            raise BackendError(*faults)
+        self.interlock("start again")
+
+    def position(self, crd: int) -> tuple[float, float]:
+        """Where the head is, pulse."""
+        (position,) = self.link.must("GT_GetCrdPos", float(crd), 0.0)
+        return float(position[0]), float(position[1])
+
+    def prepare(self) -> None:
+        """Configuration, status, axes."""
+        if self.machine.controller.configuration:
+            self.link.must("GT_LoadConfig", os.fsencode(self.machine.controller.configuration))
+        for axis in self.outputs.axes:
+            self.link.must("GT_ClrSts", float(axis), 1.0)
+            self.link.must("GT_AxisOn", float(axis))
+
+    # Run.
+
+    def run(self, part: Part) -> None:
+        """A part and all that is left of the job behind it, with its pauses."""
+        while True:
+            try:
+                self._run(part)
+                return
+            except Interrupted:
+                if self.control.stop:
+                    raise
+                part = self._pause()
+
+    def _run(self, part: Part) -> None:
+        self.reached = part.begin
+        self.link.journal.mark(part=part.begin.row, run=part.begin.run_pulse, lead=part.lead)
+        self._part, self._fifo = part, Fifo(self.link, self.control, part, self._looked)
+        for first, last, call in part.stream.parts():
+            if first < last:
+                self._show(Phase.FILLING)
+                self._fifo.send(first, last)
+            if call is not None:
+                self._step(self._fifo, call)
+        self._wait(self._fifo)
+        self.reached = Place(row=len(self.stream.buffered))
+
+    def _step(self, fifo: Fifo, call: Call) -> None:
+        """A call between the buffered ones."""
+        fifo.heed()
+        match call.name:
+            case "GT_CrdClear":
+                self.link.must(call.name, *call.args, line=call.line)
+                fifo.begin(int(_number(call.args[0])), int(_number(call.args[1])), call.at, call.line)
+            case "GT_CrdStart":
+                if fifo.stage is None or not fifo.stage.started:
+                    fifo.start(call)
+                self._show(Phase.RUNNING)
+            case "GT_CrdStatus":
+                self._wait(fifo)
+            case _:
+                self.link.must(call.name, *call.args, line=call.line)
+
+    def _wait(self, fifo: Fifo) -> None:
+        """Until the stage has ended; at rest the head is where its last motion ends."""
+        look = fifo.wait_for_end()
+        if look is None or fifo.stage is None:
+            return
+        moves = np.flatnonzero(fifo.calls.kind[: fifo.stage.sent] < Buffered.DELAY)
+        if not len(moves):
+            return
+        row, tolerance = int(moves[-1]), self.machine.controller.position_tolerance_pulse
+        want_x, want_y = float(fifo.calls.x[row]), float(fifo.calls.y[row])
+        if max(abs(look.x - want_x), abs(look.y - want_y)) > tolerance:
+            where = {"x": look.x, "y": look.y, "want_x": want_x, "want_y": want_y}
+            raise failure(rules.WRONG_END, int(fifo.calls.line[row]), **where)
+
+    def interlock(self, again: str) -> None:
+        """The profile's input must read what the profile says."""
+        lock = self.machine.controller.interlock
+        if lock is None:
+            return
+        (found,) = self.link.must("GT_GetDi", float(lock.di_type), 0.0)
+        bit = int(found) >> lock.input & 1
+        if bit != lock.value:
+            fields = {"di_type": lock.di_type, "input": lock.input, "found": bit, "value": lock.value, "again": again}
+            raise failure(rules.INTERLOCK, self.line, **fields)
+
+    # Watching.
+
+    def _looked(self, stage: Stage) -> None:
+        """After every look at the controller."""
+        assert self._part is not None
+        self.reached = self._part.place(Place(row=stage.taken))
+        self._show(self.control.view.phase)
+        self.interlock("go on with --resume")
+
+    def _show(self, phase: Phase) -> None:
+        view, stage = replace(self.control.view, phase=phase, row=self.reached.row), self._fifo and self._fifo.stage
+        if stage and self._part:
+            view = replace(view, sent=self._part.row(stage.sent), slots=stage.size)
+            if look := stage.last:
+                view = replace(view, x_pulse=look.x, y_pulse=look.y, queued=stage.size - look.space)
+        self.control.view = view
+
+    # Ways out.
+
+    @property
+    def way_out(self) -> WayOut:
+        """The way out of this run."""
+        return WayOut(self.link, self.outputs, self.machine.controller.link_patience_s)
+
+    def halt(self, *, abrupt: bool) -> list[Diagnostic]:
+        """Light off, see where that was, stop, light off; and what could not be made sure of."""
+        self._show(Phase.STOPPING)
+        way = self.way_out
+        faults = way.light_off()
+        self._locate(way.off_s)
+        faults += way.stop(self.control, abrupt=abrupt)
+        if faults:
+            way.reset()
+        return faults + [fault for fault in way.light_off() if fault not in faults]
+
+    def _locate(self, off_s: float) -> None:
+        """Where on the path the light went off (off_s, time.perf_counter): what is left begins there."""
+        fifo, part = self._fifo, self._part
+        if fifo is None or part is None or fifo.stage is None or not fifo.stage.started:
+            return
+        stage = fifo.stage
+        try:
+            x, y = self.position(stage.crd)
+            late_ms = (time.perf_counter() - off_s) * US_PER_MS
+            (space,) = self.link.must("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo))
+        except BackendError:
+            return
+        route = Route.of(fifo.calls)
+        place = route.place(max(stage.sent - (stage.size - int(space)), stage.first), x, y)
+        vel = float(fifo.calls.vel[min(place.row, len(fifo.calls) - 1)])
+        self.reached = part.place(route.back(place, vel * late_ms))
+
+    def _pause(self) -> Part:
+        """Dark and at rest until the user goes on; then what is left from where the light went off."""
+        assert self._fifo is not None
+        if faults := self.halt(abrupt=False):
+            raise BackendError(*faults)
+        self.link.journal.mark(paused=self.reached.row, run=self.reached.run_pulse, line=self.line)
+        while self.control.pause and not self.control.stop:
+            self._show(Phase.PAUSED)
+            self.control.nap(_PAUSE_S)
+            self.interlock("go on with --resume")
+            self.dark()
+        if self.control.stop:
+            raise Interrupted
+        stage = self._fifo.stage
+        return rest(self.stream, self.reached, self.position(stage.crd) if stage else None)
+
+    def dark(self) -> None:
+        """The light is off, or it is an error."""
+        if faults := self.way_out.light_off():
+            raise BackendError(*faults)
+
+    def close(self) -> list[Diagnostic]:
+        """Axes as configured, then the controller closed."""
+        steps: list[tuple[str, tuple[float, ...]]] = [("GT_Close", ())]
+        if self.machine.controller.axes_off_after:
+            steps = [*(("GT_AxisOff", (float(axis),)) for axis in self.outputs.axes), *steps]
+        made = [(name, self.way_out.code(name, *values)) for name, values in steps]
+        return [fault for name, code in made if code for fault in refused(name, code, self.line).faults]

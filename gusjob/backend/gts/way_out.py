@@ -1,0 +1,118 @@
+"""The way out, whatever happened: light off first, then the motion stopped, then the light off again.
+
+Nothing in here raises: every call is made, refused or not, and what could not be made sure becomes a diagnostic.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from gusjob import rules
+from gusjob.backend.gts.control import Control
+from gusjob.backend.gts.link import BackendError, Link, meaning
+from gusjob.diagnostics import NOWHERE, Diagnostic
+from gusjob.stream import Value
+
+_TRIES = 3
+"""So often a call is repeated that the controller itself refuses."""
+_NAP_S = 0.02
+_SMOOTH_S = 2.0
+"""A smooth stop that takes longer becomes an abrupt one."""
+_REST_S = 2.0
+"""So long after an abrupt stop the motion may take to rest."""
+_WATCH_S = 0.05
+"""So long after a stop the light is switched off without a pause between: the path may hold calls that switch it on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outputs:
+    """What has to be turned off: laser channels, coordinate systems, axes."""
+
+    channels: tuple[int, ...]
+    crds: tuple[int, ...]
+    axes: tuple[int, ...]
+
+
+@dataclass(slots=True)
+class WayOut:
+    """Turns a controller off. `patience_s`: for so long a link that does not answer is tried."""
+
+    link: Link
+    outputs: Outputs
+    patience_s: float
+    off_s: float = 0.0
+    """When the last try to switch the light off began (time.perf_counter)."""
+
+    def light_off(self) -> list[Diagnostic]:
+        """Every channel dark. One that refuses gets no power instead, and is said to be unsure."""
+        failed = {channel: self._off(channel) for channel in self.outputs.channels}
+        until, tries = time.perf_counter() + self.patience_s, dict.fromkeys(failed, 1)
+        while left := [ch for ch, code in failed.items() if code and (code < 0 or tries[ch] < _TRIES)]:
+            if time.perf_counter() > until:
+                break
+            time.sleep(_NAP_S)
+            for channel in left:
+                failed[channel] = self._off(channel)
+                tries[channel] += 1
+        return [self._light_fault(channel, code) for channel, code in failed.items() if code]
+
+    def _off(self, channel: int) -> int:
+        self.off_s = time.perf_counter()
+        return self.code("GT_SetHSIOOpt", 0.0, float(channel))
+
+    def _light_fault(self, channel: int, code: int) -> Diagnostic:
+        no_power = self.code("GT_LaserPrfCmd", 0.0, float(channel)) == 0
+        why = f"returned {code} ({meaning(code)[0]})" + ("; its power was set to 0" if no_power else "")
+        fields = {"channel": channel, "call": f"GT_SetHSIOOpt(0,{channel})", "why": why}
+        return Diagnostic(rule=rules.LIGHT_UNKNOWN, span=NOWHERE, fields=fields)
+
+    def stop(self, control: Control, *, abrupt: bool) -> list[Diagnostic]:
+        """The motion at rest. Until then the light is switched off again and again."""
+        code = self._stop(abrupt=abrupt)
+        began, abrupt_since = time.perf_counter(), time.perf_counter() if abrupt else 0.0
+        while True:
+            moving = self.moving()
+            now = time.perf_counter()
+            if moving is False and code == 0:
+                return []
+            if not abrupt_since and (control.stop > 1 or now - began > _SMOOTH_S or code):
+                code, abrupt_since = self._stop(abrupt=True), now
+            elif code:
+                code = self._stop(abrupt=True)
+            patience = _REST_S if moving else self.patience_s
+            if abrupt_since and now - abrupt_since > patience:
+                why = f"GT_Stop returned {code} ({meaning(code)[0]})" if code else "GT_CrdStatus still says so"
+                return [Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})]
+            for channel in self.outputs.channels:
+                self._off(channel)
+            if now - began > _WATCH_S:
+                time.sleep(_NAP_S if code else 0.001)
+
+    def reset(self) -> bool:
+        """The last resort where light or motion could not be turned off: GT_Reset, if the library has it."""
+        return "GT_Reset" in self.link.library.functions and self.code("GT_Reset") == 0
+
+    def _stop(self, *, abrupt: bool) -> int:
+        """GT_Stop: bit 8 is coordinate system 1, bit 9 the other; bit 0 axis 1 (sister)."""
+        systems = sum(1 << (7 + crd) for crd in self.outputs.crds)
+        axes = sum(1 << (axis - 1) for axis in self.outputs.axes)
+        return self.code("GT_Stop", float(systems), float(systems | axes if abrupt else 0))
+
+    def moving(self) -> bool | None:
+        """Whether anything moves; None if nobody knows."""
+        states = []
+        for crd in self.outputs.crds:
+            try:
+                code, found = self.link.call("GT_CrdStatus", float(crd), 0.0, 0.0, 0.0)
+            except BackendError:
+                code, found = -1, [0]
+            states.append(None if code else bool(found[0]))
+        return True if True in states else None if None in states else False
+
+    def code(self, name: str, *values: Value) -> int:
+        """A call's return code; a call that fails in the library counts as no answer."""
+        try:
+            return self.link.call(name, *values)[0]
+        except BackendError:
+            return -1

@@ -1,0 +1,198 @@
+"""What is left of a stream from a place on: the controller's state there rebuilt, a dark way to it, and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gusjob.backend.place import START, Place
+from gusjob.interpreter.clock import lay
+from gusjob.motion import reached_ends
+from gusjob.stream import Buffered, BufferedCalls, Call, Stream
+
+CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
+_NOW = ("GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_GetHSIOOpt")
+_OF_MODE = ("GT_LaserOutFrq", "GT_SetPulseWidth")
+_SAME_SETTING = {"GT_DisFPK": "GT_EnaFPK"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A stream to run: behind the first `lead` rows it is what is left of the whole job from a place on."""
+
+    stream: Stream
+    lead: int = 0
+    begin: Place = START
+
+    def row(self, index: int) -> int:
+        """The whole job's row for a row of this part."""
+        return self.begin.row + max(index - self.lead, 0)
+
+    def place(self, here: Place) -> Place:
+        """The whole job's place for a place in this part. Its first row may be the end of a longer one."""
+        if here.row < self.lead:
+            return self.begin
+        begun = self.begin.run_pulse if here.row == self.lead else 0.0
+        return Place(row=self.row(here.row), run_pulse=begun + here.run_pulse, sure=here.sure)
+
+
+def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) -> Part:
+    """What is left from a place on.
+
+    The calls that set the lasers up, GT_SetCrdPrm, GT_CrdClear, a dark move to the place (left out if the head, pulse,
+    is there), the power in force, the switch if it was on, and the rest as it was; but for end velocities that can't be
+    reached from rest, and the row in which the place lies, which begins there.
+    """
+    calls, row = stream.buffered, place.row
+    if row >= len(calls):
+        behind = tuple(replace(c, at=0) for c in stream.calls if c.at >= row and c.name not in CRD_CALLS)
+        return Part(stream=replace(stream, buffered=calls.pick(np.arange(0)), calls=behind, intent=None), begin=place)
+    start = _point(calls, place)
+    line, crd, fifo = int(calls.line[row]), int(calls.crd[row]), int(calls.fifo[row])
+
+    def lead_row(kind: Buffered, **columns: float) -> BufferedCalls:
+        zeros = {name: np.zeros(1, dtype=calls.column(name).dtype) for name in calls.__slots__}
+        values = {"kind": kind, "line": line, "crd": crd, "fifo": fifo, **columns}
+        for name, value in values.items():
+            zeros[name][0] = value
+        return BufferedCalls(**zeros)
+
+    lead = []
+    if head is None or np.hypot(head[0] - start[0], head[1] - start[1]) >= 1:
+        speed = _speed(calls, row)
+        lead.append(lead_row(Buffered.LINE, x=start[0], y=start[1], vel=speed[0], acc=speed[1]))
+    for channel in (0, 1):
+        state = _light_at(stream, row, channel)
+        if isinstance(state.power, int):
+            lead.append(calls.pick(np.array([state.power])))
+        elif state.power is not None:
+            lead.append(lead_row(Buffered.POWER, p=state.power, channel=channel))
+        if state.on:
+            lead.append(lead_row(Buffered.ON, channel=channel))
+    left = calls.pick(np.arange(row, len(calls)))
+    if place.run_pulse > 0:
+        _begin_within(left, calls, row, start)
+    merged = _joined([*lead, left])
+    shift = sum(map(len, lead)) - row
+    made = Stream(name=stream.name, buffered=merged, calls=tuple(_calls(stream, row, shift, line, crd, fifo)))
+    _reach(made, start)
+    return Part(stream=made, lead=shift + row, begin=place)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Light:
+    """A channel at a row. `power`: the row that set it, a power that was set at once, or None."""
+
+    on: bool
+    power: int | float | None
+
+
+def _light_at(stream: Stream, row: int, channel: int) -> _Light:
+    """What the last calls before a row left behind. A new mode takes the power away."""
+    calls = stream.buffered
+    mine = (calls.channel[:row] == channel) & (calls.kind[:row] >= Buffered.ON)
+    at = np.flatnonzero(mine)
+    switches = at[calls.kind[at] <= Buffered.OFF]
+    powers = at[calls.kind[at] >= Buffered.POWER]
+    switch = (int(switches[-1]) + 1, calls.kind[switches[-1]] == Buffered.ON) if len(switches) else (-1, False)
+    power: tuple[int, int | float | None] = (int(powers[-1]) + 1, int(powers[-1])) if len(powers) else (-1, None)
+    mode: float | None = None
+    for call in stream.calls:
+        if call.at > row or call.name in CRD_CALLS or call.args[-1] != channel:
+            continue
+        if call.name == "GT_SetHSIOOpt" and call.at >= switch[0]:
+            switch = (call.at, call.args[0] == 1)
+        elif call.name == "GT_LaserPrfCmd" and call.at >= power[0]:
+            assert isinstance(call.args[0], float)
+            power = (call.at, call.args[0])
+        elif call.name == "GT_LaserPowerMode":
+            assert isinstance(call.args[0], float)
+            if call.args[0] != mode and call.at >= power[0]:
+                power = (call.at, None)
+            mode = call.args[0]
+    return _Light(on=bool(switch[1]), power=power[1])
+
+
+def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int) -> Iterator[Call]:
+    """The calls that are not buffered: settings in force, the coordinate system, and those behind the row."""
+    settings = dict[tuple[str, object], Call]()
+    built: Call | None = None
+    for call in stream.calls:
+        if call.at > row:
+            continue
+        if call.name == "GT_SetCrdPrm" and call.args[0] == crd:
+            built = call
+        elif call.name not in (*CRD_CALLS, *_NOW):
+            key = (
+                call.args[0] - 7 if call.name == "GT_SetAxisMode" and isinstance(call.args[0], float) else call.args[-1]
+            )
+            if call.name == "GT_LaserPowerMode":
+                for name in _OF_MODE:
+                    settings.pop((name, key), None)
+            name = _SAME_SETTING.get(call.name, call.name)
+            settings.pop((name, key), None)  # The order is that of the last ones.
+            settings[name, key] = call
+    for call in (*settings.values(), *([built] if built else [])):
+        yield replace(call, at=0)
+    yield Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=0, line=line)
+    behind = [replace(call, at=call.at + shift) for call in stream.calls if call.at > row]
+    starts = next((i for i, call in enumerate(behind) if call.name in CRD_CALLS), len(behind))
+    if starts == len(behind) or behind[starts].name != "GT_CrdStart":
+        # It was started early: its rows came while it ran.
+        at = behind[starts].at if starts < len(behind) else len(stream.buffered) + shift
+        mask, option = float(1 << (crd - 1)), float(fifo << (crd - 1))
+        behind.insert(starts, Call(name="GT_CrdStart", args=(mask, option), at=at, line=line))
+    yield from behind
+
+
+def _point(calls: BufferedCalls, place: Place) -> tuple[float, float]:
+    """The whole pulse where a place is."""
+    timed = np.flatnonzero(calls.kind[: place.row + 1] <= Buffered.DELAY)
+    moves = timed[calls.kind[timed] < Buffered.DELAY]
+    before = moves[moves < place.row]
+    start = (float(calls.x[before[-1]]), float(calls.y[before[-1]])) if len(before) else (0.0, 0.0)
+    if place.run_pulse <= 0:
+        return start
+    laid = lay(calls, np.array([place.row]), np.zeros(1, dtype=np.bool_), start)
+    x, y = laid.points(np.array([0]), place.run_pulse / laid.length)
+    return float(np.rint(x[0])), float(np.rint(y[0]))
+
+
+def _speed(calls: BufferedCalls, row: int) -> tuple[float, float]:
+    """Velocity and acceleration of the first motion from a row on, for the way to it."""
+    moves = np.flatnonzero(calls.kind[row:] < Buffered.DELAY)
+    at = row + int(moves[0]) if len(moves) else int(np.flatnonzero(calls.kind < Buffered.DELAY)[-1])
+    return float(calls.vel[at]), float(calls.acc[at])
+
+
+def _begin_within(left: BufferedCalls, calls: BufferedCalls, row: int, start: tuple[float, float]) -> None:
+    """The first row of what is left begins at `start`; an arc goes on about its centre, which is an offset."""
+    kind = calls.kind[row]
+    if kind in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS):
+        origin = _point(calls, Place(row=row))
+        arcs = lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), origin).arcs
+        left.kind[0] = Buffered.ARC_CENTRE
+        left.p[0], left.q[0] = np.rint(arcs.cx[0] - start[0]), np.rint(arcs.cy[0] - start[1])
+
+
+def _joined(pieces: list[BufferedCalls]) -> BufferedCalls:
+    names = BufferedCalls.__slots__
+    return BufferedCalls(**{name: np.concatenate([piece.column(name) for piece in pieces]) for name in names})
+
+
+def _reach(stream: Stream, start: tuple[float, float]) -> None:
+    """Lower the end velocities of the first stage to what can be reached from rest."""
+    calls = stream.buffered
+    last = next((c.at for c in stream.calls if c.name == "GT_CrdStart"), len(calls))
+    rows = np.flatnonzero(calls.kind[:last] <= Buffered.DELAY)
+    if not len(rows):
+        return
+    dwell = calls.kind[rows] == Buffered.DELAY
+    laid = lay(calls, rows, dwell, start)
+    breaks = np.concatenate([[True], dwell[:-1]])
+    vel, acc = np.where(dwell, 1.0, calls.vel[rows]), np.where(dwell, 1.0, calls.acc[rows])
+    wanted = np.where(dwell, 0.0, calls.vel_end[rows])
+    reached = np.minimum(wanted, reached_ends(laid.length, vel, wanted, acc, breaks))
+    calls.vel_end[rows] = np.where(dwell, calls.vel_end[rows], reached)
