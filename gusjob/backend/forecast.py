@@ -1,0 +1,84 @@
+"""What a run is going to do, from the interpreter: asked for before it starts, watched while it goes on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.backend.dry import box_pulse
+from gusjob.interpreter import ChannelTrace, Trace
+from gusjob.machine import Machine
+from gusjob.stream import Stream
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelForecast:
+    """One laser. `power` (m,): the highest of each timed call, NaN where it is dark; `watts_max`: None if unknown."""
+
+    channel: int
+    unit: str
+    power: Floats
+    emission_ms: float
+    power_max: float
+    watts_max: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forecast:
+    """A run. `row_ms` (n+1,): planned start of each buffered row and the end; `timed` (n,): its timed call's number.
+
+    `box_mm`: (x low, x high, y low, y high) of the marks (of all motion if nothing is marked), None without motion.
+    """
+
+    duration_ms: float
+    row_ms: Floats
+    timed: npt.NDArray[np.intp]
+    box_mm: tuple[float, float, float, float] | None
+    channels: tuple[ChannelForecast, ...]
+
+    def done_ms(self, row: int) -> float:
+        """Planned time at which a row begins."""
+        return float(self.row_ms[min(max(row, 0), len(self.row_ms) - 1)])
+
+    def power(self, channel: ChannelForecast, row: int) -> float:
+        """The highest power while a row is run, NaN if the channel is dark then."""
+        if not len(self.timed) or not len(channel.power):
+            return float("nan")
+        return float(channel.power[min(self.timed[min(row, len(self.timed) - 1)], len(channel.power) - 1)])
+
+
+def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
+    """What a run of a stream is going to do."""
+    clock = trace.clock
+    timed = np.searchsorted(clock.row, np.arange(len(stream.buffered)))
+    box = box_pulse(trace)
+    per_x, per_y = machine.pulses_per_mm
+    return Forecast(
+        duration_ms=float(clock.times[-1]),
+        row_ms=np.append(clock.times[np.minimum(timed, len(clock.row))], clock.times[-1]),
+        timed=timed,
+        box_mm=None if box is None else (box[0] / per_x, box[1] / per_x, box[2] / per_y, box[3] / per_y),
+        channels=tuple(_channel(channel, trace, machine) for channel in trace.channels),
+    )
+
+
+def _channel(channel: ChannelTrace, trace: Trace, machine: Machine) -> ChannelForecast:
+    done = channel.emitted
+    power = np.where(done.emission_ms > 0, done.power_max, np.nan)
+    laser = machine.laser(channel.channel)
+    per_unit = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in channel.lasers]
+    scale = np.array([np.nan if w is None else w for w in per_unit] or [np.nan])[trace.clock.stage]
+    lit = np.flatnonzero(done.emission_ms > 0)
+    known = len(lit) > 0 and not np.isnan(scale[lit]).any()
+    return ChannelForecast(
+        channel=channel.channel,
+        unit=(channel.lasers[-1] if channel.lasers else channel.at_end).power_mode.unit,
+        power=power,
+        emission_ms=float(done.emission_ms.sum()),
+        power_max=float(done.power_max[lit].max()) if len(lit) else 0.0,
+        watts_max=float((done.power_max[lit] * scale[lit]).max()) if known else None,
+    )
