@@ -858,7 +858,7 @@ BAD_JOURNAL = _rule(
 )  # fmt: skip
 PLACE_UNKNOWN = _rule(
     "GJ915", _E, "where the job broke is not known",
-    "the controller does not know any more where the job broke ({why}); it was last seen at line {line}, and up to "
+    "the controller does not know any more where the job broke ({why}); it was last seen here, and up to "
     "{calls} more calls may have run: look at the part, then go on with --from-line N",
     "Going on from a place that is only guessed leaves something out, or burns it twice.",
 )  # fmt: skip

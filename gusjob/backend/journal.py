@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import orjson
+
+from gusjob.limits import FIFO_SLOTS
 
 SCHEMA = "gusjob-journal/1"
 
@@ -48,3 +51,100 @@ class Journal:
     def close(self) -> None:
         """No more lines."""
         self._file.close()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """What a journal says of where its run broke.
+
+    `head`: its first line. The last part began at `begin` (row, pulse along it; of the whole job) behind `lead` rows of
+    its own. `sent`: how many of the part's rows were taken (one more may have been, if the process was killed);
+    `stage`: what is known of the stage that was cleared last. `end`: how it ended, None if it was killed.
+    """
+
+    head: dict[str, Any]
+    begin: tuple[int, float]
+    lead: int
+    sent: int
+    stage: RecordedStage
+    end: dict[str, Any] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedStage:
+    """A stage: whether rows were sent to it, whether it was started, and what was seen of it last.
+
+    `slots` of its FIFO; `segment`: calls done; `line` of the job; `queued`: calls that were in the FIFO then, with
+    those that were sent since.
+    """
+
+    filled: bool
+    started: bool
+    slots: int
+    segment: int
+    line: int
+    queued: int
+
+
+_ROW, _CLEAR, _START = b'"code":0,"row":', b'"call":"GT_CrdClear"', b'"call":"GT_CrdStart"'
+_SPACE, _STATUS = b'"call":"GT_CrdSpace"', b'"call":"GT_CrdStatus"'
+
+
+def read_journal(path: Path) -> Recorded | str:
+    """A journal, or why it is none. Raises OSError if it can't be read."""
+    text = path.read_bytes()
+    text = text[: text.rfind(b"\n") + 1]  # A line that was cut says nothing.
+    head = _line(text, 0)
+    if head.get("schema") != SCHEMA:
+        return f"{path.name} is not a journal of gusjob run ({SCHEMA})"
+    try:
+        return _recorded(text, head)
+    except (KeyError, IndexError, TypeError):
+        return f"{path.name} is damaged: it can't be read as {SCHEMA}"
+
+
+def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:
+    begin, lead, at = tuple(head["begin"]), 0, text.rfind(b',"part":')
+    since = text[max(at, 0) :]
+    if at >= 0:
+        part = _line(text, at)
+        begin, lead = (part["part"], part["run"]), part["lead"]
+    sent = 0
+    if (row_at := since.rfind(_ROW)) >= 0:
+        row = _line(since, row_at)["row"]
+        sent = since.count(_ROW + b"-1,") if row < 0 else lead + row - begin[0] + 1
+    end_at = since.rfind(b'"end":') if at >= 0 else -1
+    return Recorded(
+        head=head,
+        begin=(int(begin[0]), float(begin[1])),
+        lead=lead,
+        sent=sent,
+        stage=_stage(since[max(since.rfind(_CLEAR), 0) :]),
+        end=_line(since, end_at) if end_at >= 0 else None,
+    )
+
+
+def _stage(text: bytes) -> RecordedStage:
+    space_at, status_at = text.rfind(_SPACE), text.rfind(_STATUS)
+    nothing: dict[str, Any] = {"args": [0, 0, 0, 0], "line": 0}
+    status = _line(text, status_at) if status_at >= 0 else nothing
+    slots = _line(text, text.find(_SPACE))["args"][1] if space_at >= 0 else FIFO_SLOTS
+    space = _line(text, space_at)["args"][1] if space_at >= 0 else slots
+    return RecordedStage(
+        filled=_ROW in text,
+        started=_START in text,
+        slots=slots,
+        segment=status["args"][2],
+        line=status["line"],
+        queued=slots - space + text.count(_ROW, max(space_at, 0)),
+    )
+
+
+def _line(text: bytes, at: int) -> dict[str, Any]:
+    """The line round a place, as an object; an empty one if it is none."""
+    start = text.rfind(b"\n", 0, at) + 1
+    try:
+        found = orjson.loads(text[start : text.find(b"\n", at)])
+    except orjson.JSONDecodeError:
+        return {}
+    return found if isinstance(found, dict) else {}

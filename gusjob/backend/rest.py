@@ -49,7 +49,7 @@ def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) 
     if row >= len(calls):
         behind = tuple(replace(c, at=0) for c in stream.calls if c.at >= row and c.name not in CRD_CALLS)
         return Part(stream=replace(stream, buffered=calls.pick(np.arange(0)), calls=behind, intent=None), begin=place)
-    start = _point(calls, place)
+    start = point(calls, place)
     line, crd, fifo = int(calls.line[row]), int(calls.crd[row]), int(calls.fifo[row])
 
     def lead_row(kind: Buffered, **columns: float) -> BufferedCalls:
@@ -147,7 +147,7 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
     yield from behind
 
 
-def _point(calls: BufferedCalls, place: Place) -> tuple[float, float]:
+def point(calls: BufferedCalls, place: Place) -> tuple[float, float]:
     """The whole pulse where a place is."""
     timed = np.flatnonzero(calls.kind[: place.row + 1] <= Buffered.DELAY)
     moves = timed[calls.kind[timed] < Buffered.DELAY]
@@ -171,7 +171,7 @@ def _begin_within(left: BufferedCalls, calls: BufferedCalls, row: int, start: tu
     """The first row of what is left begins at `start`; an arc goes on about its centre, which is an offset."""
     kind = calls.kind[row]
     if kind in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS):
-        origin = _point(calls, Place(row=row))
+        origin = point(calls, Place(row=row))
         arcs = lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), origin).arcs
         left.kind[0] = Buffered.ARC_CENTRE
         left.p[0], left.q[0] = np.rint(arcs.cx[0] - start[0]), np.rint(arcs.cy[0] - start[1])

@@ -6,52 +6,139 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gusjob.cli.common import (
+    Loaded,
     compiled,
     exit_code,
-    file_argument,
     interpreted_faults,
     load,
     machine_option,
     scanner_option,
     show,
+    stop,
     write,
 )
-from gusjob.machine import Scanner
+from gusjob.diagnostics import has_errors
+from gusjob.machine import Abi, Scanner
+
+if TYPE_CHECKING:  # Only a run on hardware needs it.
+    from gusjob.cli.hardware import Wishes
+    from gusjob.interpreter import Trace
+    from gusjob.stream import Stream
+
+_FILE = click.Path(path_type=Path)
 
 
 @click.command(name="run")
-@file_argument
+@click.argument("path", metavar="FILE", type=_FILE, required=False)
 @machine_option
 @scanner_option
-@click.option("--backend", type=click.Choice(["sim"]), default="sim", show_default=True, help="What runs the calls.")
-def command(path: Path, machine_path: Path | None, scanner: Scanner | None, backend: str) -> None:
-    """Run a job or listing on the built-in interpreter, and print its power report.
+@click.option(
+    "--backend",
+    type=click.Choice(["sim", "gts"]),
+    default="sim",
+    show_default=True,
+    help="What runs the calls: the built-in interpreter, or a controller through the vendor's library.",
+)
+@click.option("--library", metavar="PATH", help="The vendor's library. [gts]")
+@click.option("--abi", type=click.Choice(list(Abi)), help="Which library it is. [gts]")
+@click.option("--yes", is_flag=True, help="Start without a question. [gts]")
+@click.option("--frame", is_flag=True, help="Go round the box of the marks once, with the laser off. [gts]")
+@click.option("--no-laser", is_flag=True, help="The whole motion without any laser call. [gts]")
+@click.option(
+    "--progress",
+    type=click.Choice(["auto", "lines", "json", "none"]),
+    default="auto",
+    show_default=True,
+    help="How progress is shown: a panel on a terminal, else lines; or JSON lines on standard output. [gts]",
+)
+@click.option("--journal", type=_FILE, help="Write the journal to this file; default: beside the job. [gts]")
+@click.option("--resume", type=_FILE, metavar="JOURNAL", help="Go on where the run of this journal broke. [gts]")
+@click.option(
+    "--from-line", type=int, metavar="N", help="Begin at this line of the job: the state there is rebuilt. [gts]"
+)
+def command(
+    path: Path | None, machine_path: Path | None, scanner: Scanner | None, backend: str, library: str | None,
+    abi: str | None, yes: bool, frame: bool, no_laser: bool, progress: str, journal: Path | None,
+    resume: Path | None, from_line: int | None,
+) -> None:  # fmt: skip
+    """Run a job or listing on the built-in interpreter and print its power report, or run it on a controller.
 
-    A job with errors is not run.
+    A job with errors is not run. With --backend gts it runs on hardware: library and ABI come from the options or the
+    machine profile; what is going to happen is shown, and asked. Keys: p pauses and goes on, q stops, Ctrl+C stops; a
+    second time at once. Whatever ends a run, the light is off first. All calls go into a journal, with which --resume
+    goes on. Options marked [gts] are for hardware only.
     """
+    if backend == "sim":
+        given = {"--library": library, "--abi": abi, "--yes": yes, "--frame": frame, "--no-laser": no_laser,
+                 "--journal": journal, "--resume": resume, "--from-line": from_line}  # fmt: skip
+        if wrong := [name for name, value in given.items() if value not in (None, False)]:
+            stop(f"{', '.join(wrong)}: only with --backend gts")
+        if path is None:
+            raise click.UsageError("Missing argument 'FILE'.")
+        sys.exit(_on_interpreter(path, machine_path, scanner))
+    from gusjob.cli.hardware import Wishes, read_resume
+
+    if frame and no_laser:
+        raise click.UsageError("--frame is without laser already: leave --no-laser out.")
+    if resume is not None and from_line is not None:
+        raise click.UsageError("--resume and --from-line both say where to begin.")
+    recorded = read_resume(resume) if resume is not None else None
+    if path is None:
+        if recorded is None:
+            raise click.UsageError("Missing argument 'FILE'.")
+        path = Path(recorded.head["job"])
+    wishes = Wishes(
+        library=library, abi=abi, yes=yes, frame=frame, no_laser=no_laser, progress=progress, journal=journal,
+        resume=recorded, resume_path=resume, from_line=from_line,
+    )  # fmt: skip
+    sys.exit(_on_controller(path, machine_path, scanner, wishes))
+
+
+def _on_interpreter(path: Path, machine_path: Path | None, scanner: Scanner | None) -> int:
+    loaded, _, trace = _interpreted(path, machine_path, scanner)
+    if trace is not None:
+        from gusjob.report.rows import make_report
+        from gusjob.report.table import report_table
+
+        report = make_report(trace, loaded.machine, loaded.files)
+        write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None)
+    show(loaded, notes=trace is None)
+    return exit_code(loaded)
+
+
+def _on_controller(path: Path, machine_path: Path | None, scanner: Scanner | None, wishes: Wishes) -> int:
+    loaded, stream, trace = _interpreted(path, machine_path, scanner)
+    show(loaded, notes=False)
+    if stream is None or trace is None or has_errors(loaded.faults):
+        click.echo("gusjob: not started: a run on hardware wants a job without errors", err=True)
+        return exit_code(loaded) or 1
+    from gusjob.cli.hardware import run_on_controller
+
+    loaded.faults = []  # They were shown; what is shown later is about the run.
+    return run_on_controller(loaded, stream, trace, wishes)
+
+
+def _interpreted(
+    path: Path, machine_path: Path | None, scanner: Scanner | None
+) -> tuple[Loaded, Stream | None, Trace | None]:
+    """A file, its calls, and what the interpreter makes of them; None for what an error forbids."""
     with _progress(path) as say:
         say("reading and checking")
         loaded = load(path, machine_path, scanner=scanner)
         say("planning")
-        stream, report = compiled(loaded), None
+        stream, trace = compiled(loaded), None
         if stream is not None:
             from gusjob.interpreter import interpret
-            from gusjob.report.rows import make_report
 
-            say(f"running {len(stream.buffered):,} buffered calls on {backend}")
+            say(f"interpreting {len(stream.buffered):,} buffered calls")
             trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
             interpreted_faults(loaded, faults)
-            report = None if trace is None else make_report(trace, loaded.machine, loaded.files)
-    if report is not None:
-        from gusjob.report.table import report_table
-
-        write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None)
-    show(loaded, notes=report is None)
-    sys.exit(exit_code(loaded))
+    return loaded, stream, trace
 
 
 class _Say:

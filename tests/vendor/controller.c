@@ -144,6 +144,13 @@ enum {
 
 enum { NO_ROW, OPEN_ROW, ENDED_ROW }; /* An ended row still takes light of the off delay. */
 
+/*
+ * speed: 0 is virtual time, where each call takes call_us and GT_CrdStatus poll_us more; else the clock is the wall's,
+ * that many times as fast. segment_counts_all 0: GT_CrdStatus counts timed calls only. slot_freed_at_start: a call
+ * leaves its slot when it begins. di: what GT_GetDi reads. log: keep the log of calls. pos_error: added to x that
+ * GT_GetCrdPos tells at rest. deaf: GT_CrdStart starts nothing. stuck: motion is frozen, run stays 1. endless: run
+ * stays 1 when the FIFO is empty.
+ */
 enum {
     SPEED, CALL_US, POLL_US, SLOT_COUNT, COUNTS_ALL, FREED_AT_START, PERIOD_US, DI, LOG, POS_ERROR, DEAF, STUCK,
     ENDLESS, OPTIONS
@@ -181,6 +188,12 @@ typedef struct {
     long rows, edges;
 } Core;
 
+/*
+ * What a fault does. RETURN: the value is returned, without effect. AFTER: the value is returned in spite of the
+ * effect. And before the effect, HANG: block until vc_release, or for the value in s; HALT: motion stops abruptly;
+ * SIGNAL: the process gets the value; DRY: all that runs is run to its end; DI: the input becomes the value; KILL: the
+ * process is gone.
+ */
 enum { F_RETURN, F_AFTER, F_HANG, F_HALT, F_SIGNAL, F_DRY, F_DI, F_KILL };
 
 typedef struct {
@@ -1499,18 +1512,18 @@ static short put(double crd_number, double lane_number, Slot call)
     return DONE;
 }
 
-/* a: crd, x, y, then at `rest`: velocity, acceleration, end velocity, fifo */
-static short put_motion(const double *a, const double *rest_of_it, Slot call)
+/* a: crd, x, y; speed: velocity, acceleration, end velocity, and the fifo behind them */
+static short put_motion(const double *a, const double *speed, Slot call)
 {
     call.x = a[1];
     call.y = a[2];
-    call.vel = rest_of_it[0];
-    call.acc = rest_of_it[1];
-    call.vel_end = rest_of_it[2];
+    call.vel = speed[0];
+    call.acc = speed[1];
+    call.vel_end = speed[2];
     if (!is_crd(a[0]) || !is_place(a[1]) || !is_place(a[2]) || !between(call.vel, 0, FASTEST)
-        || !between(call.acc, 0, FASTEST) || !below(call.vel_end, FASTEST) || !is_bit(rest_of_it[3]))
+        || !between(call.acc, 0, FASTEST) || !below(call.vel_end, FASTEST) || !is_bit(speed[3]))
         return PARAMETER;
-    return put(a[0], rest_of_it[3], call);
+    return put(a[0], speed[3], call);
 }
 
 static short put_line(const double *a, double *out)

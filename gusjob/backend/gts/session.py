@@ -74,6 +74,8 @@ class Session:
     stream: Stream
     outputs: Outputs
     reached: Place = START
+    ran_on_ms: float = 0.0
+    """For how long at most the motion that was found when the controller was opened went on dark."""
     trusted: bool = False
     """The library has proved to be of its ABI: only then "off" means off."""
     _part: Part | None = None
@@ -94,8 +96,11 @@ class Session:
         self.link.probe()
         self.trusted = True
         self.dark()
-        if self.way_out.moving() and (faults := self.way_out.stop(self.control, abrupt=True)):
-            raise BackendError(*faults)
+        if self.way_out.moving():
+            dark_s = time.perf_counter()
+            if faults := self.way_out.stop(self.control, abrupt=True):
+                raise BackendError(*faults)
+            self.ran_on_ms = (time.perf_counter() - dark_s) * US_PER_MS
         self.interlock("start again")
 
     def position(self, crd: int) -> tuple[float, float]:
@@ -183,7 +188,7 @@ class Session:
     def _looked(self, stage: Stage) -> None:
         """After every look at the controller."""
         assert self._part is not None
-        self.reached = self._part.place(Place(row=stage.taken))
+        self.reached = replace(self._part.place(Place(row=stage.taken)), sure=False)
         self._show(self.control.view.phase)
         self.interlock("go on with --resume")
 
@@ -210,6 +215,7 @@ class Session:
         self._locate(way.off_s)
         faults += way.stop(self.control, abrupt=abrupt)
         if faults:
+            self.reached = replace(self.reached, sure=False)
             way.reset()
         return faults + [fault for fault in way.light_off() if fault not in faults]
 

@@ -1,0 +1,71 @@
+"""Where a run broke: from its journal, and from the controller if it still knows."""
+
+from __future__ import annotations
+
+from gusjob import rules
+from gusjob.backend.gts.link import BackendError, failure
+from gusjob.backend.gts.session import Session
+from gusjob.backend.journal import Recorded
+from gusjob.backend.place import START, Place, Route
+from gusjob.backend.rest import Part, point, rest
+from gusjob.stream import Stream
+
+
+def recorded_place(recorded: Recorded) -> Place | None:
+    """The place that the journal itself is sure of, else None: then the controller has to be asked."""
+    end = recorded.end
+    if end is not None and end["end"] == "done":
+        return Place(row=end["row"])
+    if end is not None and end["sure"]:
+        return Place(row=end["row"], run_pulse=end["run"])
+    if recorded.sent == 0:
+        return Place(row=recorded.begin[0], run_pulse=recorded.begin[1])
+    return None
+
+
+def find_place(session: Session, recorded: Recorded) -> Place:
+    """Where the run broke, as the controller has it: how many calls it took, and where the head is.
+
+    After a process was killed the controller goes on with what is in its FIFO. One more row may have been taken than
+    the journal has. If the controller was started anew since, it knows nothing: an error, for guessing would leave
+    something out or mark it twice.
+    """
+    part, stage = recorded_part(session.stream, recorded), recorded.stage
+    if not stage.filled:
+        # What was sent before was seen to its end, before this stage was cleared.
+        return part.place(Place(row=recorded.sent))
+    calls = part.stream.buffered
+    crd, fifo = float(calls.crd[recorded.sent - 1]), float(calls.fifo[recorded.sent - 1])
+    first = max((c.at for c in part.stream.calls if c.name == "GT_CrdClear" and c.at < recorded.sent), default=0)
+    try:
+        _, segment = session.link.must("GT_CrdStatus", crd, 0.0, 0.0, fifo)
+        (space,) = session.link.must("GT_CrdSpace", crd, 0.0, fifo)
+        x, y = session.position(int(crd))
+    except BackendError as error:
+        raise _unknown(recorded, error.faults[0].message) from error
+    queued = stage.slots - int(space)
+    if queued == 0 and (segment == 0 or segment < stage.segment):
+        raise _unknown(recorded, "it was started anew since")
+    route = Route.of(calls)
+    place = route.place(max(recorded.sent - queued, first), x, y)
+    if not place.sure:
+        raise _unknown(recorded, f"the head is at X {x:.0f} Y {y:.0f} pulse, not on the path")
+    if place.row < first:
+        return part.place(Place(row=first))
+    vel = float(calls.vel[min(place.row, len(calls) - 1)])
+    return part.place(route.back(place, vel * session.ran_on_ms))
+
+
+def recorded_part(stream: Stream, recorded: Recorded) -> Part:
+    """The part that a journal recorded last."""
+    begin = Place(row=recorded.begin[0], run_pulse=recorded.begin[1])
+    if begin == START and recorded.lead == 0:
+        return Part(stream=stream)
+    part = rest(stream, begin)
+    # Where the head was there already, there was no way to it.
+    return part if part.lead == recorded.lead else rest(stream, begin, point(stream.buffered, begin))
+
+
+def _unknown(recorded: Recorded, why: str) -> BackendError:
+    stage = recorded.stage
+    return failure(rules.PLACE_UNKNOWN, stage.line, why=why, calls=stage.queued)

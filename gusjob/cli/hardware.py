@@ -1,0 +1,304 @@
+"""gusjob run --backend gts: what is going to happen, the question, the run, and what became of it."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+import numpy as np
+
+from gusjob import __version__, rules
+from gusjob.backend.dry import frame, without_laser
+from gusjob.backend.forecast import Forecast, forecast
+from gusjob.backend.gts.abi import ABI_PROFILES
+from gusjob.backend.gts.control import Control
+from gusjob.backend.gts.library import Library, load_library
+from gusjob.backend.gts.link import Link
+from gusjob.backend.gts.resume import find_place, recorded_place
+from gusjob.backend.gts.runner import Outcome, Runner, signals
+from gusjob.backend.gts.session import Session, needed_calls, outputs_of
+from gusjob.backend.journal import Journal, Recorded, read_journal
+from gusjob.backend.place import START, Place
+from gusjob.backend.rest import Part, rest
+from gusjob.cli.common import Loaded, interpreted_faults, show, stop
+from gusjob.diagnostics import Span, has_errors, printable
+from gusjob.interpreter import Trace, interpret
+from gusjob.machine import Abi, Machine
+from gusjob.stream import BufferedCalls, Stream
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wishes:
+    """What the command line says of a run on hardware."""
+
+    library: str | None
+    abi: str | None
+    yes: bool
+    frame: bool
+    no_laser: bool
+    progress: str
+    journal: Path | None
+    resume: Recorded | None
+    resume_path: Path | None
+    from_line: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """All that a run needs before the controller is opened."""
+
+    loaded: Loaded
+    machine: Machine
+    stream: Stream
+    forecast: Forecast
+    library: Library
+    wishes: Wishes
+
+
+def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> int:
+    """Show what is going to happen, ask, run; the exit code."""
+    prepared = _prepared(loaded, stream, trace, wishes)
+    if prepared is None:
+        show(loaded)
+        return 1
+    begin = _begin(prepared)
+    if not wishes.yes and not sys.stdin.isatty():
+        stop("a run on hardware asks before it starts: answer on a terminal, or say --yes")
+    journal = _journal(prepared, begin or START)
+    try:
+        with _link(prepared, journal) as (link, control):
+            if begin is None:
+                assert wishes.resume is not None
+                found, outcome = _found(prepared, link, control, wishes.resume)
+                if found is None:
+                    return _closing(prepared, outcome, journal, None)
+                begin = found
+            if begin.row >= len(prepared.stream.buffered):
+                click.echo("gusjob: the job was done to its end; there is nothing to go on with", err=True)
+                return 0
+            click.echo(_plan(prepared, begin, journal), err=True)
+            if not wishes.yes and not click.confirm(_question(prepared), err=True):
+                click.echo("gusjob: not started", err=True)
+                return 1
+            session = _session(prepared, link, control)
+            outcome = _watched(session, prepared, _part(prepared, begin))
+            return _closing(prepared, outcome, journal, session)
+    finally:
+        journal.close()
+
+
+def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> Prepared | None:
+    """The stream to run, its forecast and the library; None with faults in `loaded`."""
+    machine, controller = loaded.machine, loaded.machine.controller
+    library_path = wishes.library or controller.library
+    abi = Abi(wishes.abi) if wishes.abi else controller.abi
+    if not library_path or abi is None:
+        stop(
+            "a run on hardware needs the vendor's library: --library PATH and --abi "
+            f"{'|'.join(Abi)}, or library and abi under [controller] in the machine profile; see gusjob devices"
+        )
+    if wishes.frame or wishes.no_laser:
+        dark = frame(stream, trace) if wishes.frame else without_laser(stream)
+        if dark is None:
+            stop("nothing moves in this job")
+        stream = dark
+        run, faults = interpret(stream, machine)
+        interpreted_faults(loaded, faults)
+        if run is None or has_errors(faults):
+            return None
+        trace = run
+    library, faults = load_library(library_path, abi, controller.card, needed_calls(stream, machine))
+    loaded.faults += faults
+    if library is None:
+        return None
+    expected = forecast(stream, trace, machine)
+    return Prepared(loaded=loaded, machine=machine, stream=stream, forecast=expected, library=library, wishes=wishes)
+
+
+def _begin(prepared: Prepared) -> Place | None:
+    """Where to begin; None if only the controller can tell."""
+    wishes, stream = prepared.wishes, prepared.stream
+    if wishes.from_line is not None:
+        return Place(row=row_of_line(stream, prepared.loaded, wishes.from_line))
+    if wishes.resume is None:
+        return START
+    if wishes.resume.head.get("calls") != fingerprint(stream):
+        stop(
+            f"{wishes.resume_path}: this is the journal of other calls: the job, its profile or the options "
+            "(--frame, --no-laser) have changed; go on with --from-line N"
+        )
+    return recorded_place(wishes.resume)
+
+
+def row_of_line(stream: Stream, loaded: Loaded, line: int) -> int:
+    """The first row of a line of the file, or of the first line behind it that has one; stops if there is none."""
+    lines = stream.buffered.line
+    last = (
+        int(lines.max(initial=0))
+        if loaded.job is None
+        else len(loaded.source.text.splitlines())
+        if loaded.source
+        else 0
+    )
+    at = np.flatnonzero((lines >= line) & (lines <= max(last, line)))
+    if not len(at) or line < 1:
+        stop(f"--from-line {line}: the job has no motion or laser call at or behind this line")
+    return int(at[np.argmin(lines[at])])
+
+
+def fingerprint(stream: Stream) -> str:
+    """What tells two streams apart."""
+    digest = hashlib.sha256()
+    for name in BufferedCalls.__slots__:
+        digest.update(np.ascontiguousarray(stream.buffered.column(name)).tobytes())
+    digest.update(repr([(c.name, c.args, c.at) for c in stream.calls]).encode())
+    return digest.hexdigest()
+
+
+def _journal(prepared: Prepared, begin: Place) -> Journal:
+    """The journal's file, which must be there before anything else."""
+    wishes, path = prepared.wishes, prepared.loaded.path
+    now = datetime.now(UTC)
+    journal = wishes.journal or path.with_name(f"{path.stem}.{now:%Y%m%d-%H%M%S-%f}.journal")
+    head = {
+        "gusjob": __version__,
+        "job": str(path.resolve()),
+        "calls": fingerprint(prepared.stream),
+        "rows": len(prepared.stream.buffered),
+        "library": prepared.library.path,
+        "abi": prepared.library.abi,
+        "started": now.isoformat(),
+        "begin": [begin.row, begin.run_pulse],
+        "resumes": str(wishes.resume_path.resolve()) if wishes.resume_path else None,
+    }
+    try:
+        return Journal(journal, head)
+    except FileExistsError:
+        stop(f"{journal}: this file exists already; name another one with --journal")
+    except OSError as error:
+        stop(
+            f"{journal}: can't write the journal: {(error.strerror or 'unknown error').lower()}; name another --journal"
+        )
+
+
+@contextmanager
+def _link(prepared: Prepared, journal: Journal) -> Iterator[tuple[Link, Control]]:
+    """The link, and the wishes of the user, which signals set from now on."""
+    control = Control()
+    with signals(control):
+        yield Link(prepared.library, journal), control
+
+
+def _session(prepared: Prepared, link: Link, control: Control) -> Session:
+    return Session(
+        link=link,
+        machine=prepared.machine,
+        control=control,
+        stream=prepared.stream,
+        outputs=outputs_of(prepared.stream),
+    )
+
+
+def _found(prepared: Prepared, link: Link, control: Control, recorded: Recorded) -> tuple[Place | None, Outcome]:
+    """Where a run broke, as the controller knows it."""
+    found: list[Place] = []
+
+    def ask(session: Session) -> None:
+        found.append(find_place(session, recorded))
+
+    outcome = Runner(_session(prepared, link, control)).run(ask)
+    return (found[0] if found and not outcome.faults else None), outcome
+
+
+def _part(prepared: Prepared, begin: Place) -> Callable[[Session], Part]:
+    if begin == START:
+        return lambda _session: Part(stream=prepared.stream)
+    row = min(begin.row, len(prepared.stream.buffered) - 1)
+    return lambda session: rest(prepared.stream, begin, session.position(int(prepared.stream.buffered.crd[row])))
+
+
+def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Part]) -> Outcome:
+    """The run, with a panel or lines, and keys."""
+    from gusjob.cli.watch import watch
+
+    def line_of(row: int) -> str:
+        lines = prepared.stream.buffered.line
+        return _place_text(prepared.loaded, int(lines[min(row, len(lines) - 1)])) if len(lines) else ""
+
+    with watch(
+        prepared.wishes.progress, session.control, prepared.forecast, prepared.stream, prepared.machine, line_of
+    ) as watcher:
+        return Runner(session, watcher.tick).run(part)
+
+
+def _place_text(loaded: Loaded, line: int) -> str:
+    span = _located(loaded, line)
+    return printable(f"{span.path or loaded.path.name}:{span.line}")
+
+
+def _located(loaded: Loaded, line: int) -> Span:
+    return loaded.job.locate(line, "") if loaded.job is not None else Span(line=line)
+
+
+def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
+    """What is going to happen."""
+    expected, library, wishes = prepared.forecast, prepared.library, prepared.wishes
+    left_ms = expected.duration_ms - expected.done_ms(begin.row)
+    lines = [
+        f"{printable(prepared.loaded.path.name)} on the controller: {printable(library.path)}, "
+        f"--abi {library.abi} ({ABI_PROFILES[library.abi].title})"
+    ]
+    if expected.box_mm is not None:
+        x_low, x_high, y_low, y_high = expected.box_mm
+        lines.append(f"  field    X {x_low:.3f} to {x_high:.3f} mm, Y {y_low:.3f} to {y_high:.3f} mm")
+    lines.append(f"  time     {left_ms / 1000:.2f} s")
+    for channel in expected.channels:
+        watts = "" if channel.watts_max is None else f" = {channel.watts_max:.3g} W"
+        power = f"up to {channel.power_max:.4g} {channel.unit}{watts}, light on for {channel.emission_ms / 1000:.2f} s"
+        lines.append(f"  laser {channel.channel}  {power if channel.emission_ms else 'stays off'}")
+    if not expected.channels:
+        lines.append("  laser    off" + (": once round the marks" if wishes.frame else ""))
+    if begin != START:
+        line = int(prepared.stream.buffered.line[begin.row])
+        lines.append(f"  from     {_place_text(prepared.loaded, line)}; the head goes there with the light off")
+    lines.append(f"  journal  {printable(str(journal.path))}")
+    return "\n".join(lines)
+
+
+def _question(prepared: Prepared) -> str:
+    lit = any(channel.emission_ms for channel in prepared.forecast.channels)
+    return "The laser will be on. Is everybody safe? Start" if lit else "The axes will move. Start"
+
+
+def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Session | None) -> int:
+    """What became of it."""
+    loaded = prepared.loaded
+    loaded.faults = [
+        replace(fault, span=_located(loaded, fault.span.line), path=str(loaded.path)) for fault in outcome.faults
+    ]
+    show(loaded)
+    if outcome.faults:
+        safe = not any(f.rule in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI) for f in outcome.faults)
+        where = f"; the job was reached at {_place_text(loaded, session.line)}" if session else ""
+        state = "the light is off and the motion stopped" if safe else "LOOK AT THE MACHINE"
+        click.echo(f"gusjob: {state}{where}; journal: {printable(str(journal.path))}", err=True)
+        return 1
+    click.echo(f"gusjob: done in {journal.now_s():.2f} s; journal: {printable(str(journal.path))}", err=True)
+    return 0
+
+
+def read_resume(path: Path) -> Recorded:
+    """A journal to go on with; stops if it can't be used."""
+    try:
+        found = read_journal(path)
+    except OSError as error:
+        stop(f"{path}: can't read the journal: {(error.strerror or 'unknown error').lower()}")
+    if isinstance(found, str):
+        stop(found)
+    return found
