@@ -139,17 +139,12 @@ def _begin(prepared: Prepared) -> Place | None:
 def row_of_line(stream: Stream, loaded: Loaded, line: int) -> int:
     """The first row of a line of the file, or of the first line behind it that has one; stops if there is none."""
     lines = stream.buffered.line
-    last = (
-        int(lines.max(initial=0))
-        if loaded.job is None
-        else len(loaded.source.text.splitlines())
-        if loaded.source
-        else 0
-    )
-    at = np.flatnonzero((lines >= line) & (lines <= max(last, line)))
-    if not len(at) or line < 1:
+    behind = np.unique(lines[lines >= line]).tolist()
+    # Lines of included files are numbered behind those of the job's own.
+    own = next((number for number in behind if not _located(loaded, number).path), None)
+    if own is None or line < 1:
         stop(f"--from-line {line}: the job has no motion or laser call at or behind this line")
-    return int(at[np.argmin(lines[at])])
+    return int(np.flatnonzero(lines == own)[0])
 
 
 def fingerprint(stream: Stream) -> str:

@@ -45,7 +45,7 @@ _FILE = click.Path(path_type=Path)
     help="What runs the calls: the built-in interpreter, or a controller through the vendor's library.",
 )
 @click.option("--library", metavar="PATH", help="The vendor's library. [gts]")
-@click.option("--abi", type=click.Choice(list(Abi)), help="Which library it is. [gts]")
+@click.option("--abi", type=click.Choice([abi.value for abi in Abi]), help="Which library it is. [gts]")
 @click.option("--yes", is_flag=True, help="Start without a question. [gts]")
 @click.option("--frame", is_flag=True, help="Go round the box of the marks once, with the laser off. [gts]")
 @click.option("--no-laser", is_flag=True, help="The whole motion without any laser call. [gts]")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-import os
 import struct
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from gusjob import rules
@@ -53,22 +53,68 @@ def load_library(path: str, abi: Abi, card: int, needed: Iterable[str]) -> tuple
 def opened(path: str) -> Any | str:
     """The library's handle, or why it can't be loaded."""
     try:
+        if why := _unfit(path):
+            return why
         if sys.platform == "win32":
             return ctypes.WinDLL(path)  # __stdcall
         return ctypes.CDLL(path)
     except OSError as error:
-        return _why(path, error)
+        return _why(path, printable(str(error)))
 
 
-def _why(path: str, error: OSError) -> str:
-    text = printable(str(error))
-    if getattr(error, "winerror", None) == 193 or "wrong ELF class" in text or "incompatible architecture" in text:
+NOT_THERE = "there is no such file"
+
+
+def _unfit(path: str) -> str:
+    """Why a file is not even given to the loader; '' if nothing is against it."""
+    if not path or "\0" in path:
+        return NOT_THERE
+    if Path(path).is_dir():
+        return "it is a folder, not a library"
+    return "the file is cut short" if _cut_short(path) else ""
+
+
+def _why(path: str, text: str) -> str:
+    """What the loader's words mean."""
+    if any(sign in text for sign in ("[WinError 193]", "wrong ELF class", "incompatible architecture")):
         return f"it is not for this Python, which has {BITS} bits; install a Python of the library's kind ({text})"
-    if os.path.dirname(path) and not os.path.exists(path):  # noqa: PTH110, PTH120  (a bare name is no path of ours)
-        return "there is no such file"
-    if getattr(error, "winerror", None) == 126:
+    if (Path(path).name != path and not Path(path).exists()) or text == f"{printable(path)}: {_UNKNOWN}":
+        return NOT_THERE
+    if "one of its dependencies" in text:
         return f"it, or a library that it needs, was not found; the vendor's driver may not be installed ({text})"
     return text
+
+
+_UNKNOWN = "cannot open shared object file: No such file or directory"  # Of the library itself, not of one it needs.
+
+
+def _cut_short(path: str) -> bool:
+    """Whether an ELF file ends before the parts that it names. The loader maps these and would kill us with SIGBUS."""
+    if not Path(path).is_file():
+        return False
+    size = Path(path).stat().st_size
+    with Path(path).open("rb") as file:
+        head = file.read(64)
+        if head[:4] != b"\x7fELF":
+            return False
+        if len(head) < 64:
+            return True
+        order, wide = ">" if head[5] == 2 else "<", head[4] == 2
+        (table,) = struct.unpack_from(order + ("Q" if wide else "I"), head, 32 if wide else 28)
+        entry, count = struct.unpack_from(order + "HH", head, 54 if wide else 42)
+        if table + entry * count > size:
+            return True
+        file.seek(table)
+        rows = file.read(entry * count)
+    # Elf64_Phdr: type, flags, offset, vaddr, paddr, filesz; Elf32_Phdr: type, offset, vaddr, paddr, filesz.
+    form, at, length = ("IIQQQQ", 2, 5) if wide else ("IIIII", 1, 4)
+    if entry < struct.calcsize(order + form):
+        return False
+    parts = (struct.unpack_from(order + form, rows, i * entry) for i in range(count))
+    return any(part[at] + part[length] > size for part in parts if part[0] == _PT_LOAD)
+
+
+_PT_LOAD = 1
 
 
 def has_symbol(handle: Any, symbol: str) -> bool:

@@ -1,0 +1,188 @@
+"""gusjob devices."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gusjob.cli.common import Loaded, exit_code, machine_option, show, write
+from gusjob.diagnostics import printable
+from gusjob.machine import Abi
+from gusjob.profile import find_profile, read_machine
+from gusjob.syntax import read_source
+
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    from gusjob.backend.devices import Survey, UsbDevice, UsbProblem, VendorLibrary
+
+_SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
+
+
+@click.command(name="devices")
+@click.option("--library", "libraries", multiple=True, metavar="FILE", help="A vendor's library to try; repeatable.")
+@machine_option
+@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) -> None:
+    """Show what this computer could run on: the vendor's libraries, and known laser controllers on USB.
+
+    Libraries are looked for where --library and the machine profile say, and where the system keeps its own; each is
+    loaded, but no controller is opened. Of USB devices only texts are read. Exit status: 0, also if nothing is found;
+    1 if the profile has errors, 2 if it can't be read.
+    """
+    from gusjob.backend.devices import survey
+
+    profile = _profile(machine_path)
+    show(profile)
+    named = profile.machine.controller.library
+    found = survey([*libraries, named] if named else libraries)
+    if form == "json":
+        write(_json(found), None)
+    else:
+        click.echo("\n".join(_text(found, named)))
+    sys.exit(exit_code(profile))
+
+
+def _profile(machine_path: Path | None) -> Loaded:
+    """The profile that a job in this folder would have. Its faults don't keep us from looking around."""
+    path = machine_path or find_profile(Path.cwd() / "x.job")
+    loaded = Loaded(path=path or Path())
+    if path is not None:
+        loaded.machine, loaded.faults = read_machine(path)
+        if loaded.faults:
+            source, _ = read_source(path)
+            loaded.unreadable = source is None
+            loaded.sources = {source.name: source} if source is not None else {}
+    return loaded
+
+
+# As text.
+
+
+def _text(found: Survey, in_profile: str) -> Iterator[str]:
+    system = _SYSTEMS.get(found.platform, found.platform)
+    yield f"This computer: {system}, Python with {found.python_bits} bits"
+    yield "\nVendor libraries"
+    for library in found.libraries:
+        yield from _library(library, in_profile)
+    if not any(library.abis for library in found.libraries):
+        yield from _wrapped(f"none that fits; looked for {' and '.join(found.search.names)} in {_places(found)}")
+    yield "\nUSB"
+    for device in found.usb:
+        yield from _usb(device)
+    if found.usb_problem:
+        yield f"  can't be read: {found.usb_problem.reason}"
+        yield from _steps(found.usb_problem.next_steps)
+    elif not found.usb:
+        yield from _wrapped(f"no known laser controller; looked for {_known()}")
+    yield from _wrapped("a Googol GUS or GTS is not recognised here, since no USB id of one is public: only by library")
+    yield "\nNothing was touched: no controller was opened, no device was changed."
+
+
+def _library(library: VendorLibrary, in_profile: str) -> Iterator[str]:
+    if library.abis:
+        yield f"  {library.path}: {_fits(library.abis)}"
+        if library.path != printable(in_profile):
+            choice = " or ".join(f'"{abi}"' for abi in library.abis)
+            yield f"      in gusjob.toml, [controller]: library = '{library.path}' and abi = {choice}"
+        return
+    what = "is of no use" if library.loaded else "can't be loaded"
+    yield f"  {library.path} {what}: {library.reason}"
+    for abi, symbols in library.missing.items():
+        yield f"      {abi} misses {', '.join(symbols)}"
+    yield from _steps(library.next_steps)
+
+
+def _fits(abis: tuple[Abi, ...]) -> str:
+    *others, last = abis
+    fits = f"{', '.join(others)} or {last}" if others else str(last)
+    # The multi-card calls have the same names with one more argument.
+    return f"{fits}: only opening the controller tells which" if Abi.GTS_MULTI in abis else fits
+
+
+def _usb(device: UsbDevice) -> Iterator[str]:
+    known = device.known
+    drives = "gusjob can drive it" if known.gusjob else f"gusjob can't drive it yet; {known.driven_by} can"
+    yield f"  {known.ids} {known.name}: {drives}"
+    serial = f"serial {device.serial}" if device.serial else ""
+    place = f"bus {device.bus}, address {device.address}" if device.bus is not None else ""
+    held = "held by a driver of the system" if device.kernel_driver else ""
+    yield f"      {', '.join(part for part in (device.product, serial, place, held) if part)}"
+    if device.problem:
+        yield f"      can't be read: {device.problem.reason}"
+        yield from _steps(device.problem.next_steps)
+
+
+def _known() -> str:
+    from gusjob.backend.devices import KNOWN_USB
+
+    return ", ".join(f"{known.ids} {known.name.partition(':')[0]}" for known in KNOWN_USB)
+
+
+def _places(found: Survey) -> str:
+    folders = [printable(folder) for folder in found.search.folders]
+    return ", ".join([*folders, "the loader's own list"] if found.search.system else folders) or "no folder"
+
+
+def _wrapped(text: str) -> Iterator[str]:
+    yield fill(text, 110, initial_indent="  ", subsequent_indent="      ", break_on_hyphens=False)
+
+
+def _steps(steps: Iterable[str]) -> Iterator[str]:
+    for number, step in enumerate(steps):
+        yield f"      {'next: ' if number == 0 else '      '}{step}"
+
+
+# As JSON.
+
+
+def _json(found: Survey) -> list[bytes]:
+    import orjson
+
+    data = {
+        "schema": "gusjob-devices/1",
+        "python_bits": found.python_bits,
+        "platform": found.platform,
+        "searched": {"names": found.search.names, "folders": [printable(folder) for folder in found.search.folders]},
+        "libraries": [_library_json(library) for library in found.libraries],
+        "usb": [_usb_json(device) for device in found.usb],
+        "usb_problem": _problem_json(found.usb_problem),
+    }
+    return [orjson.dumps(data, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)]
+
+
+def _library_json(library: VendorLibrary) -> dict[str, Any]:
+    return {
+        "path": library.path,
+        "loaded": library.loaded,
+        "reason": library.reason,
+        "abis": [abi.value for abi in library.abis],
+        "missing": {abi.value: symbols for abi, symbols in library.missing.items()},
+        "next_steps": library.next_steps,
+    }
+
+
+def _usb_json(device: UsbDevice) -> dict[str, Any]:
+    known = device.known
+    return {
+        "id": known.ids,
+        "name": known.name,
+        "sure": known.sure,
+        "gusjob_drives": known.gusjob,
+        "driven_by": known.driven_by,
+        "product": device.product,
+        "serial": device.serial,
+        "bus": device.bus,
+        "address": device.address,
+        "kernel_driver": device.kernel_driver,
+        "problem": _problem_json(device.problem),
+    }
+
+
+def _problem_json(problem: UsbProblem | None) -> dict[str, Any] | None:
+    if problem is None:
+        return None
+    return {"kind": problem.kind.value, "reason": problem.reason, "next_steps": problem.next_steps}
