@@ -84,7 +84,7 @@ class Bench:
     controller: VirtualController = None  # type: ignore[assignment]  # made in __post_init__
 
     def machine(self, machine: Machine, **changes: Any) -> Machine:
-        quick = {"abi": ABIS[self.abi], "call_timeout_s": 0.5, "link_patience_s": 0.1}
+        quick: dict[str, Any] = {"abi": ABIS[self.abi], "call_timeout_s": 0.5, "link_patience_s": 0.1}
         return replace(machine, controller=replace(machine.controller, **(quick | changes)))
 
     def library(self, stream: Stream, machine: Machine) -> Library:
@@ -118,8 +118,10 @@ class Bench:
             crd = int(stream.buffered.crd[min(begin.row, len(stream.buffered) - 1)])
             place_there = begin
             part = lambda s: rest(stream, place_there, s.position(crd))  # noqa: E731  (a parameter's default)
-        outcome = runner.run(part or (lambda _: Part(stream=stream)))
-        journal.close()
+        try:
+            outcome = runner.run(part or (lambda _: Part(stream=stream)))
+        finally:
+            journal.close()
         return Ran(faults=outcome.faults, session=session, journal=journal.path)
 
     def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[Ran, Place | None]:

@@ -150,8 +150,12 @@ def test_a_part_must_be_there_to_its_last_byte(
     )
     path = tmp_path / "libgus.so"
     path.write_bytes((head.ljust(64, b"\0") + rows).ljust(begin + length + there, b"\0"))
-    monkeypatch.setattr(devices, "opened", lambda _: "the loader's word")
+    monkeypatch.setattr(ctypes, "WinDLL" if sys.platform == "win32" else "CDLL", _refusing)
     assert judged(str(path)).reason == ("the file is cut short" if there < 0 else "the loader's word")
+
+
+def _refusing(_path: str) -> None:
+    raise OSError("the loader's word")
 
 
 @needs_controller

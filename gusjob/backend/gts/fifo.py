@@ -177,13 +177,13 @@ class Fifo:
         stage = self.stage
         if stage is None or not stage.started:
             return None
-        naps = 0
+        nap_s = POLL_S / 16  # Short stages are not to wait for a long nap.
         while True:
             look = self.look()
             if not look.run and look.space >= stage.size:
                 break
-            self.control.nap(min(POLL_S, 0.0005 * 2**naps))
-            naps += 1
+            self.control.nap(nap_s)
+            nap_s = min(2 * nap_s, POLL_S)
             self.heed()
         stage.started = stage.ran = False
         stage.first = stage.sent

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from types import FrameType
+from typing import Any
 
 from gusjob import rules
 from gusjob.backend.gts.control import Control, Phase
@@ -88,12 +89,18 @@ class Runner:
             faults += session.close()
 
     def _supervise(self, work: Callable[[], None]) -> None:
-        """Run in a thread until it is done or hangs."""
+        """Run in a thread until it is done or hangs; a second one watches it, since a tick may be blocked."""
+        thread = _started(self.session.link.take_over, work)
+        watchdog = _started(lambda: None, lambda: self._watch_over(thread))
+        while watchdog.is_alive():
+            watchdog.join(TICK_S)
+            self._tick()
+
+    def _watch_over(self, thread: threading.Thread) -> None:
+        """Until the thread is done; if a call of it hangs, turn everything off without it."""
         link = self.session.link
-        thread = _started(link.take_over, work)
         while thread.is_alive():
             thread.join(TICK_S)
-            self._tick()
             limit_s = self.session.machine.controller.call_timeout_s * (_SLOW_FACTOR if link.calling in _SLOW else 1)
             if (hung_s := link.hung_s()) > limit_s:
                 self._rescue(link.calling, hung_s)
@@ -163,14 +170,21 @@ def signals(control: Control) -> Iterator[None]:
         name = signal.Signals(number).name
         control.ask_stop("Ctrl+C" if number == signal.SIGINT else name, abrupt=number != signal.SIGINT)
 
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
-    before = {name: signal.signal(getattr(signal, name), heard) for name in names}
+    def suspended(_number: int, _frame: FrameType | None) -> None:
+        # A suspended process could not watch over its laser: Ctrl+Z pauses the run instead.
+        if not control.pause:
+            control.ask_pause()
+
+    wanted: dict[str, Any] = dict.fromkeys(("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"), heard)
+    wanted |= {"SIGTSTP": suspended, "SIGTTOU": signal.SIG_IGN, "SIGTTIN": signal.SIG_IGN}
+    numbers = {getattr(signal, name): handler for name, handler in wanted.items() if hasattr(signal, name)}
+    before = {number: signal.signal(number, handler) for number, handler in numbers.items()}
     try:
         with _console_closed(control):
             yield
     finally:
-        for name, handler in before.items():
-            signal.signal(getattr(signal, name), handler)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

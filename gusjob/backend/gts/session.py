@@ -134,9 +134,7 @@ class Session:
         self.link.journal.mark(part=part.begin.row, run=part.begin.run_pulse, lead=part.lead)
         self._part, self._fifo = part, Fifo(self.link, self.control, part, self._looked)
         for first, last, call in part.stream.parts():
-            if first < last:
-                self._show(Phase.FILLING)
-                self._fifo.send(first, last)
+            self._fifo.send(first, last)
             if call is not None:
                 self._step(self._fifo, call)
         self._wait(self._fifo)
@@ -152,7 +150,6 @@ class Session:
             case "GT_CrdStart":
                 if fifo.stage is None or not fifo.stage.started:
                     fifo.start(call)
-                self._show(Phase.RUNNING)
             case "GT_CrdStatus":
                 self._wait(fifo)
             case _:
@@ -189,7 +186,7 @@ class Session:
         """After every look at the controller."""
         assert self._part is not None
         self.reached = replace(self._part.place(Place(row=stage.taken)), sure=False)
-        self._show(self.control.view.phase)
+        self._show(Phase.RUNNING if stage.started else Phase.FILLING)
         self.interlock("go on with --resume")
 
     def _show(self, phase: Phase) -> None:
