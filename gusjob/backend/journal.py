@@ -16,9 +16,8 @@ from typing import Any
 
 import orjson
 
+from gusjob.backend import JOURNAL_SCHEMA
 from gusjob.limits import FIFO_SLOTS
-
-SCHEMA = "gusjob-journal/1"
 
 
 class Journal:
@@ -30,7 +29,7 @@ class Journal:
         self._file = path.open("xb", buffering=0)
         self.write: Callable[[bytes], int | None] = self._file.write
         self.start_s = time.perf_counter()
-        self.record(schema=SCHEMA, **head)
+        self.record(schema=JOURNAL_SCHEMA, **head)
 
     def now_s(self) -> float:
         """Seconds since the start."""
@@ -95,12 +94,12 @@ def read_journal(path: Path) -> Recorded | str:
     text = path.read_bytes()
     text = text[: text.rfind(b"\n") + 1]  # A line that was cut says nothing.
     head = _line(text, 0)
-    if head.get("schema") != SCHEMA:
-        return f"{path.name} is not a journal of gusjob run ({SCHEMA})"
+    if head.get("schema") != JOURNAL_SCHEMA:
+        return f"{path.name} is not a journal of gusjob run ({JOURNAL_SCHEMA})"
     try:
         return _recorded(text, head)
     except (KeyError, IndexError, TypeError):
-        return f"{path.name} is damaged: it can't be read as {SCHEMA}"
+        return f"{path.name} is damaged: it can't be read as {JOURNAL_SCHEMA}"
 
 
 def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:

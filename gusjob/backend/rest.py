@@ -169,12 +169,23 @@ def _speed(calls: BufferedCalls, row: int) -> tuple[float, float]:
 
 def _begin_within(left: BufferedCalls, calls: BufferedCalls, row: int, start: tuple[float, float]) -> None:
     """The first row of what is left begins at `start`; an arc goes on about its centre, which is an offset."""
-    kind = calls.kind[row]
-    if kind in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS):
-        origin = point(calls, Place(row=row))
-        arcs = lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), origin).arcs
+    if calls.kind[row] in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS):
+        cx, cy = _centre(calls, row)
         left.kind[0] = Buffered.ARC_CENTRE
-        left.p[0], left.q[0] = np.rint(arcs.cx[0] - start[0]), np.rint(arcs.cy[0] - start[1])
+        left.p[0], left.q[0] = np.rint(cx - start[0]), np.rint(cy - start[1])
+
+
+def about_centre(calls: BufferedCalls, row: int) -> None:
+    """An arc by its radius as one about its centre, which goes on to be right where its end is moved along it."""
+    if calls.kind[row] == Buffered.ARC_RADIUS:
+        (cx, cy), start = _centre(calls, row), point(calls, Place(row=row))
+        calls.kind[row] = Buffered.ARC_CENTRE
+        calls.p[row], calls.q[row] = np.rint(cx - start[0]), np.rint(cy - start[1])
+
+
+def _centre(calls: BufferedCalls, row: int) -> tuple[float, float]:
+    arcs = lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point(calls, Place(row=row))).arcs
+    return float(arcs.cx[0]), float(arcs.cy[0])
 
 
 def _joined(pieces: list[BufferedCalls]) -> BufferedCalls:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 import click
 
+from gusjob.backend import JOURNAL_START
 from gusjob.checks import check as check_job
 from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors
 from gusjob.job import Job
@@ -63,6 +64,8 @@ class Loaded:
     stream: Stream | None = None
     faults: list[Diagnostic] = field(default_factory=list)
     unreadable: bool = False
+    journal: bool = False
+    """It is the journal of a run."""
     sources: dict[str, Source] = field(default_factory=dict)
 
     @property
@@ -93,6 +96,7 @@ def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = Non
     if source is None:
         loaded.faults, loaded.unreadable = faults, True
         return loaded
+    loaded.journal = source.data.startswith(JOURNAL_START)
     loaded.source, loaded.sources[source.name] = source, source
     profile = machine_path or find_profile(path)
     if profile is not None:
@@ -105,6 +109,11 @@ def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = Non
             return loaded
     if scanner is not None:
         loaded.machine = replace(loaded.machine, scanner=scanner)
+    if loaded.journal:
+        from gusjob.backend.sent import sent_calls
+
+        loaded.stream, loaded.faults = sent_calls(source)
+        return loaded
     if is_listing(source):
         loaded.stream, loaded.faults = read_listing(source)
         return loaded

@@ -117,6 +117,8 @@ def _on_controller(path: Path, machine_path: Path | None, scanner: Scanner | Non
     if stream is None or trace is None or has_errors(loaded.faults):
         click.echo("gusjob: not started: a run on hardware wants a job without errors", err=True)
         return exit_code(loaded) or 1
+    if loaded.journal:
+        stop(f"{path}: this is the journal of a run; go on with it with --resume, or run the job")
     from gusjob.cli.hardware import run_on_controller
 
     loaded.faults = []  # They were shown; what is shown later is about the run.

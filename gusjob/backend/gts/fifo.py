@@ -24,8 +24,8 @@ from gusjob.limits import FIFO_SLOTS
 from gusjob.listing import number_texts
 from gusjob.stream import BUFFERED, Arg, Buffered, BufferedCalls, Call, CType, Kind, Signature
 
-POLL_S = 0.005
-"""How often the controller is asked how far it is: a FIFO of short segments drains in many times this."""
+POLL_S = 0.02
+"""How often the controller is asked how far it is: 4096 slots of 10 us segments last twice as long."""
 START_S = 1.0
 """So long after GT_CrdStart the motion may still rest."""
 STILL_S = 3.0

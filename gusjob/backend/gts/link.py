@@ -93,10 +93,13 @@ class Link:
         code = self._make(name, self.library.functions[name], (*prototype.before, *given, *prototype.behind))
         pointers = [(i, arg) for i, arg in enumerate(prototype.args) if arg.kind is Kind.POINTER]
         found = [list(given[i]) if arg.count > 1 else given[i][0] for i, arg in pointers]
-        shown: list[Any] = [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in values]
+        plain = (Kind.WHOLE, Kind.REAL)
+        shown = [g if arg.kind in plain else v for arg, g, v in zip(prototype.args, given, values, strict=True)]
         for (i, _), value in zip(pointers, found, strict=True):
             shown[i] = value
-        self.journal.call(code, line, name, shown)
+        self.journal.call(
+            code, line, name, [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in shown]
+        )
         return code, found
 
     def must(self, name: str, *values: Value | bytes, line: int = 0) -> list[Any]:
