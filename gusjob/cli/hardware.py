@@ -68,7 +68,7 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
         show(loaded)
         return 1
     begin = _begin(prepared)
-    if not wishes.yes and not sys.stdin.isatty():
+    if not wishes.yes and not _answers():
         stop("a run on hardware asks before it starts: answer on a terminal, or say --yes")
     journal = _journal(prepared, begin or START)
     try:
@@ -119,6 +119,11 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> P
         return None
     expected = forecast(stream, trace, machine)
     return Prepared(loaded=loaded, machine=machine, stream=stream, forecast=expected, library=library, wishes=wishes)
+
+
+def _answers() -> bool:
+    """Whether somebody can be asked."""
+    return sys.stdin is not None and sys.stdin.isatty()
 
 
 def _begin(prepared: Prepared) -> Place | None:
