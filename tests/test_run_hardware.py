@@ -199,7 +199,7 @@ def test_library_and_abi_may_stand_in_the_profile(desk: Desk) -> None:
     assert "1 segments" in subprocess.run(argv, capture_output=True, text=True, check=True).stdout
     assert not desk.state.exists()
     done = subprocess.run(
-        [*argv, "--backend", "gts"], env=desk.environment, capture_output=True, text=True, check=False
+        [*argv, "--backend", "gts", "--yes"], env=desk.environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     assert len(desk.rows()) == 1
