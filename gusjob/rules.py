@@ -852,12 +852,8 @@ MOTION_UNKNOWN = _rule(
     "GJ913", _E, "motion may go on", "the motion may still go on: {why}. Use the emergency stop",
     "Over a link that does not answer nothing can be stopped.",
 )  # fmt: skip
-BAD_JOURNAL = _rule(
-    "GJ914", _E, "journal that can't be used", "{reason}",
-    "Going on from a place that is only guessed leaves something out, or burns it twice.",
-)  # fmt: skip
 PLACE_UNKNOWN = _rule(
-    "GJ915", _E, "where the job broke is not known",
+    "GJ914", _E, "where the job broke is not known",
     "the controller does not know any more where the job broke ({why}); it was last seen here, and up to "
     "{calls} more calls may have run: look at the part, then go on with --from-line N",
     "Going on from a place that is only guessed leaves something out, or burns it twice.",

@@ -321,7 +321,7 @@ def test_a_controller_that_was_started_anew_is_not_guessed_at(desk: Desk) -> Non
     state.unlink()
     done = desk.run("--resume", journal, "--yes", "--progress", "none")
     assert done.returncode == 1
-    assert "GJ915" in done.stderr
+    assert "GJ914" in done.stderr
     assert "--from-line" in done.stderr
     assert len(desk.rows()) == 0
 
