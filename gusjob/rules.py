@@ -852,6 +852,11 @@ MOTION_UNKNOWN = _rule(
     "GJ913", _E, "motion may go on", "the motion may still go on: {why}. Use the emergency stop",
     "Over a link that does not answer nothing can be stopped.",
 )  # fmt: skip
+NO_JOURNAL = _rule(
+    "GJ915", _E, "journal that can't be written", "can't write the journal any more: {reason}; make room, then go on "
+    "with --from-line",
+    "What is not in the journal can't be gone on with; a run that nobody can go on with is not begun.",
+)  # fmt: skip
 PLACE_UNKNOWN = _rule(
     "GJ914", _E, "where the job broke is not known",
     "the controller does not know any more where the job broke ({why}); it was last seen here, and up to "

@@ -26,7 +26,7 @@ from gusjob.cli.run_command import command
 
 pytestmark = needs_controller
 
-SLOW = MARK + "VEL 20\nLASER POWER 40\nLASER ON\nREPEAT 500 AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
+SLOW = MARK + "VEL 10\nLASER POWER 40\nLASER ON\nREPEAT 500 AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ class Desk:
 
     folder: Path
     library: Path
-    speed: float = 20.0
+    speed: float = 50.0
 
     @property
     def state(self) -> Path:
@@ -309,7 +309,7 @@ def test_killed_runs_resume(desk: Desk) -> None:
     whole, took_s = whole_run(desk.folder, desk.library)
     assert len(whole) > 180
     chance = random.Random(7)
-    for number in range(6):
+    for number in range(4):
         state, journal, _ = killed(
             desk.folder, desk.library, chance.uniform(0, took_s), number, chance.choice([64, 4096])
         )

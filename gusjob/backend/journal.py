@@ -28,8 +28,16 @@ class Journal:
         self.path = path
         self._file = path.open("xb", buffering=0)
         self.write: Callable[[bytes], int | None] = self._file.write
+        """Raises OSError; give_up() then."""
+        self.lost = ""
+        """Why nothing can be written any more."""
         self.start_s = time.perf_counter()
         self.record(schema=JOURNAL_SCHEMA, **head)
+
+    def give_up(self, error: OSError) -> None:
+        """Nothing can be written any more: a full disk must not keep the light from being switched off."""
+        self.lost = (error.strerror or "unknown error").lower()
+        self.write = lambda _line: None
 
     def now_s(self) -> float:
         """Seconds since the start."""
@@ -96,6 +104,8 @@ def read_journal(path: Path) -> Recorded | str:
     head = _line(text, 0)
     if head.get("schema") != JOURNAL_SCHEMA:
         return f"{path.name} is not a journal of gusjob run ({JOURNAL_SCHEMA})"
+    if head.get("begin") is None and b',"part":' not in text:
+        return f"{path.name}: this run never began; go on with the journal that it was to go on with: {head['resumes']}"
     try:
         return _recorded(text, head)
     except (KeyError, IndexError, TypeError):
@@ -103,7 +113,7 @@ def read_journal(path: Path) -> Recorded | str:
 
 
 def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:
-    begin, lead, at = tuple(head["begin"]), 0, text.rfind(b',"part":')
+    begin, lead, at = tuple(head["begin"] or (0, 0.0)), 0, text.rfind(b',"part":')
     since = text[max(at, 0) :]
     if at >= 0:
         part = _line(text, at)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -70,25 +69,24 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
     begin = _begin(prepared)
     if not wishes.yes and not _answers():
         stop("a run on hardware asks before it starts: answer on a terminal, or say --yes")
-    journal = _journal(prepared, begin or START)
+    journal = _journal(prepared, begin)
     try:
-        with _link(prepared, journal) as (link, control):
+        link = Link(prepared.library, journal)
+        if begin is None:
+            assert wishes.resume is not None
+            begin, outcome = _found(prepared, link, wishes.resume)
             if begin is None:
-                assert wishes.resume is not None
-                found, outcome = _found(prepared, link, control, wishes.resume)
-                if found is None:
-                    return _closing(prepared, outcome, journal, None)
-                begin = found
-            if begin.row >= len(prepared.stream.buffered):
-                click.echo("gusjob: the job was done to its end; there is nothing to go on with", err=True)
-                return 0
-            click.echo(_plan(prepared, begin, journal), err=True)
-            if not wishes.yes and not click.confirm(_question(prepared), err=True):
-                click.echo("gusjob: not started", err=True)
-                return 1
-            session = _session(prepared, link, control)
-            outcome = _watched(session, prepared, _part(prepared, begin))
-            return _closing(prepared, outcome, journal, session)
+                return _closing(prepared, outcome, journal, None)
+        if begin != START and begin.row >= len(prepared.stream.buffered):
+            click.echo("gusjob: the job was done to its end; there is nothing to go on with", err=True)
+            return 0
+        click.echo(_plan(prepared, begin, journal), err=True)
+        if not wishes.yes and not click.confirm(_question(prepared), err=True):
+            click.echo("gusjob: not started", err=True)
+            return 1
+        session = _session(prepared, link)
+        outcome = _watched(session, prepared, _part(prepared, begin))
+        return _closing(prepared, outcome, journal, session)
     finally:
         journal.close()
 
@@ -161,7 +159,7 @@ def fingerprint(stream: Stream) -> str:
     return digest.hexdigest()
 
 
-def _journal(prepared: Prepared, begin: Place) -> Journal:
+def _journal(prepared: Prepared, begin: Place | None) -> Journal:
     """The journal's file, which must be there before anything else."""
     wishes, path = prepared.wishes, prepared.loaded.path
     now = datetime.now(UTC)
@@ -174,7 +172,7 @@ def _journal(prepared: Prepared, begin: Place) -> Journal:
         "library": prepared.library.path,
         "abi": prepared.library.abi,
         "started": now.isoformat(),
-        "begin": [begin.row, begin.run_pulse],
+        "begin": None if begin is None else [begin.row, begin.run_pulse],
         "resumes": str(wishes.resume_path.resolve()) if wishes.resume_path else None,
     }
     try:
@@ -187,32 +185,26 @@ def _journal(prepared: Prepared, begin: Place) -> Journal:
         )
 
 
-@contextmanager
-def _link(prepared: Prepared, journal: Journal) -> Iterator[tuple[Link, Control]]:
-    """The link, and the wishes of the user, which signals set from now on."""
-    control = Control()
-    with signals(control):
-        yield Link(prepared.library, journal), control
-
-
-def _session(prepared: Prepared, link: Link, control: Control) -> Session:
+def _session(prepared: Prepared, link: Link) -> Session:
     return Session(
         link=link,
         machine=prepared.machine,
-        control=control,
+        control=Control(),
         stream=prepared.stream,
         outputs=outputs_of(prepared.stream),
     )
 
 
-def _found(prepared: Prepared, link: Link, control: Control, recorded: Recorded) -> tuple[Place | None, Outcome]:
+def _found(prepared: Prepared, link: Link, recorded: Recorded) -> tuple[Place | None, Outcome]:
     """Where a run broke, as the controller knows it."""
     found: list[Place] = []
 
     def ask(session: Session) -> None:
         found.append(find_place(session, recorded))
 
-    outcome = Runner(_session(prepared, link, control)).run(ask)
+    session = _session(prepared, link)
+    with signals(session.control):
+        outcome = Runner(session).run(ask)
     return (found[0] if found and not outcome.faults else None), outcome
 
 
@@ -231,9 +223,12 @@ def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Par
         lines = prepared.stream.buffered.line
         return _place_text(prepared.loaded, int(lines[min(row, len(lines) - 1)])) if len(lines) else ""
 
-    with watch(
-        prepared.wishes.progress, session.control, prepared.forecast, prepared.stream, prepared.machine, line_of
-    ) as watcher:
+    with (
+        signals(session.control),
+        watch(
+            prepared.wishes.progress, session.control, prepared.forecast, prepared.stream, prepared.machine, line_of
+        ) as watcher,
+    ):
         return Runner(session, watcher.tick).run(part)
 
 

@@ -1,7 +1,7 @@
 """How fast calls are fed to a controller, and the shortest segment that can be fed for ever.
 
-Run by hand: python tests/bench/feed.py [ROWS]. The virtual controller runs in real time (its call log is off); what a real
-library's calls take comes on top. Where the FIFO runs dry the rate is as fast as calls can be made.
+Run by hand: python tests/bench/feed.py [ROWS]. The virtual controller runs in real time (its call log is off); what a
+real library's calls take comes on top. Where the FIFO runs dry the rate is as fast as calls can be made.
 """
 
 from __future__ import annotations
@@ -66,11 +66,14 @@ def main() -> None:
             print(f"  {middle:6.2f} us a segment: {'fed' if good else 'ran dry'} ({rate:,.0f} calls/s)")
             low, high = (low, middle) if good else (middle, high)
         print(f"shortest segment that is fed for ever: {high:.1f} us, {1e6 / high:,.0f} segments/s")
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        before = peak_mb()
         fed(made, rows, 2 * high)
-        print(
-            f"memory grown by one more run: {(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024:.1f} MB"
-        )
+        print(f"memory grown by one more run: {peak_mb() - before:.1f} MB")
+
+
+def peak_mb() -> float:
+    """The most memory that this process ever had."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 if __name__ == "__main__":

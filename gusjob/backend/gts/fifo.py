@@ -18,7 +18,7 @@ import numpy.typing as npt
 from gusjob import rules
 from gusjob.backend.gts.abi import Prototype
 from gusjob.backend.gts.control import Control
-from gusjob.backend.gts.link import FULL, Link, TakenOver, failure, refused
+from gusjob.backend.gts.link import FULL, BackendError, Link, TakenOver, failure, refused
 from gusjob.backend.rest import Part
 from gusjob.limits import FIFO_SLOTS
 from gusjob.listing import number_texts
@@ -83,6 +83,8 @@ class Fifo:
         self.link, self.control, self.part, self.on_look = link, control, part, on_look
         self.calls = part.stream.buffered
         self.stage: Stage | None = None
+        self.until = 0
+        """Rows before this one are to be sent before anything else."""
         dwells = self.calls.p[self.calls.kind == Buffered.DELAY] / 1000
         self.still_s = STILL_S + float(dwells.max(initial=0.0))
 
@@ -100,6 +102,7 @@ class Fifo:
 
     def send(self, first: int, last: int) -> None:
         """Rows first..last-1, in order."""
+        self.until = last
         for start in range(first, last, _CHUNK):
             end = min(start + _CHUNK, last)
             self._send(self._prepared(start, end), start)
@@ -128,21 +131,35 @@ class Fifo:
         if threading.get_ident() != link.owner:
             raise TakenOver
         link.calling = "a buffered call"
-        for function, args, text in prepared:
-            if control.asked:
-                break
-            link.since_s = clock()
-            code = function(*args)
-            now = clock()
-            link.since_s = 0.0
-            write(b'{"t":%.6f,"code":%d,%b' % (now - start_s, code, text))
-            if code:
-                break
-            sent += 1
+        try:
+            for function, args, text in prepared:
+                if control.asked:
+                    break
+                link.since_s = clock()
+                code = function(*args)
+                now = clock()
+                link.since_s = 0.0
+                sent += code == 0
+                write(b'{"t":%.6f,"code":%d,%b' % (now - start_s, code, text))
+                if code:
+                    break
+        except OSError as error:
+            raise self._broken(error, sent) from error
         link.made += sent
         if threading.get_ident() != link.owner:
             raise TakenOver
         return sent, code
+
+    def _broken(self, error: OSError, sent: int) -> BackendError:
+        """The journal could not be written, or, if a call has not returned, the library failed."""
+        stage, within = self.stage, self.link.since_s > 0
+        self.link.since_s = 0.0
+        if stage is not None:
+            stage.sent += sent
+        if within:
+            return self.link.crashed(self.link.calling, error)
+        self.link.journal.give_up(error)
+        return self.link.no_journal()
 
     def _stage_of(self, row: int) -> Stage:
         """The stage that a row belongs to; a listing may fill a FIFO that it never cleared."""
@@ -213,7 +230,8 @@ class Fifo:
         queued = stage.size - look.space
         row = min(max(stage.taken, 0), len(self.calls) - 1)
         line = int(self.calls.line[row]) if row >= 0 else stage.line
-        if stage.ran and not look.run and queued > 0:
+        unsent = stage.sent < self.until
+        if stage.ran and not look.run and (queued > 0 or unsent):
             if queued <= fresh:
                 rate = round(self.link.made / max(self.link.journal.now_s(), 1e-9))
                 raise failure(rules.STARVED, line, rate=rate)

@@ -97,16 +97,27 @@ class Link:
         shown = [g if arg.kind in plain else v for arg, g, v in zip(prototype.args, given, values, strict=True)]
         for (i, _), value in zip(pointers, found, strict=True):
             shown[i] = value
-        self.journal.call(
-            code, line, name, [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in shown]
-        )
+        self.record(code, line, name, [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in shown])
         return code, found
+
+    def record(self, code: int, line: int, name: str, args: list[Any]) -> None:
+        """A call's line in the journal. One that can't be written ends the run (see must), not the way out of it."""
+        try:
+            self.journal.call(code, line, name, args)
+        except OSError as error:
+            self.journal.give_up(error)
+
+    def no_journal(self, line: int = 0) -> BackendError:
+        """The journal can't be written any more."""
+        return failure(rules.NO_JOURNAL, line, reason=self.journal.lost)
 
     def must(self, name: str, *values: Value | bytes, line: int = 0) -> list[Any]:
         """The same; anything but 0 is an error."""
         code, found = self.call(name, *values, line=line)
         if code:
             raise refused(name, code, line)
+        if self.journal.lost:
+            raise self.no_journal(line)
         return found
 
     def probe(self) -> None:
@@ -121,7 +132,7 @@ class Link:
             # __stdcall in 32 bits counts the arguments.
             guard = ()
             code = self._make(PROBE, self.library.functions[PROBE], (*prototype.before, *PROBE_ARGUMENTS))
-        self.journal.call(code, 0, PROBE, [*PROBE_ARGUMENTS])
+        self.record(code, 0, PROBE, [*PROBE_ARGUMENTS])
         if code == 0:
             return
         if code < 0:
@@ -133,17 +144,19 @@ class Link:
             hint=f"; try --abi {other}" if other else "; is it a library for several cards?",
         )  # fmt: skip
 
+    def crashed(self, name: str, error: OSError) -> BackendError:
+        """On Windows an access violation within the library is an OSError."""
+        fields = {"library": self.library.path, "abi": self.library.abi, "hint": ""}
+        return failure(rules.WRONG_ABI, 0, **fields, reason=f"{name} failed within the library ({error})")
+
     def _make(self, name: str, function: Any, args: tuple[Any, ...]) -> int:
         if threading.get_ident() != self.owner:
             raise TakenOver
         self.calling, self.since_s = name, time.perf_counter()
         try:
             code: int = function(*args)
-        except OSError as error:  # On Windows an access violation within the library.
-            raise failure(
-                rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi,
-                reason=f"{name} failed within the library ({error})", hint="",
-            ) from error  # fmt: skip
+        except OSError as error:
+            raise self.crashed(name, error) from error
         finally:
             self.since_s = 0.0
         self.made += 1

@@ -53,12 +53,15 @@ class Runner:
         how = {"end": "failed" if self.outcome.faults or self.outcome.bug else "done"}
         codes = [fault.rule.code for fault in self.outcome.faults]
         place = session.reached
-        session.link.journal.mark(
-            **how, row=place.row, run=place.run_pulse, sure=place.sure, line=session.line, faults=codes
-        )
+        self._record(**how, row=place.row, run=place.run_pulse, sure=place.sure, line=session.line, faults=codes)
         if self.outcome.bug is not None:
             raise self.outcome.bug
         return self.outcome
+
+    def _record(self, **fields: Any) -> None:
+        """The last line of the journal, if it can be written."""
+        with suppress(OSError):
+            self.session.link.journal.mark(**fields)
 
     def _work(self, part: Callable[[Session], Part | None]) -> None:
         """The whole run. Whatever ends it: light off, motion stopped, closed."""
@@ -85,7 +88,10 @@ class Runner:
             self.outcome.bug = bug
         # A library of another ABI would take "off" for something else.
         if session.trusted:
-            faults += [fault for fault in session.halt(abrupt=abrupt) if fault not in faults]
+            try:
+                faults += [fault for fault in session.halt(abrupt=abrupt) if fault not in faults]
+            except Exception as bug:  # noqa: BLE001  (light and motion are off by then)
+                self.outcome.bug = bug
             faults += session.close()
 
     def _supervise(self, work: Callable[[], None]) -> None:
@@ -113,7 +119,7 @@ class Runner:
         except OSError:
             self.tick = lambda: None
             self.session.control.ask_stop("a closed terminal or pipe")
-        except Exception as bug:  # noqa: BLE001  (raised again at the end)
+        except BaseException as bug:  # noqa: BLE001  (raised again at the end)
             self.tick = lambda: None
             self.outcome.bug = bug
             self.session.control.ask_stop("an internal error")
@@ -125,9 +131,11 @@ class Runner:
         fields = {"call": call, "seconds": round(hung_s, 1)}
         faults = [Diagnostic(rule=rules.NO_ANSWER, span=NOWHERE, fields=fields)]
         turned_off: list[list[Diagnostic]] = []
-        thread = _started(
-            session.link.take_over, lambda: turned_off.append(session.halt(abrupt=True) + session.close())
-        )
+
+        def off() -> None:
+            turned_off.append(session.halt(abrupt=True, locate=False) + session.close())
+
+        thread = _started(session.link.take_over, off)
         until = time.perf_counter() + controller.link_patience_s + controller.call_timeout_s + _GRACE_S
         while thread.is_alive() and time.perf_counter() < until and session.link.hung_s() < controller.call_timeout_s:
             thread.join(TICK_S)

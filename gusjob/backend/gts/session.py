@@ -204,13 +204,16 @@ class Session:
         """The way out of this run."""
         return WayOut(self.link, self.outputs, self.machine.controller.link_patience_s)
 
-    def halt(self, *, abrupt: bool) -> list[Diagnostic]:
+    def halt(self, *, abrupt: bool, locate: bool = True) -> list[Diagnostic]:
         """Light off, see where that was, stop, light off; and what could not be made sure of."""
-        self._show(Phase.STOPPING)
         way = self.way_out
         faults = way.light_off()
-        self._locate(way.off_s)
-        faults += way.stop(self.control, abrupt=abrupt)
+        self._show(Phase.STOPPING)
+        try:
+            if locate:
+                self._locate(way.off_s)
+        finally:
+            faults += way.stop(self.control, abrupt=abrupt)
         if faults:
             self.reached = replace(self.reached, sure=False)
             way.reset()
