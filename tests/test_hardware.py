@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller import CC, GTS, GTS_MULTI, GUS, Fault, Row, needs_controller
+from controller import CC, GTS, GTS_MULTI, GUS, Edge, Fault, Row, needs_controller
 from hardware import EVERYTHING, Bench, bench, goes_on, light_off_at
 from tools import MARK, ROOT, stream_of
 
@@ -477,6 +477,30 @@ def test_paused_and_gone_on(gus: Bench, row: int) -> None:
     assert wanted_ms * 0.99 < lit_ms < wanted_ms * 1.2
     if row > 60:  # In the dwell, which is run again.
         assert (rows[:, Row.KIND] == 3).sum() == 2
+
+
+def test_stopped_while_it_was_paused(gus: Bench) -> None:
+    """What goes on is what was left when the light went off, not where the smooth stop came to rest."""
+    stream, machine = stream_of(LONG.replace("ACC 10000", "ACC 500")), gus.machine(Machine())
+    gus.controller.option("poll_us", 3_000)
+    asking = Asking(25, "pause")
+
+    def tick(control: Control) -> None:
+        if control.view.phase is Phase.PAUSED:
+            control.ask_stop("test")
+        else:
+            asking(control)
+
+    ran = gus.run(stream, machine, tick=tick)
+    assert ran.codes == ["GJ911"]
+    done, edges = gus.controller.rows(), gus.controller.edges()
+    off_ms, ended_ms = edges[-1, Edge.RUNNING_MS], done[-1, Row.START_MS] + done[-1, Row.DURATION_MS]
+    assert ended_ms - off_ms > 10, "the stop should take its time"
+    lit = int(np.searchsorted(done[:, Row.START_MS], off_ms, side="right")) - 1
+    again, _ = gus.resumed(stream, machine, ran.journal)
+    assert again.faults == []
+    rest_of = gus.controller.rows()[len(done) :]
+    assert len(rest_of) - 1 >= 62 - lit  # The dark way, and all from where the light went off.
 
 
 @pytest.mark.parametrize("when", ["before", "while"])

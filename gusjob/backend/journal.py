@@ -32,7 +32,7 @@ class Journal:
         self.lost = ""
         """Why nothing can be written any more."""
         self.start_s = time.perf_counter()
-        self.record(schema=JOURNAL_SCHEMA, **head)
+        self.write(_text(schema=JOURNAL_SCHEMA, **head))
 
     def give_up(self, error: OSError) -> None:
         """Nothing can be written any more: a full disk must not keep the light from being switched off."""
@@ -43,13 +43,12 @@ class Journal:
         """Seconds since the start."""
         return time.perf_counter() - self.start_s
 
-    def record(self, **fields: Any) -> None:
-        """One line."""
-        self.write(orjson.dumps(fields, option=orjson.OPT_APPEND_NEWLINE))
-
     def mark(self, **fields: Any) -> None:
         """One line with the time."""
-        self.record(t=round(self.now_s(), 6), **fields)
+        try:
+            self.write(_text(t=round(self.now_s(), 6), **fields))
+        except OSError as error:
+            self.give_up(error)
 
     def call(self, code: int, line: int, call: str, args: list[Any]) -> None:
         """One call that was made."""
@@ -58,6 +57,10 @@ class Journal:
     def close(self) -> None:
         """No more lines."""
         self._file.close()
+
+
+def _text(**fields: Any) -> bytes:
+    return orjson.dumps(fields, option=orjson.OPT_APPEND_NEWLINE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -87,7 +87,10 @@ class Link:
         return time.perf_counter() - since if since else 0.0
 
     def call(self, name: str, *values: Value | bytes, line: int = 0) -> tuple[int, list[Any]]:
-        """One call by the manual's name: what it returned, and what it found for each pointer, in order."""
+        """One call by the manual's name: what it returned, and what it found for each pointer, in order.
+
+        A journal that can't be written ends the run (see must), but not the way out of it.
+        """
         prototype = self.library.prototypes[name]
         given = [c_value(arg, value) for arg, value in zip(prototype.args, values, strict=True)]
         code = self._make(name, self.library.functions[name], (*prototype.before, *given, *prototype.behind))
@@ -97,15 +100,10 @@ class Link:
         shown = [g if arg.kind in plain else v for arg, g, v in zip(prototype.args, given, values, strict=True)]
         for (i, _), value in zip(pointers, found, strict=True):
             shown[i] = value
-        self.record(code, line, name, [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in shown])
+        self.journal.call(
+            code, line, name, [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in shown]
+        )
         return code, found
-
-    def record(self, code: int, line: int, name: str, args: list[Any]) -> None:
-        """A call's line in the journal. One that can't be written ends the run (see must), not the way out of it."""
-        try:
-            self.journal.call(code, line, name, args)
-        except OSError as error:
-            self.journal.give_up(error)
 
     def no_journal(self, line: int = 0) -> BackendError:
         """The journal can't be written any more."""
@@ -132,7 +130,7 @@ class Link:
             # __stdcall in 32 bits counts the arguments.
             guard = ()
             code = self._make(PROBE, self.library.functions[PROBE], (*prototype.before, *PROBE_ARGUMENTS))
-        self.record(code, 0, PROBE, [*PROBE_ARGUMENTS])
+        self.journal.call(code, 0, PROBE, [*PROBE_ARGUMENTS])
         if code == 0:
             return
         if code < 0:

@@ -53,15 +53,12 @@ class Runner:
         how = {"end": "failed" if self.outcome.faults or self.outcome.bug else "done"}
         codes = [fault.rule.code for fault in self.outcome.faults]
         place = session.reached
-        self._record(**how, row=place.row, run=place.run_pulse, sure=place.sure, line=session.line, faults=codes)
+        session.link.journal.mark(
+            **how, row=place.row, run=place.run_pulse, sure=place.sure, line=session.line, faults=codes
+        )
         if self.outcome.bug is not None:
             raise self.outcome.bug
         return self.outcome
-
-    def _record(self, **fields: Any) -> None:
-        """The last line of the journal, if it can be written."""
-        with suppress(OSError):
-            self.session.link.journal.mark(**fields)
 
     def _work(self, part: Callable[[Session], Part | None]) -> None:
         """The whole run. Whatever ends it: light off, motion stopped, closed."""

@@ -157,13 +157,14 @@ class Session:
 
     def _wait(self, fifo: Fifo) -> None:
         """Until the stage has ended; at rest the head is where its last motion ends."""
+        first = fifo.stage.first if fifo.stage else 0
         look = fifo.wait_for_end()
         if look is None or fifo.stage is None:
             return
-        moves = np.flatnonzero(fifo.calls.kind[: fifo.stage.sent] < Buffered.DELAY)
+        moves = np.flatnonzero(fifo.calls.kind[first : fifo.stage.sent] < Buffered.DELAY)
         if not len(moves):
             return
-        row, tolerance = int(moves[-1]), self.machine.controller.position_tolerance_pulse
+        row, tolerance = first + int(moves[-1]), self.machine.controller.position_tolerance_pulse
         want_x, want_y = float(fifo.calls.x[row]), float(fifo.calls.y[row])
         if max(abs(look.x - want_x), abs(look.y - want_y)) > tolerance:
             where = {"x": look.x, "y": look.y, "want_x": want_x, "want_y": want_y}
@@ -238,8 +239,10 @@ class Session:
 
     def _pause(self) -> Part:
         """Dark and at rest until the user goes on; then what is left from where the light went off."""
-        assert self._fifo is not None
-        if faults := self.halt(abrupt=False):
+        faults, stage = self.halt(abrupt=False), self._fifo.stage if self._fifo else None
+        if stage is not None:
+            stage.started = False  # It rests: where the light went off is known, and not to be looked for again.
+        if faults:
             raise BackendError(*faults)
         self.link.journal.mark(paused=self.reached.row, run=self.reached.run_pulse, line=self.line)
         while self.control.pause and not self.control.stop:
@@ -249,7 +252,6 @@ class Session:
             self.dark()
         if self.control.stop:
             raise Interrupted
-        stage = self._fifo.stage
         return rest(self.stream, self.reached, self.position(stage.crd) if stage else None)
 
     def dark(self) -> None:
