@@ -27,7 +27,7 @@ from gusjob.cli.common import compiled
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
 from gusjob.machine import Abi, Interlock, Machine
-from gusjob.stream import HOST_CALLS, SIGNATURES, Stream
+from gusjob.stream import HOST_CALLS, SIGNATURES, Buffered, Stream
 
 pytestmark = needs_controller
 
@@ -496,11 +496,13 @@ def test_stopped_while_it_was_paused(gus: Bench) -> None:
     done, edges = gus.controller.rows(), gus.controller.edges()
     off_ms, ended_ms = edges[-1, Edge.RUNNING_MS], done[-1, Row.START_MS] + done[-1, Row.DURATION_MS]
     assert ended_ms - off_ms > 10, "the stop should take its time"
-    lit = int(np.searchsorted(done[:, Row.START_MS], off_ms, side="right")) - 1
-    again, _ = gus.resumed(stream, machine, ran.journal)
-    assert again.faults == []
-    rest_of = gus.controller.rows()[len(done) :]
-    assert len(rest_of) - 1 >= 62 - lit  # The dark way, and all from where the light went off.
+    place = ran.session.reached
+    segment = int((stream.buffered.kind[: place.row] <= Buffered.DELAY).sum())
+    dark = done[:, Row.LENGTH].sum() - (done[:segment, Row.LENGTH].sum() + place.run_pulse)
+    assert place.sure
+    # v^2 / 2a = 50^2 / (2 * 0.5) pulse from where the light went off.
+    assert 2400 < dark < 2700
+    assert gus.resumed(stream, machine, ran.journal)[0].faults == []
 
 
 @pytest.mark.parametrize("when", ["before", "while"])
