@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller import CC, GTS, GTS_MULTI, GUS, Edge, Fault, Row, needs_controller
+from controller import CC, GTS, GTS_MULTI, GUS, Fault, Row, needs_controller
 from hardware import EVERYTHING, Bench, bench, goes_on, light_off_at
 from tools import MARK, ROOT, stream_of
 
@@ -27,7 +27,7 @@ from gusjob.cli.common import compiled
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
 from gusjob.machine import Abi, Interlock, Machine
-from gusjob.stream import HOST_CALLS, SIGNATURES, Buffered, Stream
+from gusjob.stream import HOST_CALLS, SIGNATURES, Stream
 
 pytestmark = needs_controller
 
@@ -481,28 +481,27 @@ def test_paused_and_gone_on(gus: Bench, row: int) -> None:
 
 def test_stopped_while_it_was_paused(gus: Bench) -> None:
     """What goes on is what was left when the light went off, not where the smooth stop came to rest."""
-    stream, machine = stream_of(LONG.replace("ACC 10000", "ACC 500")), gus.machine(Machine())
+    text = MARK + "VEL 50\nACC 500\nLASER POWER 40\nLASER ON\nLINE X 100\nLASER OFF\n"
+    stream, machine = stream_of(text), gus.machine(Machine())
     gus.controller.option("poll_us", 3_000)
-    asking = Asking(25, "pause")
 
     def tick(control: Control) -> None:
         if control.view.phase is Phase.PAUSED:
             control.ask_stop("test")
-        else:
-            asking(control)
+        elif control.view.x_pulse > 40_000 and not control.pause:
+            control.ask_pause()
 
     ran = gus.run(stream, machine, tick=tick)
     assert ran.codes == ["GJ911"]
-    done, edges = gus.controller.rows(), gus.controller.edges()
-    off_ms, ended_ms = edges[-1, Edge.RUNNING_MS], done[-1, Row.START_MS] + done[-1, Row.DURATION_MS]
-    assert ended_ms - off_ms > 10, "the stop should take its time"
-    place = ran.session.reached
-    segment = int((stream.buffered.kind[: place.row] <= Buffered.DELAY).sum())
-    dark = done[:, Row.LENGTH].sum() - (done[:segment, Row.LENGTH].sum() + place.run_pulse)
+    done, place = gus.controller.rows(), ran.session.reached
     assert place.sure
     # v^2 / 2a = 50^2 / (2 * 0.5) pulse from where the light went off.
-    assert 2400 < dark < 2700
+    assert done[0, Row.LENGTH] - place.run_pulse == pytest.approx(2500, abs=100)
     assert gus.resumed(stream, machine, ran.journal)[0].faults == []
+    way, left = gus.controller.rows()[1:]
+    assert way[Row.EMISSION0_MS] == 0
+    assert left[Row.LENGTH] == pytest.approx(100_000 - place.run_pulse, abs=1)
+    assert left[Row.EMISSION0_MS] > 0
 
 
 @pytest.mark.parametrize("when", ["before", "while"])
