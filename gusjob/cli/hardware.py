@@ -94,7 +94,7 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
 def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> Prepared | None:
     """The stream to run, its forecast and the library; None with faults in `loaded`."""
     machine, controller = loaded.machine, loaded.machine.controller
-    library_path = wishes.library or controller.library
+    library_path = _named_here(wishes.library) or controller.library
     abi = Abi(wishes.abi) if wishes.abi else controller.abi
     if not library_path or abi is None:
         stop(
@@ -117,6 +117,11 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> P
         return None
     expected = forecast(stream, trace, machine)
     return Prepared(loaded=loaded, machine=machine, stream=stream, forecast=expected, library=library, wishes=wishes)
+
+
+def _named_here(library: str | None) -> str:
+    """A library of the command line: a file that is there is meant; other bare names are the system's matter."""
+    return str(Path(library).resolve()) if library and Path(library).exists() else library or ""
 
 
 def _answers() -> bool:
