@@ -840,7 +840,7 @@ INTERLOCK = _rule(
     "Light must not be on while somebody can reach the beam.",
 )  # fmt: skip
 STOPPED = _rule(
-    "GJ911", _E, "run stopped on request", "stopped here by {who}; go on with --resume {journal}",
+    "GJ911", _E, "run stopped on request", "stopped here by {who}; go on with --resume {journal}{options}",
     "A part that was not finished must not count as done.",
 )  # fmt: skip
 LIGHT_UNKNOWN = _rule(
@@ -856,6 +856,17 @@ NO_JOURNAL = _rule(
     "GJ915", _E, "journal that can't be written", "can't write the journal any more: {reason}; make room, then go on "
     "with --from-line",
     "What is not in the journal can't be gone on with; a run that nobody can go on with is not begun.",
+)  # fmt: skip
+RAN_ON = _rule(
+    "GJ916", _W, "run that was killed",
+    "this run was killed: of the last {calls} calls up to here nobody knows whether they were run; they are counted as "
+    "if they were",
+    "A controller goes on with what is in its FIFO when the program that fed it is gone.",
+)  # fmt: skip
+TWO_SYSTEMS = _rule(
+    "GJ917", _E, "more than one coordinate system or FIFO on hardware",
+    "a run on hardware takes calls of one coordinate system and one FIFO; here is {what} behind {first}",
+    "Of two queues that fill in turn nobody could say any more what runs when.",
 )  # fmt: skip
 PLACE_UNKNOWN = _rule(
     "GJ914", _E, "where the job broke is not known",

@@ -101,6 +101,7 @@ UNITS: dict[str, Unit] = {
 """By lower-case spelling; time is canonical in us here (a dwell divides by 1000)."""
 
 US_PER_MS = 1000.0
+MS_PER_S = 1000.0
 
 
 def spelling(unit: str) -> str:

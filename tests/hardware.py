@@ -20,7 +20,7 @@ from gusjob.backend.gts.runner import Runner
 from gusjob.backend.gts.session import Session, needed_calls, outputs_of
 from gusjob.backend.journal import Journal, read_journal
 from gusjob.backend.place import Place
-from gusjob.backend.rest import Part, rest
+from gusjob.backend.rest import Part, rest, whole
 from gusjob.diagnostics import Diagnostic
 from gusjob.machine import Abi, Machine
 from gusjob.stream import Stream
@@ -114,12 +114,10 @@ class Bench:
             outputs=outputs_of(stream),
         )
         runner = Runner(session, (lambda: tick(control)) if tick else (lambda: None))
-        if part is None and begin is not None:
-            crd = int(stream.buffered.crd[min(begin.row, len(stream.buffered) - 1)])
-            place_there = begin
-            part = lambda s: rest(stream, place_there, s.position(crd))  # noqa: E731  (a parameter's default)
+        if part is None:
+            part = lambda s: whole(stream, s.head()) if begin is None else rest(stream, begin, s.head())  # noqa: E731
         try:
-            outcome = runner.run(part or (lambda _: Part(stream=stream)))
+            outcome = runner.run(part)
         finally:
             journal.close()
         return Ran(faults=outcome.faults, session=session, journal=journal.path)

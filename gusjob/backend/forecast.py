@@ -17,14 +17,21 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelForecast:
-    """One laser. `power` (m,): the highest of each timed call, NaN where it is dark; `watts_max`: None if unknown."""
+    """One laser. Per timed call, (m,): `power`, the highest, NaN where it is dark; `watts`, the same; `emission_ms`."""
 
     channel: int
     unit: str
     power: Floats
-    emission_ms: float
-    power_max: float
-    watts_max: float | None
+    watts: Floats
+    emission_ms: Floats
+
+    def left(self, number: int) -> tuple[float, float, float]:
+        """From a timed call on: ms of light, the highest power, the highest watts (NaN: unknown; 0 without light)."""
+        lit = self.emission_ms[number:] > 0
+        if not lit.any():
+            return 0.0, 0.0, 0.0
+        power, watts = self.power[number:][lit], self.watts[number:][lit]
+        return float(self.emission_ms[number:].sum()), float(power.max()), float(watts.max())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +50,10 @@ class Forecast:
     def done_ms(self, row: int) -> float:
         """Planned time at which a row begins."""
         return float(self.row_ms[min(max(row, 0), len(self.row_ms) - 1)])
+
+    def number(self, row: int) -> int:
+        """The timed call that a row comes before or is."""
+        return int(self.timed[row]) if row < len(self.timed) else len(self.timed)
 
     def power(self, channel: ChannelForecast, row: int) -> float:
         """The highest power while a row is run, NaN if the channel is dark then."""
@@ -72,13 +83,10 @@ def _channel(channel: ChannelTrace, trace: Trace, machine: Machine) -> ChannelFo
     laser = machine.laser(channel.channel)
     per_unit = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in channel.lasers]
     scale = np.array([np.nan if w is None else w for w in per_unit] or [np.nan])[trace.clock.stage]
-    lit = np.flatnonzero(done.emission_ms > 0)
-    known = len(lit) > 0 and not np.isnan(scale[lit]).any()
     return ChannelForecast(
         channel=channel.channel,
         unit=(channel.lasers[-1] if channel.lasers else channel.at_end).power_mode.unit,
         power=power,
-        emission_ms=float(done.emission_ms.sum()),
-        power_max=float(done.power_max[lit].max()) if len(lit) else 0.0,
-        watts_max=float((done.power_max[lit] * scale[lit]).max()) if known else None,
+        watts=power * scale,
+        emission_ms=done.emission_ms,
     )

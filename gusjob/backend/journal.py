@@ -69,7 +69,8 @@ class Recorded:
 
     `head`: its first line. The last part began at `begin` (row, pulse along it; of the whole job) behind `lead` rows of
     its own. `sent`: how many of the part's rows were taken (one more may have been, if the process was killed);
-    `stage`: what is known of the stage that was cleared last. `end`: how it ended, None if it was killed.
+    `stage`: what is known of the stage that was cleared last. `broken`: where its light went off to pause or end, in
+    the whole job. `end`: how it ended, None if it was killed.
     """
 
     head: dict[str, Any]
@@ -77,6 +78,7 @@ class Recorded:
     lead: int
     sent: int
     stage: RecordedStage
+    broken: tuple[int, float] | None
     end: dict[str, Any] | None
 
 
@@ -100,6 +102,12 @@ _ROW, _CLEAR, _START = b'"code":0,"row":', b'"call":"GT_CrdClear"', b'"call":"GT
 _SPACE, _STATUS = b'"call":"GT_CrdSpace"', b'"call":"GT_CrdStatus"'
 
 
+def mark_resumed(path: Path, by: Path) -> None:
+    """Say in a journal that another run goes on with it, so that what is left is not run twice. Raises OSError."""
+    with path.open("ab") as file:
+        file.write(_text(t=0, resumed=str(by.resolve())))
+
+
 def read_journal(path: Path) -> Recorded | str:
     """A journal, or why it is none. Raises OSError if it can't be read."""
     text = path.read_bytes()
@@ -107,6 +115,8 @@ def read_journal(path: Path) -> Recorded | str:
     head = _line(text, 0)
     if head.get("schema") != JOURNAL_SCHEMA:
         return f"{path.name} is not a journal of gusjob run ({JOURNAL_SCHEMA})"
+    if (at := text.rfind(b',"resumed":')) >= 0:
+        return f"{path.name}: this run was gone on with already: go on with {_line(text, at)['resumed']}"
     if head.get("begin") is None and b',"part":' not in text:
         return f"{path.name}: this run never began; go on with the journal that it was to go on with: {head['resumes']}"
     try:
@@ -126,12 +136,15 @@ def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:
         row = _line(since, row_at)["row"]
         sent = since.count(_ROW + b"-1,") if row < 0 else lead + row - begin[0] + 1
     end_at = since.rfind(b'"end":') if at >= 0 else -1
+    broken_at = since.rfind(b',"broken":')
+    broken = _line(since, broken_at) if broken_at >= 0 else None
     return Recorded(
         head=head,
         begin=(int(begin[0]), float(begin[1])),
         lead=lead,
         sent=sent,
         stage=_stage(since[max(since.rfind(_CLEAR), 0) :]),
+        broken=None if broken is None else (broken["broken"], broken["run"]),
         end=_line(since, end_at) if end_at >= 0 else None,
     )
 

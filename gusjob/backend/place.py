@@ -14,6 +14,8 @@ from gusjob.stream import Buffered, BufferedCalls
 
 NEAR_PULSE = 2.0
 """So near to a segment is on it: reported positions are rounded."""
+_DONE_PULSE = 1.0
+"""So near to its end a segment is done: what is left would round to nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,43 +66,50 @@ class Route:
         px, py = laid.points(np.array([at]), np.array([run / length if length > 0 else 0.0]))
         return math.hypot(x - float(px[0]), y - float(py[0])), run, length
 
-    def place(self, taken: int, x: float, y: float) -> Place:
-        """Where the motion is: `taken` rows have left the FIFO, the head is at x, y.
+    def place(self, low: int, high: int, x: float, y: float) -> Place:
+        """Where the motion is: between `low` and `high` rows have left the FIFO, the head is at x, y.
 
-        The row in progress may have left the FIFO already or not (no manual says): the position tells. Where both fit
-        (a way there and back) the earlier one is taken: rather twice than never.
+        The row in progress may have left the FIFO already or not (no manual says): the position tells. Where several
+        fit (a way there and back) the earliest is taken, and where none does the earliest of all: rather twice than
+        never.
         """
-        number = int(np.searchsorted(self.timed, taken))  # The first timed call that is still in the FIFO.
-        best: tuple[float, Place] | None = None
-        for candidate in (number - 1, number):
-            if not 0 <= candidate < len(self.timed):
-                continue
-            row = int(self.timed[candidate])
-            distance, run, length = self.nearest(candidate, x, y)
-            place = Place(row=row, run_pulse=run)
-            if self.calls.kind[row] == Buffered.DELAY:
-                place = Place(row=row)
-            elif run >= length - 0.5:
-                # It is done, with all that stands before the next motion.
-                place = Place(row=row + 1)
-            if best is None or distance < best[0] - 0.5 or (distance <= NEAR_PULSE and best[1].row == row):
-                best = (distance, place)
-        if best is None:
-            return Place(row=taken)
-        return best[1] if best[0] <= NEAR_PULSE else Place(row=best[1].row, sure=False)
+        # From the last timed call that left the FIFO to the first one that is still in it.
+        first, last = (int(np.searchsorted(self.timed, taken)) for taken in (low, high))
+        numbers = range(max(first - 1, 0), min(last, len(self.timed) - 1) + 1)
+        found = [self._place_in(number, x, y) for number in numbers]
+        if not found:
+            return Place(row=high)
+        least = min(distance for distance, _ in found)
+        if least > NEAR_PULSE:
+            return Place(row=found[0][1].row, sure=False)
+        # At a joint the end of one call is the start of the next.
+        return next(place for distance, place in found if distance <= least + 0.5)
 
-    def back(self, place: Place, by_pulse: float) -> Place:
-        """A place so much earlier on the way, but never before the motion call that comes before it."""
-        if by_pulse <= 0:
-            return place
-        if place.run_pulse >= by_pulse:
-            return Place(row=place.row, run_pulse=place.run_pulse - by_pulse, sure=place.sure)
-        number = int(np.searchsorted(self.timed, place.row)) - 1
-        if number < 0 or place.run_pulse > 0 or self.calls.kind[self.timed[number]] == Buffered.DELAY:
-            return Place(row=place.row, sure=place.sure)
+    def _place_in(self, number: int, x: float, y: float) -> tuple[float, Place]:
+        """How far a point is from a timed call, and the place there if it is on it."""
         row = int(self.timed[number])
-        length = self.nearest(number, float(self.calls.x[row]), float(self.calls.y[row]))[2]
-        return Place(row=row, run_pulse=max(length - by_pulse, 0.0), sure=place.sure)
+        distance, run, length = self.nearest(number, x, y)
+        if self.calls.kind[row] == Buffered.DELAY:
+            return distance, Place(row=row)
+        # One that is done is done with all that stands before the next motion.
+        return distance, Place(row=row, run_pulse=run) if run < length - _DONE_PULSE else Place(row=row + 1)
+
+    def back(self, place: Place, by_ms: float) -> Place:
+        """A place so much earlier on the way, at full velocity all the while: rather too far than not far enough."""
+        row, run, left_ms = place.row, place.run_pulse, by_ms
+        number = int(np.searchsorted(self.timed, row))
+        while left_ms > 0:
+            if row < len(self.calls) and run > 0:
+                vel = float(self.calls.vel[row])
+                if run >= vel * left_ms:
+                    return Place(row=row, run_pulse=run - vel * left_ms, sure=place.sure)
+                left_ms -= run / vel
+            number -= 1
+            if number < 0 or self.calls.kind[self.timed[number]] == Buffered.DELAY:
+                return Place(row=row, sure=place.sure)
+            row = int(self.timed[number])
+            run = self.nearest(number, float(self.calls.x[row]), float(self.calls.y[row]))[2]
+        return Place(row=row, run_pulse=run, sure=place.sure)
 
 
 def _run_on_arc(dx: float, dy: float, angle: float, sweep: float, length: float) -> float:

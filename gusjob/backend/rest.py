@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gusjob.backend.place import START, Place
+from gusjob.geometry import Segments
 from gusjob.interpreter.clock import lay
 from gusjob.motion import reached_ends
-from gusjob.stream import Buffered, BufferedCalls, Call, Stream
+from gusjob.stream import SIGNATURES, Buffered, BufferedCalls, Call, Stream
 
 CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
 _NOW = ("GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_GetHSIOOpt")
-_OF_MODE = ("GT_LaserOutFrq", "GT_SetPulseWidth")
-_SAME_SETTING = {"GT_DisFPK": "GT_EnaFPK"}
+_UNDONE_BY = {
+    "GT_LaserPowerMode": ("GT_LaserOutFrq", "GT_SetPulseWidth"),
+    "GT_EnaFPK": ("GT_DisFPK",),
+    "GT_DisFPK": ("GT_EnaFPK",),
+    "GT_SetLaserDisMode": ("GT_SetLaserDisRatio",),
+}
+"""What a setting takes away of earlier ones. In force are the others, in the order of the manual's examples."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +45,23 @@ class Part:
         return Place(row=self.row(here.row), run_pulse=begun + here.run_pulse, sure=here.sure)
 
 
+def whole(stream: Stream, head: tuple[float, float] | None) -> Part:
+    """The whole stream, from wherever the head is (None: nobody knows).
+
+    Its calls take it for granted that the head begins at 0, 0. A first motion that is dark and straight gets there by
+    itself; before any other one a dark way to 0, 0 is put.
+    """
+    timed = np.flatnonzero(stream.buffered.kind <= Buffered.DELAY)
+    away = head is None or math.hypot(*head) >= 1
+    if not len(timed) or not away:
+        return Part(stream=stream)
+    first = int(timed[0])
+    lit = any(_light_at(stream, first, channel).on for channel in (0, 1))
+    if stream.buffered.kind[first] == Buffered.LINE and not lit:
+        return Part(stream=stream)
+    return rest(stream, START, head)
+
+
 def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) -> Part:
     """What is left from a place on.
 
@@ -45,40 +69,72 @@ def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) 
     is there), the power in force, the switch if it was on, and the rest as it was; but for end velocities that can't be
     reached from rest, and the row in which the place lies, which begins there.
     """
-    calls, row = stream.buffered, place.row
+    calls, place = stream.buffered, settled(stream.buffered, place)
+    row = place.row
     if row >= len(calls):
         behind = tuple(replace(c, at=0) for c in stream.calls if c.at >= row and c.name not in CRD_CALLS)
         return Part(stream=replace(stream, buffered=calls.pick(np.arange(0)), calls=behind, intent=None), begin=place)
     start = point(calls, place)
     line, crd, fifo = int(calls.line[row]), int(calls.crd[row]), int(calls.fifo[row])
-
-    def lead_row(kind: Buffered, **columns: float) -> BufferedCalls:
-        zeros = {name: np.zeros(1, dtype=calls.column(name).dtype) for name in calls.__slots__}
-        values = {"kind": kind, "line": line, "crd": crd, "fifo": fifo, **columns}
-        for name, value in values.items():
-            zeros[name][0] = value
-        return BufferedCalls(**zeros)
-
-    lead = []
-    if head is None or np.hypot(head[0] - start[0], head[1] - start[1]) >= 1:
-        speed = _speed(calls, row)
-        lead.append(lead_row(Buffered.LINE, x=start[0], y=start[1], vel=speed[0], acc=speed[1]))
+    lead = _Lead(calls=calls, line=line, crd=crd, fifo=fifo)
+    if head is None or math.hypot(head[0] - start[0], head[1] - start[1]) >= 1:
+        vel, acc = _speed(calls, row)
+        lead.add(Buffered.LINE, x=start[0], y=start[1], vel=vel, acc=acc)
     for channel in (0, 1):
         state = _light_at(stream, row, channel)
         if isinstance(state.power, int):
-            lead.append(calls.pick(np.array([state.power])))
+            lead.rows.append(calls.pick(np.array([state.power])))
         elif state.power is not None:
-            lead.append(lead_row(Buffered.POWER, p=state.power, channel=channel))
+            lead.add(Buffered.POWER, p=state.power, channel=channel)
         if state.on:
-            lead.append(lead_row(Buffered.ON, channel=channel))
+            lead.add(Buffered.ON, channel=channel)
     left = calls.pick(np.arange(row, len(calls)))
     if place.run_pulse > 0:
         _begin_within(left, calls, row, start)
-    merged = _joined([*lead, left])
-    shift = sum(map(len, lead)) - row
-    made = Stream(name=stream.name, buffered=merged, calls=tuple(_calls(stream, row, shift, line, crd, fifo)))
+    count = len(lead.rows)
+    made = Stream(
+        name=stream.name,
+        buffered=_joined([*lead.rows, left]),
+        calls=tuple(_calls(stream, row, count - row, line, crd, fifo)),
+    )
     _reach(made, start)
-    return Part(stream=made, lead=shift + row, begin=place)
+    return Part(stream=made, lead=count, begin=place)
+
+
+def settled(calls: BufferedCalls, place: Place) -> Place:
+    """A place at the row that is to be run next.
+
+    What stands before the next motion, switches and powers, is not run but counted as done: light that goes off there
+    would else come on for a moment. And what is left of a motion is at least a pulse: an arc that ends where it begins
+    would be a full circle.
+    """
+    row, run = place.row, place.run_pulse
+    if row < len(calls) and run > 0:
+        start = point(calls, place)
+        if start == (float(calls.x[row]), float(calls.y[row])):
+            x, y = point(calls, Place(row=row))
+            length = float(_laid(calls, row).length[0])
+            row, run = (row, 0.0) if (x, y) == start and run < length / 2 else (row + 1, 0.0)
+    timed = np.flatnonzero(calls.kind[row:] <= Buffered.DELAY)
+    row = row + int(timed[0]) if len(timed) else len(calls)
+    return Place(row=row, run_pulse=run, sure=place.sure)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lead:
+    """The rows before what is left."""
+
+    calls: BufferedCalls
+    line: int
+    crd: int
+    fifo: int
+    rows: list[BufferedCalls] = field(default_factory=list)
+
+    def add(self, kind: Buffered, **columns: float) -> None:
+        made = {name: np.zeros(1, dtype=self.calls.column(name).dtype) for name in self.calls.__slots__}
+        for name, value in {"kind": kind, "line": self.line, "crd": self.crd, "fifo": self.fifo, **columns}.items():
+            made[name][0] = value
+        self.rows.append(BufferedCalls(**made))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,15 +181,13 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
         if call.name == "GT_SetCrdPrm" and call.args[0] == crd:
             built = call
         elif call.name not in (*CRD_CALLS, *_NOW):
-            key = (
-                call.args[0] - 7 if call.name == "GT_SetAxisMode" and isinstance(call.args[0], float) else call.args[-1]
-            )
-            if call.name == "GT_LaserPowerMode":
-                for name in _OF_MODE:
-                    settings.pop((name, key), None)
-            name = _SAME_SETTING.get(call.name, call.name)
-            settings.pop((name, key), None)  # The order is that of the last ones.
-            settings[name, key] = call
+            axis = call.name == "GT_SetAxisMode" and isinstance(call.args[0], float)
+            channel = call.args[0] - 7 if axis and isinstance(call.args[0], float) else call.args[-1]
+            for name in _UNDONE_BY.get(call.name, ()):
+                settings.pop((name, channel), None)
+            settings[call.name, channel] = call
+    order = list(SIGNATURES)
+    settings = dict(sorted(settings.items(), key=lambda item: order.index(item[0][0])))
     for call in (*settings.values(), *([built] if built else [])):
         yield replace(call, at=0)
     yield Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=0, line=line)
@@ -184,8 +238,13 @@ def about_centre(calls: BufferedCalls, row: int) -> None:
 
 
 def _centre(calls: BufferedCalls, row: int) -> tuple[float, float]:
-    arcs = lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point(calls, Place(row=row))).arcs
+    arcs = _laid(calls, row).arcs
     return float(arcs.cx[0]), float(arcs.cy[0])
+
+
+def _laid(calls: BufferedCalls, row: int) -> Segments:
+    """One motion."""
+    return lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point(calls, Place(row=row)))
 
 
 def _joined(pieces: list[BufferedCalls]) -> BufferedCalls:

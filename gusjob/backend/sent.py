@@ -9,15 +9,17 @@ from typing import Any
 import numpy as np
 import orjson
 
+from gusjob import rules
 from gusjob.backend.place import Place
 from gusjob.backend.rest import about_centre, point
-from gusjob.diagnostics import Diagnostic
-from gusjob.stream import HOST_CALLS, BufferedCalls, Stream
+from gusjob.diagnostics import Diagnostic, Span
+from gusjob.limits import FIFO_SLOTS
+from gusjob.stream import HOST_CALLS, Buffered, BufferedCalls, Stream
 from gusjob.syntax import Source, read_listing
 
 _LINE = re.compile(
     rb'^\{"t":[^,\n]*,(?:"code":0,(?:"row":(-?\d+),)?"line":(\d+),"call":"(\w+)","args":\[(.*)\]\}'
-    rb'|("(?:part|paused|end)":.*\}))$',
+    rb'|("(?:part|broken|end)":.*\}))$',
     re.MULTILINE,
 )
 _BRACES = bytes.maketrans(b"[]", b"{}")
@@ -31,21 +33,32 @@ def sent_calls(source: Source) -> tuple[Stream, list[Diagnostic]]:
     Polls are left out, and so is what was sent but not run since the run was stopped or paused before: what the last
     call did of it ends where the light went off. GT_CrdStatus stands where the motion was at rest.
     """
-    collected = _Collected()
+    collected, name = _Collected(), _job(source)
     for row, line, call, args, mark in _LINE.findall(source.data):
         if mark:
             collected.mark(orjson.loads(b"{" + mark))
         else:
             collected.call(int(row) if row else None, int(line), call.decode(), args.translate(_BRACES))
     text = b"\n".join(collected.texts)
-    stream, faults = read_listing(Source(name=source.name, data=text + b"\n"))
+    stream, faults = read_listing(Source(name=name, data=text + b"\n"))
     lines = np.array([0, *collected.lines], dtype=np.int32)
     calls = tuple(replace(call, line=int(lines[call.line])) for call in stream.calls)
     at = np.searchsorted(stream.buffered.line, np.array(list(collected.cut), dtype=np.int64) + 1)
     buffered = _cut(stream.buffered, dict(zip(at.tolist(), collected.cut.values(), strict=True)))
     own = replace(buffered, line=lines[buffered.line])
-    placed = [replace(f, span=replace(f.span, line=int(lines[min(f.span.line, len(lines) - 1)]))) for f in faults]
+    placed = [replace(f, span=Span(line=int(lines[min(f.span.line, len(lines) - 1)]))) for f in faults]
+    if collected.running is not None and len(own):
+        # Nothing says how it ended: it was killed.
+        left = min(collected.since_look, len(own))
+        fields, last = {"calls": left}, Span(line=int(own.line[-1]))
+        placed.append(Diagnostic(rule=rules.RAN_ON, span=last, fields=fields, path=name))
     return replace(stream, buffered=own, calls=calls), placed
+
+
+def _job(source: Source) -> str:
+    """The job's name: the lines are its own."""
+    head = orjson.loads(source.data[: source.data.find(b"\n")])
+    return str(head.get("job", source.name))
 
 
 class _Collected:
@@ -60,6 +73,8 @@ class _Collected:
         """Texts that were run a part of the way: how far, pulse."""
         self.part_at, self.begin = 0, (0, 0.0)
         self.running: tuple[int, int] | None = None
+        self.since_look = 0
+        """Buffered calls that had not been run yet when the controller was asked last."""
 
     def add(self, text: bytes, line: int, row: int = -1) -> None:
         self.texts.append(text)
@@ -69,8 +84,11 @@ class _Collected:
     def call(self, row: int | None, line: int, name: str, args: bytes) -> None:
         """One call that was taken."""
         if row is not None:
+            self.since_look += 1
             self.add(b"%s(%s)" % (name.encode(), args), line, row)
             return
+        if name == "GT_CrdSpace":
+            self.since_look = FIFO_SLOTS - int(args.split(b",")[1])
         if name in _NOT_OF_THE_JOB:
             return
         self.rest(line)
@@ -89,10 +107,11 @@ class _Collected:
         """Where a part begins or a run ends."""
         if "part" in found:
             self.part_at, self.begin = len(self.texts), (found["part"], found["run"])
-        elif "paused" in found:
-            self.broken(found["paused"], found["run"])
+        elif "broken" in found:
+            self.broken(found["broken"], found["run"])
         elif found["end"] == "failed":
             self.broken(found["row"], found["run"])
+            self.running = None
 
     def broken(self, row: int, run_pulse: float) -> None:
         """The part was run up to a place: what was sent beyond was not run."""
@@ -106,9 +125,12 @@ class _Collected:
 
 
 def _cut(calls: BufferedCalls, at: dict[int, float]) -> BufferedCalls:
-    """The calls, some of which end earlier, at rest."""
+    """The calls, some of which end earlier, where the light went off."""
     for index, run_pulse in at.items():
-        x, y = point(calls, Place(row=index, run_pulse=run_pulse))
+        (x, y), start = point(calls, Place(row=index, run_pulse=run_pulse)), point(calls, Place(row=index))
         about_centre(calls, index)
-        calls.x[index], calls.y[index], calls.vel_end[index] = x, y, 0.0
+        # The light went off in full motion; an arc back to its start would be a full circle.
+        calls.x[index], calls.y[index], calls.vel_end[index] = x, y, calls.vel[index]
+        if (x, y) == start:
+            calls.kind[index] = Buffered.LINE
     return calls

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 import click
 
+from gusjob import rules
 from gusjob.backend import JOURNAL_START
 from gusjob.checks import check as check_job
 from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors
@@ -142,7 +143,9 @@ def compiled(loaded: Loaded) -> Stream | None:
 def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
     """Add what the interpreter found, with spans."""
     if loaded.source is not None:
-        if loaded.job is None:
+        if loaded.journal:  # Their lines are the job's; what ends within a segment was stopped there.
+            found = [f for f in faults if f.rule is not rules.STOPS_HARD]
+        elif loaded.job is None:
             found = locate_calls(faults, loaded.source)
         else:
             # What the check has said of a line already is not said again of the line's calls.

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,10 +23,10 @@ from gusjob.backend.gts.library import Library, load_library
 from gusjob.backend.gts.link import Link
 from gusjob.backend.gts.resume import find_place, recorded_place
 from gusjob.backend.gts.runner import Outcome, Runner, signals
-from gusjob.backend.gts.session import Session, needed_calls, outputs_of
-from gusjob.backend.journal import Journal, Recorded, read_journal
+from gusjob.backend.gts.session import Session, needed_calls, one_queue, outputs_of
+from gusjob.backend.journal import Journal, Recorded, mark_resumed, read_journal
 from gusjob.backend.place import START, Place
-from gusjob.backend.rest import Part, rest
+from gusjob.backend.rest import Part, rest, whole
 from gusjob.cli.common import Loaded, interpreted_faults, show, stop
 from gusjob.diagnostics import Span, has_errors, printable
 from gusjob.interpreter import Trace, interpret
@@ -45,7 +47,7 @@ class Wishes:
     journal: Path | None
     resume: Recorded | None
     resume_path: Path | None
-    from_line: int | None
+    from_line: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +113,9 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> P
         if run is None or has_errors(faults):
             return None
         trace = run
+    if faults := one_queue(stream):
+        loaded.faults += [replace(f, span=_located(loaded, f.span.line), path=str(loaded.path)) for f in faults]
+        return None
     library, faults = load_library(library_path, abi, controller.card, needed_calls(stream, machine))
     loaded.faults += faults
     if library is None:
@@ -136,23 +141,40 @@ def _begin(prepared: Prepared) -> Place | None:
         return Place(row=row_of_line(stream, prepared.loaded, wishes.from_line))
     if wishes.resume is None:
         return START
+    if (said := str(wishes.resume.head.get("options", ""))) != _options(wishes):
+        how = f"say {printable(said)} again" if said else "leave --no-laser out"
+        stop(f"{wishes.resume_path}: this is the journal of another kind of run: {how}")
     if wishes.resume.head.get("calls") != fingerprint(stream):
         stop(
-            f"{wishes.resume_path}: this is the journal of other calls: the job, its profile or the options "
-            "(--frame, --no-laser) have changed; go on with --from-line N"
+            f"{wishes.resume_path}: this is the journal of other calls: the job or its profile have changed; "
+            "go on with --from-line N"
         )
     return recorded_place(wishes.resume)
 
 
-def row_of_line(stream: Stream, loaded: Loaded, line: int) -> int:
-    """The first row of a line of the file, or of the first line behind it that has one; stops if there is none."""
-    lines = stream.buffered.line
-    behind = np.unique(lines[lines >= line]).tolist()
-    # Lines of included files are numbered behind those of the job's own.
-    own = next((number for number in behind if not _located(loaded, number).path), None)
-    if own is None or line < 1:
-        stop(f"--from-line {line}: the job has no motion or laser call at or behind this line")
-    return int(np.flatnonzero(lines == own)[0])
+def row_of_line(stream: Stream, loaded: Loaded, place: str) -> int:
+    """The first row of a line, or of the first line behind it that has one; stops if there is none.
+
+    `place`: N in the job's own file, FILE:N in one that it includes, as messages name them.
+    """
+    name, _, number = place.rpartition(":")
+    line = int(number) if number.isascii() and number.isdigit() else 0
+    lines, first = np.unique(stream.buffered.line, return_index=True)
+    spans = [_located(loaded, int(found)) for found in lines.tolist()]
+
+    def meant(span: Span) -> bool:
+        own = not name or Path(name).name == loaded.path.name
+        return span.line >= line and (not span.path if own else Path(span.path).name == Path(name).name)
+
+    rows = [(span.line, int(row)) for span, row in zip(spans, first, strict=True) if meant(span)]
+    if not rows or line < 1:
+        stop(f"--from-line {printable(place)}: the job has no motion or laser call at or behind this line")
+    return min(rows)[1]
+
+
+def _options(wishes: Wishes) -> str:
+    """What makes other calls of a job."""
+    return "--frame" if wishes.frame else "--no-laser" if wishes.no_laser else ""
 
 
 def fingerprint(stream: Stream) -> str:
@@ -177,6 +199,7 @@ def _journal(prepared: Prepared, begin: Place | None) -> Journal:
         "library": prepared.library.path,
         "abi": prepared.library.abi,
         "started": now.isoformat(),
+        "options": _options(wishes),
         "begin": None if begin is None else [begin.row, begin.run_pulse],
         "resumes": str(wishes.resume_path.resolve()) if wishes.resume_path else None,
     }
@@ -196,6 +219,7 @@ def _session(prepared: Prepared, link: Link) -> Session:
         machine=prepared.machine,
         control=Control(),
         stream=prepared.stream,
+        options=" --no-laser" if prepared.wishes.no_laser else "",
         outputs=outputs_of(prepared.stream),
     )
 
@@ -214,10 +238,17 @@ def _found(prepared: Prepared, link: Link, recorded: Recorded) -> tuple[Place | 
 
 
 def _part(prepared: Prepared, begin: Place) -> Callable[[Session], Part]:
-    if begin == START:
-        return lambda _session: Part(stream=prepared.stream)
-    row = min(begin.row, len(prepared.stream.buffered) - 1)
-    return lambda session: rest(prepared.stream, begin, session.position(int(prepared.stream.buffered.crd[row])))
+    """What to run, once it is known where the head is."""
+    stream, wishes = prepared.stream, prepared.wishes
+
+    def made(session: Session) -> Part:
+        if wishes.resume_path is not None:
+            with suppress(OSError):  # A journal that can't be written to stays as it is.
+                mark_resumed(wishes.resume_path, session.link.journal.path)
+        head = session.head()
+        return whole(stream, head) if begin == START else rest(stream, begin, head)
+
+    return made
 
 
 def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Part]) -> Outcome:
@@ -249,7 +280,7 @@ def _located(loaded: Loaded, line: int) -> Span:
 def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
     """What is going to happen."""
     expected, library, wishes = prepared.forecast, prepared.library, prepared.wishes
-    left_ms = expected.duration_ms - expected.done_ms(begin.row)
+    left_ms, number = expected.duration_ms - expected.done_ms(begin.row), expected.number(begin.row)
     lines = [
         f"{printable(prepared.loaded.path.name)} on the controller: {printable(library.path)}, "
         f"--abi {library.abi} ({ABI_PROFILES[library.abi].title})"
@@ -259,9 +290,10 @@ def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
         lines.append(f"  field    X {x_low:.3f} to {x_high:.3f} mm, Y {y_low:.3f} to {y_high:.3f} mm")
     lines.append(f"  time     {left_ms / 1000:.2f} s")
     for channel in expected.channels:
-        watts = "" if channel.watts_max is None else f" = {channel.watts_max:.3g} W"
-        power = f"up to {channel.power_max:.4g} {channel.unit}{watts}, light on for {channel.emission_ms / 1000:.2f} s"
-        lines.append(f"  laser {channel.channel}  {power if channel.emission_ms else 'stays off'}")
+        lit_ms, highest, watts_max = channel.left(number)
+        watts = "" if math.isnan(watts_max) else f" = {watts_max:.3g} W"
+        power = f"up to {highest:.4g} {channel.unit}{watts}, light on for {lit_ms / 1000:.2f} s"
+        lines.append(f"  laser {channel.channel}  {power if lit_ms else 'stays off'}")
     if not expected.channels:
         lines.append("  laser    off" + (": once round the marks" if wishes.frame else ""))
     if begin != START:
@@ -272,7 +304,7 @@ def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
 
 
 def _question(prepared: Prepared) -> str:
-    lit = any(channel.emission_ms for channel in prepared.forecast.channels)
+    lit = any(channel.emission_ms.any() for channel in prepared.forecast.channels)
     return "The laser will be on. Is everybody safe? Start" if lit else "The axes will move. Start"
 
 

@@ -59,12 +59,14 @@ _FILE = click.Path(path_type=Path)
 @click.option("--journal", type=_FILE, help="Write the journal to this file; default: beside the job. [gts]")
 @click.option("--resume", type=_FILE, metavar="JOURNAL", help="Go on where the run of this journal broke. [gts]")
 @click.option(
-    "--from-line", type=int, metavar="N", help="Begin at this line of the job: the state there is rebuilt. [gts]"
+    "--from-line",
+    metavar="[FILE:]N",
+    help="Begin at this line of the job, or of a FILE that it includes: the state there is rebuilt. [gts]",
 )
 def command(
     path: Path | None, machine_path: Path | None, scanner: Scanner | None, backend: str, library: str | None,
     abi: str | None, yes: bool, frame: bool, no_laser: bool, progress: str, journal: Path | None,
-    resume: Path | None, from_line: int | None,
+    resume: Path | None, from_line: str | None,
 ) -> None:  # fmt: skip
     """Run a job or listing on the built-in interpreter and print its power report, or run it on a controller.
 
@@ -85,6 +87,8 @@ def command(
 
     if frame and no_laser:
         raise click.UsageError("--frame is without laser already: leave --no-laser out.")
+    if frame and (resume is not None or from_line is not None):
+        raise click.UsageError("--frame is a run of its own: leave --resume and --from-line out.")
     if resume is not None and from_line is not None:
         raise click.UsageError("--resume and --from-line both say where to begin.")
     recorded = read_resume(resume) if resume is not None else None
@@ -152,7 +156,7 @@ class _Say:
 @contextmanager
 def _progress(path: Path) -> Iterator[_Say]:
     """A status line on a terminal, while a long job is worked on."""
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield _Say()
         return
     from rich.console import Console

@@ -1,10 +1,16 @@
-"""What the user wants of a run, and what a run tells of itself: the only things that its two threads share."""
+"""What the user wants of a run, and what a run tells of itself: the only things that its threads share.
+
+Signal handlers set the wishes, perhaps within another call of the same function: nothing in here takes a lock.
+"""
 
 from __future__ import annotations
 
-import threading
-from dataclasses import dataclass, field
+import time
+from dataclasses import dataclass
 from enum import StrEnum
+
+_SLICE_S = 0.002
+"""How soon a wish ends a nap."""
 
 
 class Phase(StrEnum):
@@ -15,6 +21,7 @@ class Phase(StrEnum):
     RUNNING = "running"
     PAUSED = "paused"
     STOPPING = "stopping"
+    STOPPED = "stopped"
     DONE = "done"
 
 
@@ -40,7 +47,8 @@ class Control:
     """0 no, 1 smoothly, 2 abruptly."""
     who: str = ""
     pause: bool = False
-    wake: threading.Event = field(default_factory=threading.Event)
+    wishes: int = 0
+    """How many there were: a nap ends with a new one."""
     view: View = View()
 
     def ask_stop(self, who: str, *, abrupt: bool = False) -> None:
@@ -56,9 +64,10 @@ class Control:
 
     def _ask(self) -> None:
         self.asked = bool(self.stop or self.pause)
-        self.wake.set()
+        self.wishes += 1
 
     def nap(self, seconds: float) -> None:
-        """Wait, but not beyond a wish."""
-        self.wake.wait(seconds)
-        self.wake.clear()
+        """Wait, but not beyond a new wish."""
+        until, wishes = time.perf_counter() + seconds, self.wishes
+        while self.wishes == wishes and (left := until - time.perf_counter()) > 0:
+            time.sleep(min(left, _SLICE_S))

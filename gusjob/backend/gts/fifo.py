@@ -77,12 +77,22 @@ class Stage:
 
 
 class Fifo:
-    """Sends one part's rows. `look`: called after every look at the controller."""
+    """Sends one part's rows. `on_look` is called after every look at the controller, `before_start` before the start."""
 
-    def __init__(self, link: Link, control: Control, part: Part, on_look: Callable[[Stage], None]) -> None:
-        self.link, self.control, self.part, self.on_look = link, control, part, on_look
+    def __init__(
+        self,
+        link: Link,
+        control: Control,
+        part: Part,
+        *,
+        on_look: Callable[[Stage], None],
+        before_start: Callable[[], None],
+    ) -> None:
+        self.link, self.control, self.part = link, control, part
+        self.on_look, self.before_start = on_look, before_start
         self.calls = part.stream.buffered
         self.stage: Stage | None = None
+        self.looked_s = 0.0
         self.until = 0
         """Rows before this one are to be sent before anything else."""
         dwells = self.calls.p[self.calls.kind == Buffered.DELAY] / 1000
@@ -121,14 +131,15 @@ class Fifo:
                 raise refused(BUFFERED[Buffered(int(self.calls.kind[row]))].name, code, int(self.calls.line[row]))
             if code:
                 stage.room = 0
-            if stage.started and time.perf_counter() - stage.since_s > POLL_S:
+            if time.perf_counter() - self.looked_s > POLL_S:
                 self.look()
 
     def _burst(self, prepared: list[Prepared]) -> tuple[int, int]:
         """As many of them as are taken; how many, and the code that ended it (0: all, or a wish was heard)."""
         link, control, write = self.link, self.control, self.link.journal.write
-        clock, start_s, sent, code = time.perf_counter, self.link.journal.start_s, 0, 0
-        if threading.get_ident() != link.owner:
+        clock, start_s, sent, code, me = time.perf_counter, self.link.journal.start_s, 0, 0, threading.get_ident()
+        until = clock() + POLL_S
+        if me != link.owner:
             raise TakenOver
         link.calling = "a buffered call"
         try:
@@ -138,16 +149,16 @@ class Fifo:
                 link.since_s = clock()
                 code = function(*args)
                 now = clock()
+                if link.owner != me:
+                    raise TakenOver
                 link.since_s = 0.0
                 sent += code == 0
                 write(b'{"t":%.6f,"code":%d,%b' % (now - start_s, code, text))
-                if code:
+                if code or now > until:
                     break
         except OSError as error:
             raise self._broken(error, sent) from error
         link.made += sent
-        if threading.get_ident() != link.owner:
-            raise TakenOver
         return sent, code
 
     def _broken(self, error: OSError, sent: int) -> BackendError:
@@ -185,6 +196,7 @@ class Fifo:
 
     def start(self, call: Call) -> None:
         """GT_CrdStart of the present stage."""
+        self.before_start()
         self.link.must(call.name, *call.args, line=call.line)
         if self.stage is not None:
             self.stage.started, self.stage.since_s = True, time.perf_counter()
@@ -215,10 +227,13 @@ class Fifo:
         (space,) = self.link.must("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo), line=line)
         (position,) = self.link.must("GT_GetCrdPos", float(stage.crd), 0.0, line=line)
         before, now = stage.last, time.perf_counter()
+        self.looked_s = now
         look = Look(run=bool(run), segment=segment, space=space, x=position[0], y=position[1])
         fresh = stage.sent - stage.sent_at_look
         stage.last, stage.room, stage.sent_at_look = look, space, stage.sent
-        stage.ran = stage.ran or (stage.started and look.run)
+        # It may have begun and run dry between two looks.
+        gone = stage.size - space < stage.sent - stage.first
+        stage.ran = stage.ran or (stage.started and (look.run or gone))
         if look != before:
             stage.since_s = now
         self.on_look(stage)

@@ -79,7 +79,12 @@ class Link:
 
     def take_over(self) -> None:
         """This thread owns the link from now on."""
+        self.since_s = 0.0
         self.owner = threading.get_ident()
+
+    def release(self) -> None:
+        """Nobody owns the link, until a thread takes it over: what hangs is not waited for any more."""
+        self.owner, self.since_s = 0, 0.0
 
     def hung_s(self) -> float:
         """For how long the present call has not returned."""
@@ -156,8 +161,8 @@ class Link:
         except OSError as error:
             raise self.crashed(name, error) from error
         finally:
+            if threading.get_ident() != self.owner:
+                raise TakenOver
             self.since_s = 0.0
         self.made += 1
-        if threading.get_ident() != self.owner:
-            raise TakenOver
         return code

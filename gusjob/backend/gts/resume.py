@@ -18,6 +18,8 @@ def recorded_place(recorded: Recorded) -> Place | None:
         return Place(row=end["row"])
     if end is not None and end["sure"]:
         return Place(row=end["row"], run_pulse=end["run"])
+    if end is None and recorded.broken is not None:
+        return Place(row=recorded.broken[0], run_pulse=recorded.broken[1])
     if recorded.sent == 0:
         return Place(row=recorded.begin[0], run_pulse=recorded.begin[1])
     return None
@@ -47,13 +49,13 @@ def find_place(session: Session, recorded: Recorded) -> Place:
     if queued == 0 and (segment == 0 or segment < stage.segment):
         raise _unknown(recorded, "it was started anew since")
     route = Route.of(calls)
-    place = route.place(max(recorded.sent - queued, first), x, y)
+    taken = max(recorded.sent - queued, first)
+    place = route.place(taken, taken, x, y)
     if not place.sure:
         raise _unknown(recorded, f"the head is at X {x:.0f} Y {y:.0f} pulse, not on the path")
     if place.row < first:
         return part.place(Place(row=first))
-    vel = float(calls.vel[min(place.row, len(calls) - 1)])
-    return part.place(route.back(place, vel * session.ran_on_ms))
+    return part.place(route.back(place, session.ran_on_ms))
 
 
 def recorded_part(stream: Stream, recorded: Recorded) -> Part:

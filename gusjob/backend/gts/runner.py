@@ -24,6 +24,11 @@ TICK_S = 0.02
 _SLOW = ("GT_Open", "GT_Close", "GT_LoadConfig", "GT_Reset")
 _SLOW_FACTOR = 10
 """These take so many times longer."""
+_DEADLY = (
+    "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM", "SIGPROF",
+    "SIGXCPU", "SIGIO", "SIGPWR",
+)  # fmt: skip
+"""Signals that would end the process, with the light as it is."""
 _GRACE_S = 1.0
 """What a rescue may take beyond the patience with the link."""
 
@@ -69,7 +74,7 @@ class Runner:
             if (made := part(session)) is not None:
                 session.prepare()
                 session.run(made)
-            session.dark()
+            session.finish()
             faults += session.close()
             control.view = replace(control.view, phase=Phase.DONE)
             return
@@ -77,7 +82,7 @@ class Runner:
             faults += error.faults
         except Interrupted:
             abrupt = control.stop > 1
-            fields = {"who": control.who, "journal": str(session.link.journal.path)}
+            fields = {"who": control.who, "journal": str(session.link.journal.path), "options": session.options}
             faults.append(Diagnostic(rule=rules.STOPPED, span=NOWHERE, fields=fields))
         except TakenOver:
             raise
@@ -90,6 +95,7 @@ class Runner:
             except Exception as bug:  # noqa: BLE001  (light and motion are off by then)
                 self.outcome.bug = bug
             faults += session.close()
+        control.view = replace(control.view, phase=Phase.STOPPED)
 
     def _supervise(self, work: Callable[[], None]) -> None:
         """Run in a thread until it is done or hangs; a second one watches it, since a tick may be blocked."""
@@ -132,11 +138,12 @@ class Runner:
         def off() -> None:
             turned_off.append(session.halt(abrupt=True, locate=False) + session.close())
 
+        session.link.release()
         thread = _started(session.link.take_over, off)
         until = time.perf_counter() + controller.link_patience_s + controller.call_timeout_s + _GRACE_S
         while thread.is_alive() and time.perf_counter() < until and session.link.hung_s() < controller.call_timeout_s:
             thread.join(TICK_S)
-        session.link.owner = 0  # Nobody makes calls any more.
+        session.link.release()  # Nobody makes calls any more.
         if turned_off:
             faults += turned_off[0]
         else:
@@ -176,11 +183,10 @@ def signals(control: Control) -> Iterator[None]:
         control.ask_stop("Ctrl+C" if number == signal.SIGINT else name, abrupt=number != signal.SIGINT)
 
     def suspended(_number: int, _frame: FrameType | None) -> None:
-        # A suspended process could not watch over its laser: Ctrl+Z pauses the run instead.
-        if not control.pause:
-            control.ask_pause()
+        # A suspended process could not watch over its laser: Ctrl+Z pauses the run instead, and goes on.
+        control.ask_pause()
 
-    wanted: dict[str, Any] = dict.fromkeys(("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"), heard)
+    wanted: dict[str, Any] = dict.fromkeys(_DEADLY, heard)
     wanted |= {"SIGTSTP": suspended, "SIGTTOU": signal.SIG_IGN, "SIGTTIN": signal.SIG_IGN}
     numbers = {getattr(signal, name): handler for name, handler in wanted.items() if hasattr(signal, name)}
     before = {number: signal.signal(number, handler) for number, handler in numbers.items()}

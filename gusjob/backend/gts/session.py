@@ -15,11 +15,21 @@ from gusjob.backend.gts.link import BackendError, Link, failure, refused
 from gusjob.backend.gts.way_out import Outputs, WayOut
 from gusjob.backend.place import START, Place, Route
 from gusjob.backend.rest import Part, rest
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Diagnostic, Span
+from gusjob.limits import STANDBY_KHZ
 from gusjob.machine import Machine
 from gusjob.stream import BUFFERED, Buffered, Call, Stream, Value
-from gusjob.units import US_PER_MS
+from gusjob.units import MS_PER_S
 
+AT_BEGIN: tuple[tuple[str, tuple[Value, ...]], ...] = (
+    ("GT_SetLaserDisMode", (0.0, 0.0, (0.0,) * 4, (1.0,) * 4)),
+    ("GT_DisFPK", ()),
+    ("GT_SetLevelDelay", (0.0, 0.0)),
+    ("GT_SetWaitPulse", (0.0, STANDBY_KHZ.high, 0.0)),
+    ("GT_SetPreVltg", (0.0, 0.0)),
+)
+"""How each laser stands when a job begins: what is not said in a job is off."""
+_GO_ON = "go on with --resume"
 _PAUSE_S = 0.05
 """How often light and interlock are looked after in a pause."""
 
@@ -40,6 +50,18 @@ def needed_calls(stream: Stream, machine: Machine) -> set[str]:
     return names | ({"GT_GetDi"} if machine.controller.interlock else set())
 
 
+def one_queue(stream: Stream) -> list[Diagnostic]:
+    """A stream that fills more than one FIFO is refused: which of them runs when could not be followed."""
+    calls = stream.buffered
+    queue = calls.crd.astype(np.int64) * 2 + calls.fifo
+    if not len(queue) or (queue == queue[0]).all():
+        return []
+    row = int(np.argmax(queue != queue[0]))
+    names = [f"GT_ calls of coordinate system {calls.crd[i]}, FIFO {calls.fifo[i]}" for i in (row, 0)]
+    fields = {"what": names[0], "first": names[1]}
+    return [Diagnostic(rule=rules.TWO_SYSTEMS, span=Span(line=int(calls.line[row])), fields=fields)]
+
+
 def outputs_of(stream: Stream) -> Outputs:
     """What a stream may leave on."""
     calls = stream.buffered
@@ -49,7 +71,7 @@ def outputs_of(stream: Stream) -> Outputs:
             channels.add(int(_number(call.args[-1])))
     crds = {int(c) for c in np.unique(calls.crd)} or {1}
     axes = {axis for call in stream.calls if call.name == "GT_SetCrdPrm" for axis in _axes(call.args[1])} or {1, 2}
-    return Outputs(channels=tuple(sorted(channels or {0})), crds=tuple(sorted(crds)), axes=tuple(sorted(axes)))
+    return Outputs(channels=tuple(sorted(channels)), crds=tuple(sorted(crds)), axes=tuple(sorted(axes)))
 
 
 def _number(value: Value) -> float:
@@ -76,6 +98,8 @@ class Session:
     reached: Place = START
     ran_on_ms: float = 0.0
     """For how long at most the motion that was found when the controller was opened went on dark."""
+    options: str = ""
+    """What has to be said again to go on with this run."""
     trusted: bool = False
     """The library has proved to be of its ABI: only then "off" means off."""
     _part: Part | None = None
@@ -100,7 +124,7 @@ class Session:
             dark_s = time.perf_counter()
             if faults := self.way_out.stop(self.control, abrupt=True):
                 raise BackendError(*faults)
-            self.ran_on_ms = (time.perf_counter() - dark_s) * US_PER_MS
+            self.ran_on_ms = (time.perf_counter() - dark_s) * MS_PER_S
         self.interlock("start again")
 
     def position(self, crd: int) -> tuple[float, float]:
@@ -108,13 +132,30 @@ class Session:
         (position,) = self.link.must("GT_GetCrdPos", float(crd), 0.0)
         return float(position[0]), float(position[1])
 
+    def head(self) -> tuple[float, float] | None:
+        """Where the head is, pulse; None if the controller does not say, as before it has a coordinate system."""
+        code, found = self.link.call("GT_GetCrdPos", float(self.outputs.crds[0]), 0.0)
+        if code < 0:
+            raise refused("GT_GetCrdPos", code, 0)
+        return None if code else (float(found[0][0]), float(found[0][1]))
+
     def prepare(self) -> None:
-        """Configuration, status, axes."""
+        """Configuration, status, axes; and the lasers as the interpreter has them when a job begins."""
         if self.machine.controller.configuration:
             self.link.must("GT_LoadConfig", os.fsencode(self.machine.controller.configuration))
         for axis in self.outputs.axes:
             self.link.must("GT_ClrSts", float(axis), 1.0)
             self.link.must("GT_AxisOn", float(axis))
+        for channel in self.outputs.channels:
+            for name, values in AT_BEGIN:
+                self._begin(name, *values, float(channel))
+
+    def _begin(self, name: str, *values: Value) -> None:
+        """A setting that an earlier program may have left. What a controller does not have needs no reset."""
+        if name in self.link.library.functions:
+            code, _ = self.link.call(name, *values)
+            if code < 0:
+                raise refused(name, code, 0)
 
     # Run.
 
@@ -132,7 +173,10 @@ class Session:
     def _run(self, part: Part) -> None:
         self.reached = part.begin
         self.link.journal.mark(part=part.begin.row, run=part.begin.run_pulse, lead=part.lead)
-        self._part, self._fifo = part, Fifo(self.link, self.control, part, self._looked)
+        self._part = part
+        self._fifo = Fifo(
+            self.link, self.control, part, on_look=self._looked, before_start=lambda: self.interlock(_GO_ON)
+        )
         for first, last, call in part.stream.parts():
             self._fifo.send(first, last)
             if call is not None:
@@ -188,7 +232,7 @@ class Session:
         assert self._part is not None
         self.reached = replace(self._part.place(Place(row=stage.taken)), sure=False)
         self._show(Phase.RUNNING if stage.started else Phase.FILLING)
-        self.interlock("go on with --resume")
+        self.interlock(_GO_ON)
 
     def _show(self, phase: Phase) -> None:
         view, stage = replace(self.control.view, phase=phase, row=self.reached.row), self._fifo and self._fifo.stage
@@ -208,34 +252,45 @@ class Session:
     def halt(self, *, abrupt: bool, locate: bool = True) -> list[Diagnostic]:
         """Light off, see where that was, stop, light off; and what could not be made sure of."""
         way = self.way_out
-        faults = way.light_off()
+        # Light that can't be switched off at the first try is a reason to stop the motion at once.
+        lit = way.light_off(patient=False)
         self._show(Phase.STOPPING)
         try:
-            if locate:
+            if locate and not lit:
                 self._locate(way.off_s)
         finally:
-            faults += way.stop(self.control, abrupt=abrupt)
+            faults = way.stop(self.control, abrupt=abrupt or bool(lit))
+        if locate and lit:
+            self._locate(time.perf_counter())
+        faults = way.light_off() + faults
         if faults:
             self.reached = replace(self.reached, sure=False)
             way.reset()
-        return faults + [fault for fault in way.light_off() if fault not in faults]
+            faults += [fault for fault in way.light_off() if fault not in faults]
+        return faults
 
     def _locate(self, off_s: float) -> None:
-        """Where on the path the light went off (off_s, time.perf_counter): what is left begins there."""
+        """Where on the path the light went off (off_s, time.perf_counter): what is left begins there.
+
+        Space and position are read one behind the other, and the motion goes on between: all rows that may have been
+        in progress are looked at.
+        """
         fifo, part = self._fifo, self._part
         if fifo is None or part is None or fifo.stage is None or not fifo.stage.started:
             return
         stage = fifo.stage
+        before = stage.taken
         try:
             x, y = self.position(stage.crd)
-            late_ms = (time.perf_counter() - off_s) * US_PER_MS
+            late_ms = (time.perf_counter() - off_s) * MS_PER_S
             (space,) = self.link.must("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo))
         except BackendError:
             return
+        taken = max(stage.sent - (stage.size - int(space)), stage.first)
         route = Route.of(fifo.calls)
-        place = route.place(max(stage.sent - (stage.size - int(space)), stage.first), x, y)
-        vel = float(fifo.calls.vel[min(place.row, len(fifo.calls) - 1)])
-        self.reached = part.place(route.back(place, vel * late_ms))
+        self.reached = part.place(route.back(route.place(min(before, taken), taken, x, y), late_ms))
+        if self.reached.sure:
+            self.link.journal.mark(broken=self.reached.row, run=self.reached.run_pulse, line=self.line)
 
     def _pause(self) -> Part:
         """Dark and at rest until the user goes on; then what is left from where the light went off."""
@@ -244,15 +299,20 @@ class Session:
             stage.started = False  # It rests: where the light went off is known, and not to be looked for again.
         if faults:
             raise BackendError(*faults)
-        self.link.journal.mark(paused=self.reached.row, run=self.reached.run_pulse, line=self.line)
         while self.control.pause and not self.control.stop:
             self._show(Phase.PAUSED)
             self.control.nap(_PAUSE_S)
-            self.interlock("go on with --resume")
+            self.interlock(_GO_ON)
             self.dark()
         if self.control.stop:
             raise Interrupted
         return rest(self.stream, self.reached, self.position(stage.crd) if stage else None)
+
+    def finish(self) -> None:
+        """Behind the end of a job it is dark and nothing moves."""
+        self.dark()
+        if self.way_out.moving():
+            raise failure(rules.MOTION_UNKNOWN, 0, why="something moves behind the end of the job")
 
     def dark(self) -> None:
         """The light is off, or it is an error."""

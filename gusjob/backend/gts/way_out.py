@@ -5,6 +5,7 @@ Nothing in here raises: every call is made, refused or not, and what could not b
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
@@ -12,7 +13,11 @@ from gusjob import rules
 from gusjob.backend.gts.control import Control
 from gusjob.backend.gts.link import BackendError, Link, meaning
 from gusjob.diagnostics import NOWHERE, Diagnostic
+from gusjob.limits import CHANNEL, CRD
 from gusjob.stream import Value
+
+_CHANNELS = tuple(range(int(CHANNEL.low), int(CHANNEL.high) + 1))
+_CRDS = tuple(range(int(CRD.low), int(CRD.high) + 1))
 
 _TRIES = 3
 """So often a call is repeated that the controller itself refuses."""
@@ -27,7 +32,11 @@ _WATCH_S = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outputs:
-    """What has to be turned off: laser channels, coordinate systems, axes."""
+    """Which laser channels, coordinate systems and axes a job uses.
+
+    All channels and systems are turned off, since an earlier program may have left any of them on; of those that a job
+    does not use the controller may say that it has none.
+    """
 
     channels: tuple[int, ...]
     crds: tuple[int, ...]
@@ -41,31 +50,30 @@ class WayOut:
     link: Link
     outputs: Outputs
     patience_s: float
-    off_s: float = 0.0
-    """When the last try to switch the light off began (time.perf_counter)."""
+    off_s: float = math.inf
+    """When the first channel began to be switched off by a call that did it (time.perf_counter)."""
 
-    def light_off(self) -> list[Diagnostic]:
-        """Every channel dark. One that refuses gets no power instead, and is said to be unsure."""
-        failed = {channel: self._off(channel) for channel in self.outputs.channels}
+    def light_off(self, *, patient: bool = True) -> list[Diagnostic]:
+        """Every channel dark. One that refuses gets no power instead; `patient`: and is tried again."""
+        failed = {channel: code for channel in _CHANNELS if (code := self._off(channel))}
+        powered = {channel: self.code("GT_LaserPrfCmd", 0.0, float(channel)) != 0 for channel in failed}
         until, tries = time.perf_counter() + self.patience_s, dict.fromkeys(failed, 1)
-        while left := [ch for ch, code in failed.items() if code and (code < 0 or tries[ch] < _TRIES)]:
+        while left := [ch for ch, code in failed.items() if patient and code and (code < 0 or tries[ch] < _TRIES)]:
             if time.perf_counter() > until:
                 break
             time.sleep(_NAP_S)
             for channel in left:
                 failed[channel] = self._off(channel)
                 tries[channel] += 1
-        return [self._light_fault(channel, code) for channel, code in failed.items() if code]
+        return [_light_fault(channel, code, powered[channel]) for channel, code in failed.items() if code]
 
     def _off(self, channel: int) -> int:
-        self.off_s = time.perf_counter()
-        return self.code("GT_SetHSIOOpt", 0.0, float(channel))
-
-    def _light_fault(self, channel: int, code: int) -> Diagnostic:
-        no_power = self.code("GT_LaserPrfCmd", 0.0, float(channel)) == 0
-        why = f"returned {code} ({meaning(code)[0]})" + ("; its power was set to 0" if no_power else "")
-        fields = {"channel": channel, "call": f"GT_SetHSIOOpt(0,{channel})", "why": why}
-        return Diagnostic(rule=rules.LIGHT_UNKNOWN, span=NOWHERE, fields=fields)
+        """Switch a channel off. A controller that has none other than the job's may say so."""
+        began = time.perf_counter()
+        code = self.code("GT_SetHSIOOpt", 0.0, float(channel))
+        if code == 0 and channel in self.outputs.channels:
+            self.off_s = min(self.off_s, began)
+        return 0 if code > 0 and channel not in self.outputs.channels else code
 
     def stop(self, control: Control, *, abrupt: bool) -> list[Diagnostic]:
         """The motion at rest. Until then the light is switched off again and again."""
@@ -84,7 +92,7 @@ class WayOut:
             if abrupt_since and now - abrupt_since > patience:
                 why = f"GT_Stop returned {code} ({meaning(code)[0]})" if code else "GT_CrdStatus still says so"
                 return [Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})]
-            for channel in self.outputs.channels:
+            for channel in _CHANNELS:
                 self._off(channel)
             if now - began > _WATCH_S:
                 time.sleep(_NAP_S if code else 0.001)
@@ -95,19 +103,20 @@ class WayOut:
 
     def _stop(self, *, abrupt: bool) -> int:
         """GT_Stop: bit 8 is coordinate system 1, bit 9 the other; bit 0 axis 1 (sister)."""
-        systems = sum(1 << (7 + crd) for crd in self.outputs.crds)
+        systems = sum(1 << (7 + crd) for crd in _CRDS)
         axes = sum(1 << (axis - 1) for axis in self.outputs.axes)
         return self.code("GT_Stop", float(systems), float(systems | axes if abrupt else 0))
 
     def moving(self) -> bool | None:
         """Whether anything moves; None if nobody knows."""
         states = []
-        for crd in self.outputs.crds:
+        for crd in _CRDS:
             try:
                 code, found = self.link.call("GT_CrdStatus", float(crd), 0.0, 0.0, 0.0)
             except BackendError:
                 code, found = -1, [0]
-            states.append(None if code else bool(found[0]))
+            not_there = code > 0 and crd not in self.outputs.crds
+            states.append(None if code and not not_there else bool(not code and found[0]))
         return True if True in states else None if None in states else False
 
     def code(self, name: str, *values: Value) -> int:
@@ -116,3 +125,9 @@ class WayOut:
             return self.link.call(name, *values)[0]
         except BackendError:
             return -1
+
+
+def _light_fault(channel: int, code: int, powered: bool) -> Diagnostic:
+    why = f"returned {code} ({meaning(code)[0]})" + ("" if powered else "; its power was set to 0")
+    fields = {"channel": channel, "call": f"GT_SetHSIOOpt(0,{channel})", "why": why}
+    return Diagnostic(rule=rules.LIGHT_UNKNOWN, span=NOWHERE, fields=fields)
