@@ -243,6 +243,7 @@ def in_motion(desk: Desk, process: subprocess.Popen[str], row: int = 20) -> None
         ([signal.SIGINT, signal.SIGINT], "Ctrl+C"),
         ([signal.SIGTERM], "SIGTERM"),
         ([signal.SIGHUP], "SIGHUP"),
+        ([signal.SIGQUIT], "SIGQUIT"),
     ],
 )
 def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(
@@ -271,6 +272,9 @@ def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(
     left = 500 - len(first)
     assert left <= len(rows) <= left + 5  # A smooth stop went on dark for a while; that is run again
     assert not desk.lit()
+    twice = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
+    assert twice.returncode == 2
+    assert f"gone on with already: go on with {desk.journals()[1]}" in twice.stderr
     again = desk.run("--resume", desk.journals()[1], "--yes", "--progress", "none")
     assert again.returncode == 0
     assert "nothing to go on with" in again.stderr
@@ -331,7 +335,7 @@ def test_a_journal_of_other_calls_is_refused(desk: Desk) -> None:
     (desk.folder / "kill.job").write_text(JOB.replace("POWER 40", "POWER 41"), encoding="utf-8")
     done = desk.run("--resume", journal, "--yes", "--progress", "none")
     assert done.returncode == 2
-    assert "the job, its profile or the options" in done.stderr
+    assert "the job or its profile have changed" in done.stderr
 
 
 # Where to begin, and without light.

@@ -162,7 +162,8 @@ def test_json_line_is_complete(bench: Bench, capsys: pytest.CaptureFixture[str])
     (line,) = lines_of(out)
     assert json.loads(line) == {
         "schema": "gusjob-progress/1", "phase": "running", "row": lit, "rows": len(bench.stream.buffered),
-        "segment": 1, "segments": 4, "line": 7, "x_mm": 12.34, "y_mm": -3.0, "queued": 1024, "slots": 4096,
+        "segment": 1, "segments": 4, "file": "test.job", "line": 7, "x_mm": 12.34, "y_mm": -3.0,
+        "queued": 1024, "slots": 4096,
         "elapsed_s": 0.0, "done_ms": pytest.approx(110, abs=1), "total_ms": pytest.approx(110 + 210 + 60 + 110, abs=2),
         "channels": [{"channel": 0, "unit": "%", "power": 40.0}],
     }  # fmt: skip

@@ -35,15 +35,16 @@ START = Place(row=0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Route:
-    """Buffered calls as a route. `timed` (m,): the rows that take time."""
+    """Buffered calls as a route. `timed` (m,): the rows that take time; `start`: where the first one begins, pulse."""
 
     calls: BufferedCalls
     timed: npt.NDArray[np.intp]
+    start: tuple[float, float]
 
     @classmethod
-    def of(cls, calls: BufferedCalls) -> Route:
+    def of(cls, calls: BufferedCalls, start: tuple[float, float]) -> Route:
         """The route of some calls."""
-        return cls(calls=calls, timed=np.flatnonzero(calls.kind <= Buffered.DELAY))
+        return cls(calls=calls, timed=np.flatnonzero(calls.kind <= Buffered.DELAY), start=start)
 
     def nearest(self, number: int, x: float, y: float) -> tuple[float, float, float]:
         """For a timed call: the distance of a point from it, how far along it that is, and its length; all pulse."""
@@ -52,7 +53,7 @@ class Route:
         while first > 0 and self.calls.kind[self.timed[first]] == Buffered.DELAY:
             first -= 1
         rows = self.timed[max(first, 0) : number + 1]
-        laid = lay(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY)
+        laid = lay(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start)
         at = len(rows) - 1
         x0, y0, length = float(laid.x0[at]), float(laid.y0[at]), float(laid.length[at])
         found, arcs = laid.arcs_among(np.array([at]))
@@ -97,6 +98,8 @@ class Route:
     def back(self, place: Place, by_ms: float) -> Place:
         """A place so much earlier on the way, at full velocity all the while: rather too far than not far enough."""
         row, run, left_ms = place.row, place.run_pulse, by_ms
+        if row < len(self.calls) and self.calls.kind[row] == Buffered.DELAY:
+            return place  # It is run again as a whole.
         number = int(np.searchsorted(self.timed, row))
         while left_ms > 0:
             if row < len(self.calls) and run > 0:

@@ -32,6 +32,8 @@ class Part:
     stream: Stream
     lead: int = 0
     begin: Place = START
+    start: tuple[float, float] = (0.0, 0.0)
+    """Where its first motion begins, pulse; behind a way of its own that is where the way leads."""
 
     def row(self, index: int) -> int:
         """The whole job's row for a row of this part."""
@@ -98,7 +100,7 @@ def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) 
         calls=tuple(_calls(stream, row, count - row, line, crd, fifo)),
     )
     _reach(made, start)
-    return Part(stream=made, lead=count, begin=place)
+    return Part(stream=made, lead=count, begin=place, start=start)
 
 
 def settled(calls: BufferedCalls, place: Place) -> Place:

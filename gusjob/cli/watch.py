@@ -278,6 +278,7 @@ def json_line(now: Progress) -> str:
         "rows": now.rows,
         "segment": now.segment,
         "segments": now.segments,
+        "file": printable(now.place).rpartition(":")[0],
         "line": now.line,
         "x_mm": round(now.x_mm, 6),
         "y_mm": round(now.y_mm, 6),

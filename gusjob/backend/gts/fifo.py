@@ -77,7 +77,7 @@ class Stage:
 
 
 class Fifo:
-    """Sends one part's rows. `on_look` is called after every look at the controller, `before_start` before the start."""
+    """Sends one part's rows. `on_look` is called after every look at it, `before_start` before GT_CrdStart."""
 
     def __init__(
         self,

@@ -48,7 +48,7 @@ def find_place(session: Session, recorded: Recorded) -> Place:
     queued = stage.slots - int(space)
     if queued == 0 and (segment == 0 or segment < stage.segment):
         raise _unknown(recorded, "it was started anew since")
-    route = Route.of(calls)
+    route = Route.of(calls, part.start)
     taken = max(recorded.sent - queued, first)
     place = route.place(taken, taken, x, y)
     if not place.sure:

@@ -287,7 +287,7 @@ class Session:
         except BackendError:
             return
         taken = max(stage.sent - (stage.size - int(space)), stage.first)
-        route = Route.of(fifo.calls)
+        route = Route.of(fifo.calls, part.start)
         self.reached = part.place(route.back(route.place(min(before, taken), taken, x, y), late_ms))
         if self.reached.sure:
             self.link.journal.mark(broken=self.reached.row, run=self.reached.run_pulse, line=self.line)
