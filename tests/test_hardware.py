@@ -212,7 +212,7 @@ def test_fault_matrix_link_lost(gus: Bench, capsys: pytest.CaptureFixture[str]) 
     assert gus.run(stream, machine).faults == []
     names, cases = gus.controller.names(), 0
     for nth in range(3, len(names) + 1):
-        for count in (3, -1) if nth % 4 == 0 else (3,):
+        for count in (3, -1) if nth % 8 == 0 else (3,):
             fresh(gus)
             gus.controller.fault(Fault.RETURN, nth=nth, count=count, value=-7)
             cases += 1

@@ -254,3 +254,14 @@ def test_any_job_from_any_row(gus: Bench, seed: int) -> None:
             assert share.tolist() == (wanted[:, lit] / wanted[:, Row.DURATION_MS] > 0.5).tolist()
             mean = rows[share, power] / rows[share, lit]
             assert mean == pytest.approx(wanted[share, power] / wanted[share, lit], rel=1e-6)
+
+
+def test_a_channel_that_refuses_is_tried_three_times(gus: Bench) -> None:
+    ran = gus.run(stream_of(LIT_FIRST), gus.machine(Machine()))
+    gus.controller.library.GT_Open(0, 1)
+    ran.session.link.take_over()
+    ran.session.link.journal.write = lambda _line: None
+    way = WayOut(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
+    for refusals, channels in ((4, []), (5, [0]), (6, [0, 1])):
+        gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, refusals, 7)
+        assert [fault.fields["channel"] for fault in way.light_off()] == channels

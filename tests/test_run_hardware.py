@@ -26,7 +26,7 @@ from gusjob.cli.run_command import command
 
 pytestmark = needs_controller
 
-SLOW = MARK + "VEL 10\nLASER POWER 40\nLASER ON\nREPEAT 500 AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
+SLOW = MARK + "VEL 10\nLASER POWER 40\nLASER ON\nREPEAT 200 AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
 
 
 @pytest.fixture(scope="module")
@@ -262,14 +262,14 @@ def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(
     assert "the light is off and the motion stopped" in err
     assert not desk.lit()
     first = desk.rows()
-    assert len(first) < 500
+    assert len(first) < 200
     # The journal says with what to go on, without naming the job.
     done = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
     assert done.returncode == 0, done.stderr
     assert "the head goes there with the light off" in done.stderr
     rows = desk.rows()[len(first) :]
-    assert rows[-1, [Row.X1, Row.Y1]].tolist() == [3000, 4990]
-    left = 500 - len(first)
+    assert rows[-1, [Row.X1, Row.Y1]].tolist() == [3000, 1990]
+    left = 200 - len(first)
     assert left <= len(rows) <= left + 5  # A smooth stop went on dark for a while; that is run again
     assert not desk.lit()
     twice = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
@@ -313,7 +313,7 @@ def test_killed_runs_resume(desk: Desk) -> None:
     whole, took_s = whole_run(desk.folder, desk.library)
     assert len(whole) > 180
     chance = random.Random(7)
-    for number in range(4):
+    for number in range(3):
         state, journal, _ = killed(
             desk.folder, desk.library, chance.uniform(0, took_s), number, chance.choice([64, 4096])
         )
@@ -378,7 +378,7 @@ def test_the_frame_and_no_laser_are_dark(desk: Desk) -> None:
 
 
 def test_progress_for_a_parent_program(desk: Desk) -> None:
-    done = desk.run(desk.job(SLOW.replace("500", "80")), "--yes", "--progress", "json")
+    done = desk.run(desk.job(SLOW.replace("200", "80")), "--yes", "--progress", "json")
     assert done.returncode == 0, done.stderr
     told = [json.loads(line) for line in done.stdout.splitlines()]
     assert told[-1]["phase"] == "done"
@@ -398,6 +398,6 @@ def test_light_is_not_left_to_a_controller_that_is_lit_and_moves_when_it_is_open
     before = len(desk.rows())
     assert desk.run(other, "--yes", "--progress", "none").returncode == 0
     rows = desk.rows()
-    assert len(rows) - before < 300
+    assert len(rows) - before < 150
     assert rows[-1, [Row.X1, Row.Y1]].tolist() == [1000, 0]
     assert not desk.lit()
