@@ -265,3 +265,14 @@ def test_a_channel_that_refuses_is_tried_three_times(gus: Bench) -> None:
     for refusals, channels in ((4, []), (5, [0]), (6, [0, 1])):
         gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, refusals, 7)
         assert [fault.fields["channel"] for fault in way.light_off()] == channels
+
+
+def test_a_library_that_hangs_before_it_is_known_is_left_alone(gus: Bench) -> None:
+    """Of another ABI it would take "off" for something else."""
+    machine = gus.machine(Machine(), call_timeout_s=0.03)
+    gus.controller.fault(Fault.HANG, "GT_ClrSts")
+    ran = gus.run(stream_of(LIT_FIRST), machine)
+    assert ran.codes == ["GJ905"]
+    assert gus.controller.names()[:1] == ["GT_Open"]
+    assert "GT_SetHSIOOpt" not in gus.controller.names()
+    gus.controller.release()

@@ -136,7 +136,8 @@ class Runner:
         turned_off: list[list[Diagnostic]] = []
 
         def off() -> None:
-            turned_off.append(session.halt(abrupt=True, locate=False) + session.close())
+            # A library that has not proved to be of its ABI would take "off" for something else; it did nothing yet.
+            turned_off.append(session.halt(abrupt=True, locate=False) + session.close() if session.trusted else [])
 
         session.link.release()
         thread = _started(session.link.take_over, off)
