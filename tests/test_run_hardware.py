@@ -239,21 +239,19 @@ def in_motion(desk: Desk, process: subprocess.Popen[str], row: int = 20) -> None
 @pytest.mark.parametrize(
     ("signals", "said"),
     [
-        ([signal.SIGINT], "Ctrl+C"),
-        ([signal.SIGINT, signal.SIGINT], "Ctrl+C"),
-        ([signal.SIGTERM], "SIGTERM"),
-        ([signal.SIGHUP], "SIGHUP"),
-        ([signal.SIGQUIT], "SIGQUIT"),
+        (["SIGINT"], "Ctrl+C"),
+        (["SIGINT", "SIGINT"], "Ctrl+C"),
+        (["SIGTERM"], "SIGTERM"),
+        (["SIGHUP"], "SIGHUP"),
+        (["SIGQUIT"], "SIGQUIT"),
     ],
 )
-def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(
-    desk: Desk, signals: list[signal.Signals], said: str
-) -> None:
+def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(desk: Desk, signals: list[str], said: str) -> None:
     job = desk.job(SLOW)
     process = desk.started(job, "--yes", "--progress", "none")
     in_motion(desk, process)
-    for number in signals:
-        process.send_signal(number)
+    for name in signals:  # By name: not every system has them all.
+        process.send_signal(getattr(signal, name))
     _, err = process.communicate(timeout=30)
     assert process.returncode == 1
     assert "GJ911" in err
