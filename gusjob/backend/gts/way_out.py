@@ -27,7 +27,7 @@ _SMOOTH_S = 2.0
 _REST_S = 2.0
 """So long after an abrupt stop the motion may take to rest."""
 _WATCH_S = 0.05
-"""So long after a stop the light is switched off without a pause between: the path may hold calls that switch it on."""
+"""So long after an abrupt stop the light is switched off without a pause between."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,10 @@ class WayOut:
         return 0 if code > 0 and channel not in self.outputs.channels else code
 
     def stop(self, control: Control, *, abrupt: bool) -> list[Diagnostic]:
-        """The motion at rest. Until then the light is switched off again and again."""
+        """The motion at rest. Until then the light is switched off again and again.
+
+        A smooth stop goes on along the path, through calls that may switch the light on: it finds no power then.
+        """
         code = self._stop(abrupt=abrupt)
         began, abrupt_since = time.perf_counter(), time.perf_counter() if abrupt else 0.0
         while True:
@@ -94,8 +97,10 @@ class WayOut:
                 return [Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})]
             for channel in _CHANNELS:
                 self._off(channel)
-            if now - began > _WATCH_S:
-                time.sleep(_NAP_S if code else 0.001)
+            for channel in self.outputs.channels:
+                self.code("GT_LaserPrfCmd", 0.0, float(channel))
+            if abrupt_since and now - abrupt_since > _WATCH_S:
+                time.sleep(_NAP_S)
 
     def reset(self) -> bool:
         """The last resort where light or motion could not be turned off: GT_Reset, if the library has it."""
