@@ -243,7 +243,7 @@ def test_fault_matrix_hang(gus: Bench, capsys: pytest.CaptureFixture[str]) -> No
         gus.controller.fault(Fault.HANG, nth=nth)
         ran = gus.run(stream, machine)
         case = f"call {nth}, {names[nth - 1]}"
-        if len(gus.controller.calls()) < nth - 1:
+        if not ran.faults and len(gus.controller.calls()) < nth:
             continue  # Looks come by time: this run was done with fewer.
         assert "GJ905" in ran.codes, case
         assert re.search(r"(GT_\w+|a buffered call) has not returned", " ".join(f.message for f in ran.faults)), case
