@@ -276,3 +276,39 @@ def test_a_library_that_hangs_before_it_is_known_is_left_alone(gus: Bench) -> No
     assert gus.controller.names()[:1] == ["GT_Open"]
     assert "GT_SetHSIOOpt" not in gus.controller.names()
     gus.controller.release()
+
+
+def test_a_stage_that_was_started_early_is_started_again() -> None:
+    """A listing that starts first and sends then: what is left of it has a start of its own, behind its rows."""
+    text = (
+        "GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},10000,1000,0,1,{0,0,0,0,0,0,0,0}})\nGT_CrdClear(1,0)\n"
+        "GT_LnXY(1,10,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_LnXY(1,20,0,50,2,0,0)\nGT_LnXY(1,30,0,50,2,0,0)\n"
+        "GT_CrdStatus(1,run,segment,0)\n"
+    )
+    source, _ = check_text(text.encode(), "early.gts")
+    assert source is not None
+    part = rest(read_listing(source)[0], Place(row=2))
+    behind = [(call.name, call.at) for call in part.stream.calls]
+    assert behind[-2:] == [("GT_CrdStart", 2), ("GT_CrdStatus", 2)]
+    assert len(part.stream.buffered) == 2  # The way, and the last line.
+
+
+def test_a_controller_that_did_something_else_meanwhile_is_not_asked(gus: Bench) -> None:
+    """Its head lies on the path, but it has done fewer calls than it had: they are not those of this run."""
+    text = MARK + "LASER POWER 40\nLASER ON\n" + "LINE X 5\nLINE X 0\n" * 10 + "LASER OFF\n"
+    stream, machine = stream_of(text), gus.machine(Machine())
+    gus.controller.option("poll_us", 3_000)
+
+    def tick(control: Control) -> None:
+        if control.view.row > 12 and not control.stop:
+            control.ask_stop("test", abrupt=True)
+
+    ran = gus.run(stream, machine, tick=tick)
+    lines = ran.journal.read_bytes().splitlines(keepends=True)
+    killed = ran.journal.with_suffix(".killed")
+    killed.write_bytes(b"".join(line for line in lines if b'"broken"' not in line and b'"end"' not in line))
+    gus.controller.reset()
+    gus.controller.options(poll_us=40_000, call_us=5)
+    assert gus.run(stream_of(MARK + "LINE X 5\n"), machine).faults == []
+    again, place = gus.resumed(stream, machine, killed)
+    assert (place, again.codes) == (None, ["GJ914"])

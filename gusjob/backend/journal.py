@@ -150,9 +150,7 @@ def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:
 
 
 def _stage(text: bytes) -> RecordedStage:
-    space_at, status_at = text.rfind(_SPACE), text.rfind(_STATUS)
-    nothing: dict[str, Any] = {"args": [0, 0, 0, 0], "line": 0}
-    status = _line(text, status_at) if status_at >= 0 else nothing
+    space_at, status = text.rfind(_SPACE), _last_look(text)
     slots = _line(text, text.find(_SPACE))["args"][1] if space_at >= 0 else FIFO_SLOTS
     space = _line(text, space_at)["args"][1] if space_at >= 0 else slots
     return RecordedStage(
@@ -163,6 +161,15 @@ def _stage(text: bytes) -> RecordedStage:
         line=status["line"],
         queued=slots - space + text.count(_ROW, max(space_at, 0)),
     )
+
+
+def _last_look(text: bytes) -> dict[str, Any]:
+    """The last GT_CrdStatus that asked for the job's motion; those of a way out, of any system, name no line."""
+    at = len(text)
+    while (at := text.rfind(_STATUS, 0, at)) >= 0:
+        if (found := _line(text, at)).get("line"):
+            return found
+    return {"args": [0, 0, 0, 0], "line": 0}
 
 
 def _line(text: bytes, at: int) -> dict[str, Any]:
