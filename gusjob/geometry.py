@@ -136,6 +136,15 @@ class Segments:
         found = np.flatnonzero(self.arc_at[number] == at)
         return found, self.arcs.pick(number[found])
 
+    def extent(self, at: npt.NDArray[np.intp]) -> tuple[Floats, Floats, Floats, Floats]:
+        """True (x low, x high, y low, y high) of some segments."""
+        x_low, x_high = np.minimum(self.x0[at], self.x1[at]), np.maximum(self.x0[at], self.x1[at])
+        y_low, y_high = np.minimum(self.y0[at], self.y1[at]), np.maximum(self.y0[at], self.y1[at])
+        found, arcs = self.arcs_among(at)
+        if len(found):
+            x_low[found], x_high[found], y_low[found], y_high[found] = arcs.extent()
+        return x_low, x_high, y_low, y_high
+
     def points(self, at: npt.NDArray[np.intp], share: Floats) -> tuple[Floats, Floats]:
         """The points at a share 0..1 of some segments, each its own."""
         x = self.x0[at] + (self.x1[at] - self.x0[at]) * share

@@ -307,6 +307,11 @@ class Call:
     line: int
 
 
+def crd_start(crd: int, fifo: int, *, at: int, line: int) -> Call:
+    """GT_CrdStart of one coordinate system with one FIFO: bit 0 is system 1, bit 1 the other (sister)."""
+    return Call(name="GT_CrdStart", args=(float(1 << (crd - 1)), float(fifo << (crd - 1))), at=at, line=line)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BufferedCalls:
     """Buffered calls, (n,) each; unused places hold 0.

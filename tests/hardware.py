@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,11 +77,10 @@ class Bench:
     path: Path
     folder: Path
     abi: int = GUS
+    controller: VirtualController = field(init=False)
 
     def __post_init__(self) -> None:
         self.controller = VirtualController(self.path)
-
-    controller: VirtualController = None  # type: ignore[assignment]  # made in __post_init__
 
     def machine(self, machine: Machine, **changes: Any) -> Machine:
         quick: dict[str, Any] = {"abi": ABIS[self.abi], "call_timeout_s": 0.5, "link_patience_s": 0.1}
@@ -114,10 +113,12 @@ class Bench:
             outputs=outputs_of(stream),
         )
         runner = Runner(session, (lambda: tick(control)) if tick else (lambda: None))
-        if part is None:
-            part = lambda s: whole(stream, s.head()) if begin is None else rest(stream, begin, s.head())  # noqa: E731
+
+        def from_there(session: Session) -> Part:
+            return whole(stream, session.head()) if begin is None else rest(stream, begin, session.head())
+
         try:
-            outcome = runner.run(part)
+            outcome = runner.run(part or from_there)
         finally:
             journal.close()
         return Ran(faults=outcome.faults, session=session, journal=journal.path)
@@ -149,24 +150,21 @@ class Broken:
     along: float
 
 
-def light_off_at(rows: Floats, edges: Floats, first: int = 0, begun: float = 0.0) -> Broken:
-    """Where the light went off for the last time; where the motion ended, if it was dark then.
-
-    `rows`: pieces of timed calls, the first of which belongs to segment `first` of the whole path and begins `begun`
-    along it. For an abrupt stop: what was run behind the light's end is run at the velocity of the end.
+def light_off_at(rows: Floats, edges: Floats) -> Broken:
+    """Where the light of a run from the job's start went off for the last time; where the motion ended, if it was dark
+    then. For an abrupt stop: what was run behind the light's end is run at the velocity of the end.
     """
     if not len(rows):
-        return Broken(segment=first, along=begun)
+        return Broken(segment=0, along=0.0)
     last = len(rows) - 1
     along = rows[last, Row.LENGTH]
     off_ms = edges[-1, Edge.RUNNING_MS] if len(edges) else -1.0
     end_ms = rows[last, Row.START_MS] + rows[last, Row.DURATION_MS]
     if off_ms >= rows[last, Row.START_MS]:
         along -= rows[last, Row.V1] * (end_ms - off_ms)
-    along += begun if last == 0 else 0.0
     if rows[last, Row.COMPLETED] and rows[last, Row.LENGTH] - along < 1:
-        return Broken(segment=first + last + 1, along=0.0)
-    return Broken(segment=first + last, along=float(along))
+        return Broken(segment=last + 1, along=0.0)
+    return Broken(segment=last, along=float(along))
 
 
 def goes_on(wanted: Floats, rows: Floats, broken: Broken) -> tuple[int, float] | str:
@@ -196,9 +194,3 @@ def goes_on(wanted: Floats, rows: Floats, broken: Broken) -> tuple[int, float] |
         else:
             return segment, along
     return said
-
-
-def lit_length(rows: Floats) -> float:
-    """How long the marked path is, pulse."""
-    lit = (rows[:, Row.EMISSION0_MS] > 0) | (rows[:, Row.EMISSION1_MS] > 0)
-    return float(np.sum(rows[lit, Row.LENGTH]))

@@ -84,32 +84,19 @@ def gone_on(folder: Path, library: Path, state: Path, journal: Path, whole: Floa
     if "nothing to go on with" in done.stderr:
         return "" if len(rows) >= len(whole) else "not all was done"
     # What the killed process had sent went on by itself, up to where the run that goes on stopped it.
-    first = _first_of_resumed(rows, before, whole)
-    if first < 0:
-        return "the path is not whole"
-    last = rows[first - 1] if first else None
-    broken = Broken(segment=0, along=0.0)
-    if last is not None:
-        along = float(last[Row.LENGTH])
-        complete = bool(last[Row.COMPLETED])
-        broken = Broken(segment=first if complete else first - 1, along=0.0 if complete else along)
-    found = goes_on(whole, rows[first:], broken)
-    return found if isinstance(found, str) else ""
+    return "" if _goes_on_somewhere(rows, before, whole) else "the path is not whole"
 
 
-def _first_of_resumed(rows: Floats, before: int, whole: Floats) -> int:
-    """Where the rows of the run that goes on begin: behind a piece that was not completed, or where the ordinals of the
-    calls begin anew behind `before` rows at least."""
-    for first in range(max(before, 0), len(rows) + 1):
+def _goes_on_somewhere(rows: Floats, before: int, whole: Floats) -> bool:
+    """Whether behind the `before` rows or more that make the path's beginning the others make the rest of it."""
+    for first in range(before, min(len(rows), len(whole)) + 1):
         head = rows[:first]
-        if len(head) > len(whole):
-            break
-        ends = np.abs(head[:-1, [Row.X1, Row.Y1]] - whole[: max(len(head) - 1, 0), [Row.X1, Row.Y1]]).max(initial=0)
+        ends = np.abs(head[:-1, [Row.X1, Row.Y1]] - whole[: max(first - 1, 0), [Row.X1, Row.Y1]]).max(initial=0)
         if ends > 1.5:
-            break
+            return False
         if not isinstance(goes_on(whole, rows[first:], _broken_behind(head)), str):
-            return first
-    return -1
+            return True
+    return False
 
 
 def _broken_behind(head: Floats) -> Broken:

@@ -27,7 +27,7 @@ from gusjob.cli.common import compiled
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
 from gusjob.machine import Abi, Interlock, Machine
-from gusjob.stream import HOST_CALLS, SIGNATURES, Stream
+from gusjob.stream import CRD_FIELDS, HOST_CALLS, SIGNATURES, Stream
 
 pytestmark = needs_controller
 
@@ -340,7 +340,7 @@ def test_the_parameters_are_laid_out_as_the_compiler_does(tmp_path: Path) -> Non
     """offsetof and sizeof by the C compiler, through a library of its own."""
     import subprocess
 
-    fields = [name for name, _ in TCrdPrm._fields_]  # type: ignore[misc]
+    fields = [name for name, *_ in CRD_FIELDS]
     source = tmp_path / "layout.c"
     exprs = ",".join(f"offsetof(TCrdPrm,{name})" for name in fields)
     source.write_text(

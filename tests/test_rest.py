@@ -11,6 +11,7 @@ from controller import Fault, Row, needs_controller
 from hardware import EVERYTHING, Bench, bench
 from tools import MARK, stream_of
 
+from gusjob.backend.forecast import forecast
 from gusjob.backend.gts import fifo
 from gusjob.backend.gts.control import Control
 from gusjob.backend.gts.resume import recorded_place
@@ -19,6 +20,7 @@ from gusjob.backend.gts.way_out import Outputs, WayOut
 from gusjob.backend.journal import read_journal
 from gusjob.backend.place import Place, Route
 from gusjob.backend.rest import rest, settled
+from gusjob.interpreter import interpret
 from gusjob.machine import Interlock, Machine
 from gusjob.stream import Buffered
 from gusjob.syntax import check_text, read_listing
@@ -312,3 +314,12 @@ def test_a_controller_that_did_something_else_meanwhile_is_not_asked(gus: Bench)
     assert gus.run(stream_of(MARK + "LINE X 5\n"), machine).faults == []
     again, place = gus.resumed(stream, machine, killed)
     assert (place, again.codes) == (None, ["GJ914"])
+
+
+def test_a_channel_that_changes_its_mode_is_forecast_in_each_unit() -> None:
+    text = MARK + "LASER POWER 40\nLASER ON\nLINE X 5\nLASER OFF\nLASER MODE ANALOG MAX 8\nLASER POWER 3\n"
+    stream = stream_of(text + "LASER ON\nLINE X 9\nLASER OFF\n")
+    trace, _ = interpret(stream, Machine())
+    assert trace is not None
+    found = {channel.unit: channel.left(0)[1] for channel in forecast(stream, trace, Machine()).channels}
+    assert found == {"%": 40, "V": 3}

@@ -277,10 +277,15 @@ def usb_devices(platform: str = sys.platform) -> tuple[tuple[UsbDevice, ...], Us
     except core.NoBackendError:
         steps = _NO_BACKEND_STEPS.get(platform, _NO_BACKEND_STEPS["linux"])
         return (), UsbProblem(kind=Trouble.NO_BACKEND, reason="libusb was not found", next_steps=steps)
-    except (core.USBError, NotImplementedError) as error:
+    except _usb_errors() as error:
         return (), _usb_problem(error, None, platform)
     found = ((table.get((device.idVendor, device.idProduct)), device) for device in every)
     return tuple(_read(device, known, platform) for known, device in found if known is not None), None
+
+
+def _usb_errors() -> tuple[type[Exception], ...]:
+    """What pyusb raises: its own, and NotImplementedError for what libusb can't do on this system (Windows)."""
+    return import_module("usb.core").USBError, NotImplementedError
 
 
 def usb_backend() -> Any:
@@ -296,13 +301,13 @@ def usb_backend() -> Any:
 
 def _read(device: Any, known: KnownUsb, platform: str) -> UsbDevice:
     """A device with its texts: descriptors are asked for; nothing is claimed, configured or reset."""
-    core, util = import_module("usb.core"), import_module("usb.util")
+    util = import_module("usb.util")
     texts, driver, problem = ["", ""], None, None
     try:
         if languages := util.get_langids(device):
             texts = [_text(device, index, languages[0]) for index in (device.iSerialNumber, device.iProduct)]
         driver = _kernel_driver(device)
-    except (core.USBError, NotImplementedError) as error:
+    except _usb_errors() as error:
         problem = _usb_problem(error, known, platform)
     finally:
         util.dispose_resources(device)
@@ -324,7 +329,7 @@ def _text(device: Any, index: int, language: int) -> str:
 def _kernel_driver(device: Any) -> bool | None:
     try:
         return bool(device.is_kernel_driver_active(0))
-    except (import_module("usb.core").USBError, NotImplementedError):
+    except _usb_errors():
         return None
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from gusjob.backend.rest import CRD_CALLS
 from gusjob.interpreter import Trace
-from gusjob.stream import Buffered, BufferedCalls, Call, Stream
+from gusjob.stream import Buffered, BufferedCalls, Call, Stream, crd_start
 
 
 def without_laser(stream: Stream) -> Stream:
@@ -40,25 +40,18 @@ def frame(stream: Stream, trace: Trace) -> Stream | None:
     crd, fifo, line = int(rows.crd[0]), int(rows.fifo[0]), int(rows.line[0])
     built = [c for c in dark.calls if c.name == "GT_SetCrdPrm" and c.args[0] == crd][:1]
     clear = Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=0, line=line)
-    args = (float(1 << (crd - 1)), float(fifo << (crd - 1)))
-    start = Call(name="GT_CrdStart", args=args, at=len(corners), line=line)
+    start = crd_start(crd, fifo, at=len(corners), line=line)
     at_rest = [Call(name=c.name, args=c.args, at=0, line=c.line) for c in built]
     return Stream(name=stream.name, buffered=framed, calls=(*at_rest, clear, start))
 
 
 def box_pulse(trace: Trace) -> tuple[float, float, float, float] | None:
     """(x low, x high, y low, y high) of all marks, or of all motion if nothing is marked; None without motion."""
-    laid = trace.clock.laid
     lit = np.zeros(len(trace.clock.row), dtype=np.bool_)
     for channel in trace.channels:
         lit |= channel.emitted.emission_ms > 0
-    taken = lit if lit.any() else ~trace.clock.dwell
-    if not taken.any():
+    taken = np.flatnonzero(lit if lit.any() else ~trace.clock.dwell)
+    if not len(taken):
         return None
-    x_low, x_high = np.minimum(laid.x0, laid.x1), np.maximum(laid.x0, laid.x1)
-    y_low, y_high = np.minimum(laid.y0, laid.y1), np.maximum(laid.y0, laid.y1)
-    if len(laid.arc_at):
-        x_low[laid.arc_at], x_high[laid.arc_at], y_low[laid.arc_at], y_high[laid.arc_at] = laid.arcs.extent()
-    return (
-        float(x_low[taken].min()), float(x_high[taken].max()), float(y_low[taken].min()), float(y_high[taken].max())
-    )  # fmt: skip
+    x_low, x_high, y_low, y_high = trace.clock.laid.extent(taken)
+    return float(x_low.min()), float(x_high.max()), float(y_low.min()), float(y_high.max())

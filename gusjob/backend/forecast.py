@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,8 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelForecast:
-    """One laser. Per timed call, (m,): `power`, the highest, NaN where it is dark; `watts`, the same; `emission_ms`."""
+    """One laser in one unit of power. Per timed call, (m,): `power`, the highest, NaN where it is dark; `watts`, the
+    same; `emission_ms`."""
 
     channel: int
     unit: str
@@ -73,20 +75,23 @@ def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
         row_ms=np.append(clock.times[np.minimum(timed, len(clock.row))], clock.times[-1]),
         timed=timed,
         box_mm=None if box is None else (box[0] / per_x, box[1] / per_x, box[2] / per_y, box[3] / per_y),
-        channels=tuple(_channel(channel, trace, machine) for channel in trace.channels),
+        channels=tuple(found for channel in trace.channels for found in _channel(channel, trace, machine)),
     )
 
 
-def _channel(channel: ChannelTrace, trace: Trace, machine: Machine) -> ChannelForecast:
-    done = channel.emitted
-    power = np.where(done.emission_ms > 0, done.power_max, np.nan)
-    laser = machine.laser(channel.channel)
-    per_unit = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in channel.lasers]
-    scale = np.array([np.nan if w is None else w for w in per_unit] or [np.nan])[trace.clock.stage]
-    return ChannelForecast(
-        channel=channel.channel,
-        unit=(channel.lasers[-1] if channel.lasers else channel.at_end).power_mode.unit,
-        power=power,
-        watts=power * scale,
-        emission_ms=done.emission_ms,
-    )
+def _channel(channel: ChannelTrace, trace: Trace, machine: Machine) -> Iterator[ChannelForecast]:
+    """One for each unit of power: a channel that changes from duty to analog has two."""
+    done, stages = channel.emitted, trace.clock.stage
+    of_stage = np.array([laser.power_mode.unit for laser in channel.lasers] or [channel.at_end.power_mode.unit])
+    unit_of = of_stage[stages] if len(stages) else np.empty(0, dtype=of_stage.dtype)
+    watts = done.power_max * channel.watts_per_unit(stages, machine)
+    for unit in dict.fromkeys(of_stage.tolist()):
+        mine = unit_of == unit
+        lit = mine & (done.emission_ms > 0)
+        yield ChannelForecast(
+            channel=channel.channel,
+            unit=unit,
+            power=np.where(lit, done.power_max, np.nan),
+            watts=np.where(lit, watts, np.nan),
+            emission_ms=np.where(mine, done.emission_ms, 0.0),
+        )

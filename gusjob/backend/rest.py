@@ -12,7 +12,7 @@ from gusjob.backend.place import START, Place
 from gusjob.geometry import Segments
 from gusjob.interpreter.clock import lay
 from gusjob.motion import reached_ends
-from gusjob.stream import SIGNATURES, Buffered, BufferedCalls, Call, Stream
+from gusjob.stream import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
 
 CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
 _NOW = ("GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_GetHSIOOpt")
@@ -183,8 +183,8 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
         if call.name == "GT_SetCrdPrm" and call.args[0] == crd:
             built = call
         elif call.name not in (*CRD_CALLS, *_NOW):
-            axis = call.name == "GT_SetAxisMode" and isinstance(call.args[0], float)
-            channel = call.args[0] - 7 if axis and isinstance(call.args[0], float) else call.args[-1]
+            # An axis stands for its channel: 7 is channel 0, 8 is channel 1 (M 二.2).
+            channel = call.args[0] if call.name == "GT_SetAxisMode" else call.args[-1]
             for name in _UNDONE_BY.get(call.name, ()):
                 settings.pop((name, channel), None)
             settings[call.name, channel] = call
@@ -198,8 +198,7 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
     if starts == len(behind) or behind[starts].name != "GT_CrdStart":
         # It was started early: its rows came while it ran.
         at = behind[starts].at if starts < len(behind) else len(stream.buffered) + shift
-        mask, option = float(1 << (crd - 1)), float(fifo << (crd - 1))
-        behind.insert(starts, Call(name="GT_CrdStart", args=(mask, option), at=at, line=line))
+        behind.insert(starts, crd_start(crd, fifo, at=at, line=line))
     yield from behind
 
 

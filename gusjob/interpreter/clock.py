@@ -190,10 +190,7 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     sharp = jump - rounding > limit * (1 + 1e-6)
     reporter.add(rules.SHARP_CORNER, sharp, value=end, jump=jump, limit=np.full(len(jump), limit))
     _arc_faults(calls, clock, reporter)
-    x_low, x_high = np.minimum(laid.x0, laid.x1), np.maximum(laid.x0, laid.x1)
-    y_low, y_high = np.minimum(laid.y0, laid.y1), np.maximum(laid.y0, laid.y1)
-    if len(laid.arc_at):
-        x_low[laid.arc_at], x_high[laid.arc_at], y_low[laid.arc_at], y_high[laid.arc_at] = laid.arcs.extent()
+    x_low, x_high, y_low, y_high = laid.extent(np.arange(len(end)))
     for axis, lowest, highest, (low, high), scale in (
         ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),
         ("Y", y_low, y_high, machine.field_y_mm, machine.pulses_per_mm[1]),

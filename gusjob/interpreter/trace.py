@@ -14,6 +14,7 @@ from gusjob.interpreter.scanner import Beam
 from gusjob.interpreter.settings import PowerCalls
 from gusjob.interpreter.state import LaserState
 from gusjob.interpreter.switch import Emission
+from gusjob.machine import Machine
 from gusjob.stream import Intent
 
 
@@ -33,6 +34,13 @@ class ChannelTrace:
     emitted: Emitted
     lost_power_ms: float
     lit_at_end: bool
+
+    def watts_per_unit(self, stages: npt.NDArray[np.intp], machine: Machine) -> npt.NDArray[np.float64]:
+        """Watts per unit of power in segments of these stages; NaN where the rated power is unknown."""
+        laser = machine.laser(self.channel)
+        per_stage = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in self.lasers]
+        table = np.array([np.nan if w is None else w for w in per_stage] or [np.nan])
+        return table[stages] if len(stages) else np.empty(0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

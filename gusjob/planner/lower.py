@@ -25,7 +25,7 @@ from gusjob.job import (
 from gusjob.limits import STANDBY_KHZ, PowerMode
 from gusjob.machine import Machine
 from gusjob.planner.plan import Plan
-from gusjob.stream import Buffered, BufferedCalls, Call, Intent, Stream, Value
+from gusjob.stream import Buffered, BufferedCalls, Call, Intent, Stream, Value, crd_start
 
 _KINDS = {
     Op.LINE: Buffered.LINE,
@@ -70,8 +70,7 @@ def lower(state: Plan) -> Stream:
             add("GT_SetCrdPrm", float(crd), crd_parameters(state.machine), at=stage.first, line=line)
             built = True
         add("GT_CrdClear", float(crd), float(fifo), at=stage.first, line=line)
-        mask, option = float(1 << (crd - 1)), float(fifo << (crd - 1))
-        add("GT_CrdStart", mask, option, at=stage.last, line=int(state.path.line[stage.last - 1]))
+        calls.append(crd_start(crd, fifo, at=stage.last, line=int(state.path.line[stage.last - 1])))
     intent = None
     if state.sky is not None and state.mark_end is not None:
         intent = Intent(run=state.sky.run, mark_end=state.mark_end)

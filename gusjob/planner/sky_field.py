@@ -36,11 +36,7 @@ def stays_in_field(state: Plan) -> Plan:
         return state
     run = sky.run[state.timed]
     runs = np.flatnonzero(run != Run.NONE)
-    x_low, x_high = np.minimum(laid.x0[runs], laid.x1[runs]), np.maximum(laid.x0[runs], laid.x1[runs])
-    y_low, y_high = np.minimum(laid.y0[runs], laid.y1[runs]), np.maximum(laid.y0[runs], laid.y1[runs])
-    round_, arcs = laid.arcs_among(runs)
-    if len(round_):
-        x_low[round_], x_high[round_], y_low[round_], y_high[round_] = arcs.extent()
+    x_low, x_high, y_low, y_high = laid.extent(runs)
     collector = Collector(state.job.name)
     for axis, lowest, highest, (low, high), scale in (
         ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),

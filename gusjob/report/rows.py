@@ -161,14 +161,6 @@ def _length_mm(trace: Trace, machine: Machine) -> Floats:
     return length
 
 
-def _watts(channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine) -> Floats:
-    """Watts per unit of power in each segment; NaN where the rated power is unknown."""
-    laser = machine.laser(channel.channel)
-    per_stage = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in channel.lasers]
-    table = np.array([np.nan if w is None else w for w in per_stage] or [np.nan])
-    return table[stages] if len(stages) else np.empty(0)
-
-
 def _channel_columns(
     channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine
 ) -> dict[str, npt.NDArray[Any]]:
@@ -183,7 +175,7 @@ def _channel_columns(
         f"{name}power_mean": mean,
         f"{name}power_max": done.power_max,
         f"{name}power_ms": done.power_ms,
-        f"{name}joules": done.power_ms * _watts(channel, stages, machine) / 1e3,
+        f"{name}joules": done.power_ms * channel.watts_per_unit(stages, machine) / 1e3,
         f"{name}clamped_ms": done.clamped_ms,
     }
 
@@ -194,7 +186,7 @@ def _channel_totals(channel: ChannelTrace, stages: npt.NDArray[np.intp], machine
     units = [state.power_mode.unit for state in channel.lasers]
     in_order = list(dict.fromkeys(units or [channel.at_end.power_mode.unit]))
     unit_of = np.array([in_order.index(u) for u in units] or [0])[stages] if len(stages) else np.empty(0)
-    joules = done.power_ms * _watts(channel, stages, machine) / 1e3
+    joules = done.power_ms * channel.watts_per_unit(stages, machine) / 1e3
     entries = []
     for number, unit in enumerate(in_order):
         mine = unit_of == number

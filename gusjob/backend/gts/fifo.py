@@ -22,7 +22,8 @@ from gusjob.backend.gts.link import FULL, BackendError, Link, TakenOver, failure
 from gusjob.backend.rest import Part
 from gusjob.limits import FIFO_SLOTS
 from gusjob.listing import number_texts
-from gusjob.stream import BUFFERED, Arg, Buffered, BufferedCalls, Call, CType, Kind, Signature
+from gusjob.stream import BUFFERED, Arg, Buffered, BufferedCalls, Call, CType, Kind, Signature, crd_start
+from gusjob.units import MS_PER_S
 
 POLL_S = 0.02
 """How often the controller is asked how far it is: 4096 slots of 10 us segments last twice as long."""
@@ -95,7 +96,7 @@ class Fifo:
         self.looked_s = 0.0
         self.until = 0
         """Rows before this one are to be sent before anything else."""
-        dwells = self.calls.p[self.calls.kind == Buffered.DELAY] / 1000
+        dwells = self.calls.p[self.calls.kind == Buffered.DELAY] / MS_PER_S
         self.still_s = STILL_S + float(dwells.max(initial=0.0))
 
     def begin(self, crd: int, fifo: int, row: int, line: int) -> Stage:
@@ -186,9 +187,7 @@ class Fifo:
         if stage.room > 0:
             return
         if not stage.started:
-            mask, option = 1 << (stage.crd - 1), stage.fifo << (stage.crd - 1)
-            args = (float(mask), float(option))
-            self.start(Call(name="GT_CrdStart", args=args, at=row, line=int(self.calls.line[row])))
+            self.start(crd_start(stage.crd, stage.fifo, at=row, line=int(self.calls.line[row])))
         while stage.room <= 0:
             self.control.nap(POLL_S)
             self.heed()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import threading
 import time
 from typing import Any
 
 from gusjob import rules
 from gusjob.backend.gts.abi import PROBE, PROBE_ARGUMENTS, PROBE_GUARD, c_value
-from gusjob.backend.gts.library import Library, bound
+from gusjob.backend.gts.library import Library
 from gusjob.backend.journal import Journal
 from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.machine import Abi
@@ -126,10 +127,11 @@ class Link:
     def probe(self) -> None:
         """A call that only a library of this ABI answers with 0: it has no pointers, so a wrong one can't crash."""
         prototype = self.library.prototypes[PROBE]
-        guarded = bound(self.library.handle, prototype)
+        # A function of its own without argument types: it gets more arguments than the prototype has.
+        guarded: Any = self.library.handle[prototype.symbol]
+        guarded.restype = ctypes.c_short
         guard: tuple[int, ...] = PROBE_GUARD
         try:
-            guarded.argtypes = None  # type: ignore[attr-defined]  # More arguments than the prototype has.
             code = self._make(PROBE, guarded, (*prototype.before, *PROBE_ARGUMENTS, *guard))
         except ValueError:
             # __stdcall in 32 bits counts the arguments.

@@ -55,11 +55,11 @@ class Runner:
         session = self.session
         faults = [self._placed(fault) for fault in self.outcome.faults]
         self.outcome.faults = sorted(faults, key=lambda f: f.rule not in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN))
-        how = {"end": "failed" if self.outcome.faults or self.outcome.bug else "done"}
+        end = "failed" if self.outcome.faults or self.outcome.bug else "done"
         codes = [fault.rule.code for fault in self.outcome.faults]
         place = session.reached
         session.link.journal.mark(
-            **how, row=place.row, run=place.run_pulse, sure=place.sure, line=session.line, faults=codes
+            end=end, row=place.row, run=place.run_pulse, sure=place.sure, line=session.line, faults=codes
         )
         if self.outcome.bug is not None:
             raise self.outcome.bug
