@@ -217,7 +217,7 @@ def test_a_wrong_abi_on_the_command_line(tmp_path: Path) -> None:
     multi = Desk(tmp_path, build_controller(tmp_path, GTS_MULTI))
     done = multi.run(multi.job(SLOW), "--yes", "--progress", "none")
     assert done.returncode == 1
-    assert "GJ903" in done.stderr
+    assert "part.job:1:1: error[GJ903]" in done.stderr
     assert "--abi gts" in done.stderr
 
 

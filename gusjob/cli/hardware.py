@@ -28,7 +28,7 @@ from gusjob.backend.journal import Journal, Recorded, mark_resumed, read_journal
 from gusjob.backend.place import START, Place
 from gusjob.backend.rest import Part, rest, whole
 from gusjob.cli.common import Loaded, interpreted_faults, show, stop
-from gusjob.diagnostics import Span, has_errors, printable
+from gusjob.diagnostics import Diagnostic, Span, has_errors, printable
 from gusjob.interpreter import Trace, interpret
 from gusjob.machine import Abi, Machine
 from gusjob.stream import BufferedCalls, Stream
@@ -114,10 +114,10 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> P
             return None
         trace = run
     if faults := one_queue(stream):
-        loaded.faults += [replace(f, span=_located(loaded, f.span.line), path=str(loaded.path)) for f in faults]
+        loaded.faults += _of_job(loaded, faults)
         return None
     library, faults = load_library(library_path, abi, controller.card, needed_calls(stream, machine))
-    loaded.faults += faults
+    loaded.faults += _of_job(loaded, faults)
     if library is None:
         return None
     expected = forecast(stream, trace, machine)
@@ -277,6 +277,11 @@ def _located(loaded: Loaded, line: int) -> Span:
     return loaded.job.locate(line, "") if loaded.job is not None else Span(line=line)
 
 
+def _of_job(loaded: Loaded, faults: list[Diagnostic]) -> list[Diagnostic]:
+    """Faults of a run, which know the calls' lines, at their places in the job."""
+    return [replace(fault, span=_located(loaded, fault.span.line), path=str(loaded.path)) for fault in faults]
+
+
 def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
     """What is going to happen."""
     expected, library, wishes = prepared.forecast, prepared.library, prepared.wishes
@@ -311,9 +316,7 @@ def _question(prepared: Prepared) -> str:
 def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Session | None) -> int:
     """What became of it."""
     loaded = prepared.loaded
-    loaded.faults = [
-        replace(fault, span=_located(loaded, fault.span.line), path=str(loaded.path)) for fault in outcome.faults
-    ]
+    loaded.faults = _of_job(loaded, outcome.faults)
     show(loaded)
     if outcome.faults:
         safe = not any(f.rule in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI) for f in outcome.faults)
