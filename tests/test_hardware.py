@@ -594,9 +594,12 @@ def test_a_full_disk_ends_the_run_dark(gus: Bench, monkeypatch: pytest.MonkeyPat
     for full_at in range(2, lines, 3):
         fresh(gus)
         journals: list[_Full] = []
-        monkeypatch.setattr(
-            "hardware.Journal", lambda *head, at=full_at, to=journals: to.append(_Full(*head, at)) or to[0]
-        )
+
+        def full_journal(path: Path, head: dict[str, object], at: int = full_at, made: list[_Full] = journals) -> _Full:
+            made.append(_Full(path, head, at))
+            return made[0]
+
+        monkeypatch.setattr("hardware.Journal", full_journal)
         ran = gus.run(stream, machine)
         assert is_safe(gus), full_at
         if ran.codes:
