@@ -11,12 +11,16 @@ import pytest
 from tools import ROOT
 
 ORDER = (
-    "limits", "diagnostics", "rules", "units", "machine", "profile", "motion", "geometry", "job", "stream", "listing",
-    "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "tune", "cli",
+    "limits", "diagnostics", "rules", "units", "columns", "machine", "profile", "motion", "geometry", "job", "stream",
+    "listing", "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "signals", "drawing",
+    "page", "tune", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""
 
-ONLY = {"lark": ("syntax",), "rich": ("report", "cli"), "click": ("cli",)}
+ONLY = {
+    "lark": ("syntax",), "rich": ("report", "cli"), "click": ("cli",), "pyarrow": ("columns",), "vcd": ("signals",),
+    "matplotlib": ("drawing",), "jinja2": ("page",),
+}  # fmt: skip
 """Libraries and the rooms that may import them."""
 
 

@@ -16,7 +16,7 @@ import pytest
 from tools import MACHINE, MARK, Ran, run_job, run_listing, stream_of
 
 from gusjob.interpreter import interpret
-from gusjob.interpreter.power import Spans, integrals
+from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine, Scanner, ScannerModel
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
@@ -336,7 +336,7 @@ def test_parts_of_a_segment_add_up_to_its_energy(power: str) -> None:
     (channel,) = trace.channels
     edges = np.linspace(0, 110.3, 1001)
     spans = Spans(stage=np.zeros(1000, dtype=np.intp), start_ms=edges[:-1], end_ms=edges[1:])
-    parts = integrals(trace.motion, trace.beam, channel.powers, list(channel.lasers), 0.25, spans)
+    parts = trace.power_ms(channel, spans)
     assert parts.sum() == pytest.approx(channel.emitted.power_ms[0], rel=1e-12)
     if not power:
         assert parts == pytest.approx(50 * 0.1103)

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
@@ -21,6 +22,7 @@ from gusjob.profile import find_profile, read_machine
 from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
+    from gusjob.interpreter import Trace
     from gusjob.stream import Stream
 
 machine_option = click.option(
@@ -140,6 +142,18 @@ def compiled(loaded: Loaded) -> Stream | None:
     return None if has_errors(faults) else stream
 
 
+def interpreted(loaded: Loaded) -> Trace | None:
+    """The run of a loaded file; None if an error forbids it. What the run finds is added to its faults."""
+    stream = compiled(loaded)
+    if stream is None:
+        return None
+    from gusjob.interpreter import interpret
+
+    trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
+    interpreted_faults(loaded, faults)
+    return trace
+
+
 def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
     """Add what the interpreter found, with spans."""
     if loaded.source is not None:
@@ -205,6 +219,14 @@ def write(pieces: Iterable[bytes], output: Path | None, *, source: Path | None =
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123  (for the interpreter's own flush)
     except OSError as error:
         stop(f"{output or 'standard output'}: can't write: {(error.strerror or 'unknown error').lower()}")
+
+
+def need(extra: str, module: str, *, to: str) -> None:
+    """See to it that an extra is installed; leaves with 2 and the line that installs it if not."""
+    try:
+        import_module(module)
+    except ImportError:
+        stop(f'to {to}, install the extra "{extra}": python -m pip install "gusjob[{extra}]"')
 
 
 def stop(message: str) -> NoReturn:

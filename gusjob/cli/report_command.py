@@ -12,10 +12,9 @@ import click
 
 from gusjob.cli.common import (
     Loaded,
-    compiled,
     exit_code,
     file_argument,
-    interpreted_faults,
+    interpreted,
     load,
     machine_option,
     output_option,
@@ -119,15 +118,12 @@ def command(
 
 def _reported(loaded: Loaded, marking: bool | None) -> Report | None:
     """The report of a loaded file; None if an error forbids it. What the run finds is added to its faults."""
-    stream = compiled(loaded)
-    if stream is None:
+    trace = interpreted(loaded)
+    if trace is None:
         return None
-    from gusjob.interpreter import interpret
     from gusjob.report.rows import make_report
 
-    trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
-    interpreted_faults(loaded, faults)
-    return None if trace is None else make_report(trace, loaded.machine, loaded.files, marking=marking)
+    return make_report(trace, loaded.machine, loaded.files, marking=marking)
 
 
 def _written(

@@ -59,6 +59,15 @@ class Clock:
         """End of each stage, (s,) ms."""
         return self.times[self.stage_first[1:]]
 
+    def cell_at(self, stage: Indices, time: Floats) -> Indices:
+        """The timed call that runs at moments of stages; behind a stage's end, and in one without any, the last.
+
+        -1 before all motion.
+        """
+        first, last = self.stage_first[stage], self.stage_first[stage + 1] - 1
+        found = np.searchsorted(self.times[:-1], time, side="right") - 1
+        return np.asarray(np.minimum(np.maximum(found, first), last))
+
 
 def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock, list[Diagnostic]]:
     """Times and velocities of everything that ran."""

@@ -15,6 +15,7 @@ from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.scanner import Beam
 from gusjob.interpreter.settings import PowerCalls, Setting, limited
+from gusjob.interpreter.spans import Spans
 from gusjob.interpreter.state import LaserState
 from gusjob.interpreter.switch import Emission
 from gusjob.interpreter.ticks import Ticks
@@ -41,21 +42,6 @@ class Emitted:
     power_max: Floats
     clamped_ms: Floats
     unpowered: Bools
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spans:
-    """Spans of time in stages, (k,): stage numbers, start and end on the clock's axis, ms."""
-
-    stage: Indices
-    start_ms: Floats
-    end_ms: Floats
-
-    def blocks(self, size: int) -> Iterator[Spans]:
-        """Some at a time, in order."""
-        for first in range(0, len(self.stage), size):
-            part = slice(first, first + size)
-            yield Spans(stage=self.stage[part], start_ms=self.start_ms[part], end_ms=self.end_ms[part])
 
 
 def emitted(
@@ -100,6 +86,21 @@ def integrals(
     """Integral of held power over spans of time, (k,), unit * ms; behind its stage's end the light shines at rest."""
     integrator = _Integrator(motion=motion, beam=beam, powers=powers, lasers=lasers, period_ms=period_ms)
     return np.concatenate([np.empty(0), *map(integrator.over, spans.blocks(_BLOCK_PIECES))])
+
+
+def held_power(
+    motion: Motion,
+    beam: Beam,
+    powers: PowerCalls,
+    lasers: list[LaserState],
+    period_ms: float,
+    stage: Indices,
+    time: Floats,
+) -> Floats:
+    """Power held at moments of stages, (k,), through all limits, whether light is on or not."""
+    integrator = _Integrator(motion=motion, beam=beam, powers=powers, lasers=lasers, period_ms=period_ms)
+    parts = [slice(first, first + _BLOCK_PIECES) for first in range(0, len(time), _BLOCK_PIECES)]
+    return np.concatenate([np.empty(0), *(integrator.held(stage[part], time[part]) for part in parts)])
 
 
 def _cut(clock: Clock, stage: Indices, begin: Floats, finish: Floats) -> tuple[Indices, Floats, Floats, Indices]:
@@ -169,10 +170,6 @@ class _Integrator:
         self, cell: Indices, stage: Indices, event: Indices, start: Floats, end: Floats, time: Floats
     ) -> _Pieces:
         setting, unset = self.setting(event, stage)
-        far = np.array([laser.follows_distance for laser in self.lasers], dtype=np.bool_)
-        # Before the first motion nothing moves and nothing is away from anywhere.
-        by_distance = far[stage] & (cell >= 0)
-        dynamic = ((setting.ratio > 0) & (cell >= 0)) | by_distance
         value, held = limited(setting, setting.low, None)
         result = _Pieces(
             time=time,
@@ -182,24 +179,49 @@ class _Integrator:
             clamped=np.where(held, time, 0.0),
             unpowered=unset,
         )
-        dynamic_at = np.flatnonzero(dynamic)
+        for at, ticks in self.ticked(setting, cell, stage, event, start, end):
+            result.energy[at], result.lowest[at], result.highest[at], result.clamped[at] = ticks.integrate()
+        return result
+
+    def ticked(
+        self, setting: Setting, cell: Indices, stage: Indices, event: Indices, start: Floats, end: Floats
+    ) -> Iterator[tuple[Indices, Ticks]]:
+        """The pieces whose power is sampled, some at a time."""
+        far = np.array([laser.follows_distance for laser in self.lasers], dtype=np.bool_)
+        # Before the first motion nothing moves and nothing is away from anywhere.
+        by_distance = far[stage] & (cell >= 0)
+        dynamic_at = np.flatnonzero(((setting.ratio > 0) & (cell >= 0)) | by_distance)
         for block in range(0, len(dynamic_at), _BLOCK_PIECES):
             at = dynamic_at[block : block + _BLOCK_PIECES]
-            ticked = Ticks(
-                motion=self.motion,
-                beam=self.beam,
-                lasers=self.lasers,
-                period_ms=self.period_ms,
-                setting=setting.pick(at),
-                by_distance=by_distance[at],
-                cell=cell[at],
-                stage=stage[at],
-                moment=self.moment(event[at], stage[at]),
-                start=start[at],
-                end=end[at],
+            yield (
+                at,
+                Ticks(
+                    motion=self.motion,
+                    beam=self.beam,
+                    lasers=self.lasers,
+                    period_ms=self.period_ms,
+                    setting=setting.pick(at),
+                    by_distance=by_distance[at],
+                    cell=cell[at],
+                    stage=stage[at],
+                    moment=self.moment(event[at], stage[at]),
+                    start=start[at],
+                    end=end[at],
+                ),
             )
-            result.energy[at], result.lowest[at], result.highest[at], result.clamped[at] = ticked.integrate()
-        return result
+
+    def held(self, stage: Indices, time: Floats) -> Floats:
+        """Power held at moments."""
+        clock = self.motion.clock
+        cell = clock.cell_at(stage, time)
+        at_rest = time >= clock.stage_end()[stage]
+        last_event = np.searchsorted(self.powers.stage, stage, side="right") - 1
+        event = np.where(at_rest, last_event, np.searchsorted(self.powers.boundary, cell, side="right") - 1)
+        setting, _ = self.setting(event, stage)
+        value, _ = limited(setting, setting.low, None)
+        for at, ticks in self.ticked(setting, cell, stage, event, time, time):
+            value[at] = ticks.held()
+        return value
 
     def over(self, spans: Spans) -> Floats:
         """Integral over spans, behind the end of motion too."""

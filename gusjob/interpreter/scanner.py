@@ -75,10 +75,8 @@ def beam_of(motion: Motion, scanner: Scanner | None) -> Beam:
 def _command(motion: Motion, stage: Indices, time: Floats) -> tuple[Floats, Floats]:
     """Commanded position within stages. In a stage without motion: where the one before it ended, or 0."""
     clock = motion.clock
-    first, last = clock.stage_first[stage], clock.stage_first[stage + 1] - 1
     time = np.maximum(time, clock.stage_start()[stage])
-    cell = np.searchsorted(clock.times[:-1], time, side="right") - 1
-    cell = np.minimum(np.maximum(cell, first), last)
+    cell = clock.cell_at(stage, time)
     x, y = motion.position(np.maximum(cell, 0), time)
     return np.where(cell < 0, 0.0, x), np.where(cell < 0, 0.0, y)
 

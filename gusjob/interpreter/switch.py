@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
+from gusjob.interpreter.spans import Spans
 from gusjob.interpreter.state import Program
 from gusjob.stream import Buffered, BufferedCalls
 from gusjob.units import US_PER_MS
@@ -24,7 +25,8 @@ class Emission:
     An end may lie behind its stage's end (off delay): that light shines at rest, before the next stage starts.
     `lit_at_end`: the light is still on when all is done. `on_row`, `off_row` (k,): the buffered GT_BufLaserOn that
     opened and the GT_BufLaserOff that closed each, as index into the stream; -1 where none did. Of merged intervals the
-    first one's on and the last one's off.
+    first one's on and the last one's off. `switch`: when the switch is on, delays included; the same but with FPK.
+    `carried`: of those, the ones that were on before their stage.
     """
 
     stage: Indices
@@ -33,6 +35,8 @@ class Emission:
     lit_at_end: bool
     on_row: Indices
     off_row: Indices
+    switch: Spans
+    carried: Bools
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +109,12 @@ def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int)
         on_row=opening.row,
         off_row=np.where(has_off, following.row, -1),
     ).merged()
-    stage = spans.stage
+    stage, carried = spans.stage, spans.carried
+    switch = Spans(
+        stage=stage,
+        start_ms=np.maximum(spans.start, starts[stage]),
+        end_ms=np.where(spans.has_off, spans.end, ends[stage]),
+    )
     spans = replace(
         spans,
         start=np.where(spans.carried, spans.start, spans.start + gap[stage]),
@@ -120,6 +129,8 @@ def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int)
         lit_at_end=lit,
         on_row=spans.on_row,
         off_row=spans.off_row,
+        switch=switch,
+        carried=carried,
     )
 
 

@@ -68,6 +68,14 @@ class Ticks:
         runs.add(energy, lowest, highest, clamped)
         return energy, lowest, highest, clamped
 
+    def held(self) -> Floats:
+        """Power held at each piece's start."""
+        origin = self.motion.clock.stage_start()[self.stage]
+        ticks = (self.start - origin) / self.period_ms
+        tick = np.floor(ticks + _ON_TICK + ticks * 1e-15)
+        sampled_at = np.maximum(np.maximum(origin + tick * self.period_ms, self.moment), origin)
+        return self.sample(self.cell_at(sampled_at), sampled_at, self.setting, self.by_distance)[0]
+
     def cell_at(self, time: Floats) -> Indices:
         """The timed call that runs at a moment of a piece's stage: its own, or an earlier one."""
         clock = self.motion.clock

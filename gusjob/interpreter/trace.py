@@ -9,13 +9,15 @@ import numpy.typing as npt
 
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
-from gusjob.interpreter.power import Emitted
+from gusjob.interpreter.power import Emitted, held_power, integrals
 from gusjob.interpreter.scanner import Beam
 from gusjob.interpreter.settings import PowerCalls
+from gusjob.interpreter.spans import Spans
 from gusjob.interpreter.state import LaserState
 from gusjob.interpreter.switch import Emission
 from gusjob.machine import Machine
 from gusjob.stream import Intent
+from gusjob.units import US_PER_MS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,3 +61,19 @@ class Trace:
     channels: tuple[ChannelTrace, ...]
     readings: tuple[tuple[int, int, int], ...]
     intent: Intent | None = None
+
+    @property
+    def period_ms(self) -> float:
+        """The controller's tick."""
+        return self.period_us / US_PER_MS
+
+    def power_ms(self, channel: ChannelTrace, spans: Spans) -> npt.NDArray[np.float64]:
+        """Integral of a channel's held power over spans of time, (k,), unit * ms."""
+        return integrals(self.motion, self.beam, channel.powers, list(channel.lasers), self.period_ms, spans)
+
+    def held_power(
+        self, channel: ChannelTrace, stage: npt.NDArray[np.intp], time_ms: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """A channel's power at moments of stages, (k,), whether its light is on or not."""
+        lasers = list(channel.lasers)
+        return held_power(self.motion, self.beam, channel.powers, lasers, self.period_ms, stage, time_ms)

@@ -13,14 +13,13 @@ import orjson
 
 from gusjob.diagnostics import printable
 from gusjob.limits import PowerMode
-from gusjob.report.rows import SegmentKind
+from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
 
 Floats = npt.NDArray[np.float64]
 Columns = Mapping[str, npt.NDArray[Any]]
 Key = tuple[str, int | None, str | None]
 """A total: its name, and channel and unit of power where it has them."""
 
-SCHEMA = "gusjob-report/1"
 MAX_EARLIER_MB = 1000
 
 CHANNELS = (0, 1)
@@ -75,8 +74,8 @@ def _earlier(path: str, data: bytes) -> Earlier:
         raise _NotAReportError(
             f"this is not JSON: {error.msg[:80]} (line {error.lineno}, column {error.colno})"
         ) from None
-    if type(found) is not dict or found.get("schema") != SCHEMA:
-        raise _NotAReportError(f'this is no report of gusjob report --format json (schema "{SCHEMA}")')
+    if type(found) is not dict or found.get("schema") != REPORT_SCHEMA:
+        raise _NotAReportError(f'this is no report of gusjob report --format json (schema "{REPORT_SCHEMA}")')
     totals = flat_totals(_typed(found, "totals", dict)) | {("period_us", None, None): _figure(found, "period_us")}
     columns = _columns(_typed(found, "segments", dict)) if "segments" in found else None
     return Earlier(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)

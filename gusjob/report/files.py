@@ -10,13 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
+from gusjob.columns import Columns, Words, csv_bytes, parquet_bytes, pieces
 from gusjob.diagnostics import Diagnostic
-from gusjob.report.rows import Report, SegmentKind
+from gusjob.report.rows import REPORT_SCHEMA, Report, SegmentKind
 
 _NUMPY = orjson.OPT_SERIALIZE_NUMPY
 _KINDS = [b'"' + kind.word.encode() + b'"' for kind in SegmentKind]
 _NOT_IN_CSV = {"channels", "marking", "run_in_mm", "run_out_mm"}
-_CSV_CHUNK = 1 << 15
+_GROUP_ROWS = 1 << 17
+"""Rows of a Parquet row group."""
 
 
 def diagnostic_object(fault: Diagnostic) -> dict[str, Any]:
@@ -59,7 +61,7 @@ def check_json(faults: Iterable[Diagnostic], statistics: dict[str, int] | None =
 
 def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) -> Iterator[bytes]:
     """gusjob-report/1 in pieces."""
-    yield b'{"schema": "gusjob-report/1", "job": ' + orjson.dumps(report.job)
+    yield b'{"schema": ' + orjson.dumps(REPORT_SCHEMA) + b', "job": ' + orjson.dumps(report.job)
     yield b', "period_us": ' + orjson.dumps(report.period_us)
     yield b', "totals": ' + orjson.dumps(report.totals)
     for name, value in report.notes.items():
@@ -84,19 +86,25 @@ def _column(name: str, column: npt.NDArray[Any]) -> bytes:
     return orjson.dumps(np.ascontiguousarray(column), option=_NUMPY)
 
 
+def rows_of(report: Report) -> Columns:
+    """The rows as a table; kinds, and the files of a job that includes others, by name."""
+    named: Columns = dict(report.columns)
+    named["kind"] = Words(codes=report.columns["kind"], words=tuple(kind.word for kind in SegmentKind))
+    return named
+
+
 def report_csv(report: Report) -> Iterator[bytes]:
     """One row a segment, a header row first; nothing where a power is null."""
-    yield (",".join(report.columns) + "\r\n").encode()
-    for first in range(0, len(report), _CSV_CHUNK):
-        part = slice(first, first + _CSV_CHUNK)
-        texts = [_texts(name, column[part]) for name, column in report.columns.items()]
-        yield b"\r\n".join(map(b",".join, zip(*texts, strict=True))) + b"\r\n"
+    return csv_bytes(pieces(rows_of(report)))
 
 
-def _texts(name: str, column: npt.NDArray[Any]) -> list[bytes]:
-    if name == "kind":
-        return [_KINDS[k].strip(b'"') for k in column.tolist()]
-    return _column(name, column)[1:-1].replace(b"null", b"").split(b",")
+def report_parquet(report: Report) -> Iterator[bytes]:
+    """One row a segment; the totals stand as JSON in the file's metadata."""
+    table = rows_of(report)
+    if "files" in report.notes:
+        table["file"] = Words(codes=report.columns["file"], words=tuple(report.notes["files"]))
+    about = {"schema": REPORT_SCHEMA.encode(), "job": report.job.encode(), "totals": orjson.dumps(report.totals)}
+    return parquet_bytes(pieces(table, _GROUP_ROWS), about)
 
 
 def summary_csv(report: Report) -> Iterator[bytes]:

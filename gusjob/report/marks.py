@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.interpreter import ChannelTrace, Trace
-from gusjob.interpreter.power import Spans, integrals
+from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine
 from gusjob.report.corners import Corners, corners_of, largest_misses
 from gusjob.report.ends import Ends, Place, ends_of, mark_lines
@@ -126,11 +126,6 @@ def _rounded(values: Floats) -> Floats:
     return np.where(np.abs(values) < _ROUNDING, 0.0, values)
 
 
-def _integrals(trace: Trace, channel: ChannelTrace, spans: Spans) -> Floats:
-    period_ms = trace.period_us / US_PER_MS
-    return integrals(trace.motion, trace.beam, channel.powers, list(channel.lasers), period_ms, spans)
-
-
 # Outside of [S, E].
 
 
@@ -148,7 +143,7 @@ def _outside(trace: Trace, machine: Machine, channel: ChannelTrace, way: Way, sp
     outside = np.zeros(len(spans.stage))
     for start, end in ((spans.start_ms, reached), (left, spans.end_ms)):
         at = np.flatnonzero(start < end)
-        outside[at] += _integrals(trace, channel, Spans(stage=spans.stage[at], start_ms=start[at], end_ms=end[at]))
+        outside[at] += trace.power_ms(channel, Spans(stage=spans.stage[at], start_ms=start[at], end_ms=end[at]))
     return outside
 
 
@@ -240,5 +235,5 @@ def _bins(trace: Trace, channel: ChannelTrace, way: Way, spans: Spans, length: F
         of = mark[:-1]
         end = np.where(number[:-1] == count[of] - 1, spans.end_ms[of], edge[1:])
         part = Spans(stage=spans.stage[of], start_ms=edge[:-1], end_ms=np.maximum(end, edge[:-1]))
-        energy[first : first + _BLOCK_BINS] = _integrals(trace, channel, part)
+        energy[first : first + _BLOCK_BINS] = trace.power_ms(channel, part)
     return energy

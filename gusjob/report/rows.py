@@ -16,8 +16,9 @@ from gusjob.report.marks import marking_totals, marks_of
 from gusjob.stream import Run
 
 Floats = npt.NDArray[np.float64]
-_ARC_NODES = 64
 
+REPORT_SCHEMA = "gusjob-report/1"
+_ARC_NODES = 64
 
 MARKED_SEGMENTS = 100_000
 """Without a scanner the marks of a job with more segments are judged only if asked for: it takes its time."""
@@ -79,9 +80,9 @@ def make_report(
         marking = scanner is not None or len(length_mm) <= MARKED_SEGMENTS
     marks = marks_of(trace, machine) if marking else None
     if files:
-        bases = np.array([base for _, base in files], dtype=np.int32)
-        _name_files(columns, bases)
-        _name_files(marks or {}, bases)
+        for table in (columns, marks):
+            if table:
+                table["line"], table["file"] = own_lines(table["line"], files)
         notes["files"] = [name for name, _ in files]
     return Report(
         job=trace.name,
@@ -104,11 +105,11 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
     """What is to be said of each segment but its power."""
     clock, laid = trace.clock, trace.clock.laid
     px, py = machine.pulses_per_mm
-    length_mm = _length_mm(trace, machine)
+    length_mm = segment_mm(trace, machine)
     duration = clock.duration_ms
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = np.where(duration > 0, length_mm / duration * 1e3, 0.0)
-        mm_per_pulse = np.where(laid.length > 0, length_mm / laid.length, 1 / px)
+    mm_per_pulse = scale_mm(trace, machine)
     fastest = np.where(clock.dwell, 0.0, np.maximum(clock.profile.peak, clock.profile.start)) * mm_per_pulse * 1e3
     lit = np.zeros(len(duration), dtype=np.bool_)
     for channel in trace.channels:
@@ -137,16 +138,26 @@ def _kinds(trace: Trace, lit: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:
     return np.where(trace.clock.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, dark)).astype(np.int8)
 
 
-def _name_files(columns: dict[str, npt.NDArray[Any]], bases: npt.NDArray[np.int32]) -> None:
-    """Count `line` in its own file, and say which that is in `file`."""
-    if not columns:
-        return
-    file = (np.searchsorted(bases, columns["line"] - 1, side="right") - 1).astype(np.int16)
-    columns["line"] = columns["line"] - bases[file]
-    columns["file"] = file
+def own_lines(
+    line: npt.NDArray[np.int32], files: tuple[tuple[str, int], ...]
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int16]]:
+    """Lines of a job that includes others, counted in their own files, and which files those are: (line, file)."""
+    if not files:
+        return line, np.zeros(len(line), dtype=np.int16)
+    bases = np.array([base for _, base in files], dtype=np.int32)
+    file = (np.searchsorted(bases, line - 1, side="right") - 1).astype(np.int16)
+    return line - bases[file], file
 
 
-def _length_mm(trace: Trace, machine: Machine) -> Floats:
+def scale_mm(trace: Trace, machine: Machine) -> Floats:
+    """mm per pulse along each segment, (m,); on unequal axes an arc's mean."""
+    length = trace.clock.laid.length
+    one = np.full(len(length), 1 / machine.pulses_per_mm[0])
+    np.divide(segment_mm(trace, machine), length, out=one, where=length > 0)
+    return one
+
+
+def segment_mm(trace: Trace, machine: Machine) -> Floats:
     """Length of each segment, mm; an arc on unequal axes is an ellipse, integrated (Gauss-Legendre)."""
     laid = trace.clock.laid
     px, py = machine.pulses_per_mm

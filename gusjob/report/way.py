@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gusjob.interpreter import Trace
 from gusjob.interpreter.clock import Clock
-from gusjob.interpreter.power import Spans
+from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine, ScannerModel
 from gusjob.units import US_PER_MS
 

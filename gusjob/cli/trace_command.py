@@ -1,0 +1,152 @@
+"""`gusjob trace`: the run as signals over time."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import __version__
+from gusjob.cli.common import (
+    exit_code,
+    file_argument,
+    interpreted,
+    load,
+    machine_option,
+    need,
+    output_option,
+    scanner_option,
+    show,
+    write,
+)
+from gusjob.diagnostics import printable
+
+if TYPE_CHECKING:
+    from gusjob.cli.common import Loaded
+    from gusjob.interpreter import Trace
+    from gusjob.machine import Scanner
+
+_FORMATS = ("vcd", "csv", "parquet", "npz")
+_EXTRA = {"vcd": ("trace", "vcd"), "parquet": ("parquet", "pyarrow")}
+_UNITS_MS = {"us": 1e-3, "ms": 1.0, "s": 1e3, "": 1.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bound:
+    """Where a trace begins or ends: a moment, or a source line."""
+
+    time_ms: float = 0.0
+    line: int = 0
+
+
+def _bound(_context: click.Context, _parameter: click.Parameter, text: str | None) -> _Bound | None:
+    """A moment (12.5, 12.5ms, 300us, 1.5s) or a line (line:40)."""
+    if text is None:
+        return None
+    line = re.fullmatch(r"line:([1-9]\d{0,8})", text.strip(), re.ASCII)
+    if line:
+        return _Bound(line=int(line[1]))
+    time = re.fullmatch(r"(\d{1,12}\.?\d{0,9}|\.\d{1,9}) ?(us|ms|s|)", text.strip(), re.ASCII)
+    if not time:
+        raise click.BadParameter(
+            f"{printable(text)[:40]} is neither a time nor a line: write 12.5 (ms), 300us, 1.5s or line:40"
+        )
+    return _Bound(time_ms=float(time[1]) * _UNITS_MS[time[2]])
+
+
+@click.command(name="trace")
+@file_argument
+@machine_option
+@scanner_option
+@click.option(
+    "--format", "form", type=click.Choice(_FORMATS), help="Default: by the ending of the output file's name, else vcd."
+)
+@click.option("--from", "first", callback=_bound, metavar="TIME|line:N", help="Begin there. Default: the start.")
+@click.option("--to", "last", callback=_bound, metavar="TIME|line:N", help="End there. Default: the end.")
+@output_option
+def command(
+    path: Path,
+    machine_path: Path | None,
+    scanner: Scanner | None,
+    form: str | None,
+    first: _Bound | None,
+    last: _Bound | None,
+    output: Path | None,
+) -> None:
+    """Write the run as signals over time.
+
+    vcd: the controller's laser outputs (PWM0+ to PWM3-, AO0, AO1) to 1 ns, for logic-analyser viewers such as GTKWave
+    and PulseView. csv, parquet, npz: a table of the controller's ticks with position, velocity, and power and light of
+    each channel. Time counts from the first stage's start, off delays between stages included.
+    """
+    ending = output.suffix.lower().removeprefix(".") if output is not None else ""
+    form = form or (ending if ending in _FORMATS else "vcd")
+    if form in _EXTRA:
+        need(*_EXTRA[form], to=f"write {form}")
+    if form in ("parquet", "npz") and output is None and sys.stdout is not None and sys.stdout.isatty():
+        raise click.UsageError(f"{form} is not for a terminal: name a file with -o")
+    loaded = load(path, machine_path, scanner=scanner)
+    trace = interpreted(loaded)
+    if trace is not None:
+        write(_written(loaded, trace, form, first, last), output, source=path)
+    show(loaded, notes=trace is None)
+    sys.exit(exit_code(loaded))
+
+
+def _written(loaded: Loaded, trace: Trace, form: str, first: _Bound | None, last: _Bound | None) -> Iterable[bytes]:
+    """The trace in a format."""
+    from gusjob.report.rows import own_lines
+
+    lines, files = own_lines(trace.line, loaded.files)
+    start_ms, end_ms = _span_ms(trace, np.where(files == 0, lines, 0), first, last)
+    if form == "vcd":
+        from gusjob.signals.vcd import vcd_pieces
+
+        return vcd_pieces(trace, lines, __version__, start_ms, end_ms)
+    from gusjob import columns
+    from gusjob.signals.samples import samples
+
+    table = samples(trace, loaded.machine, lines, start_ms, end_ms)
+    if form == "parquet":
+        about = {"schema": b"gusjob-trace/1", "job": trace.name.encode(), "period_us": str(trace.period_us).encode()}
+        return columns.parquet_bytes(table, about)
+    return columns.csv_bytes(table) if form == "csv" else columns.npz_bytes(table)
+
+
+def _span_ms(
+    trace: Trace, lines: npt.NDArray[np.int32], first: _Bound | None, last: _Bound | None
+) -> tuple[float, float]:
+    """What is asked for of a run; `lines`: of the job's own file (0: of another)."""
+    from gusjob.signals.timeline import timeline_of
+
+    timeline = timeline_of(trace)
+    later_ms = timeline.shift_ms[trace.clock.stage]
+    start_ms = 0.0 if first is None else first.time_ms
+    end_ms = timeline.total_ms if last is None else min(last.time_ms, timeline.total_ms)
+    if first is not None and first.line:
+        start_ms = float((trace.clock.times[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]])
+    if last is not None and last.line:
+        upto = (lines > 0) & (lines <= last.line)
+        end_ms = float((trace.clock.times[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
+    if start_ms > end_ms:
+        raise click.UsageError(
+            f"nothing lies between --from {start_ms:.6g} ms and --to {end_ms:.6g} ms; "
+            f"the run takes {timeline.total_ms:.6g} ms"
+        )
+    return start_ms, end_ms
+
+
+def _moving(option: str, line: int, wanted: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """The segments of the lines that are asked for."""
+    at = np.flatnonzero(wanted)
+    if not len(at):
+        where = "behind" if option == "--from" else "before"
+        raise click.UsageError(f"{option}: nothing moves at line {line} or {where} it")
+    return at

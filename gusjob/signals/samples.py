@@ -1,0 +1,120 @@
+"""The trace tick by tick, as a table in pieces: what a data acquisition at the controller's period would see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.columns import Columns
+from gusjob.interpreter import ChannelTrace, Trace
+from gusjob.machine import Machine
+from gusjob.report.rows import scale_mm
+from gusjob.signals.timeline import Timeline, timeline_of
+from gusjob.units import MS_PER_S, US_PER_MS
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+_PIECE_TICKS = 1 << 15
+_ON_TICK = 1e-9
+"""Part of a period by which rounding may put a tick outside its stage."""
+
+
+def samples(
+    trace: Trace,
+    machine: Machine,
+    lines: npt.NDArray[np.int32],
+    start_ms: float = 0.0,
+    end_ms: float | None = None,
+) -> Iterator[Columns]:
+    """A row a tick from `start_ms` to `end_ms` (the end), both included.
+
+    time_ms counts as in the VCD file (see timeline); stage from 1; segment: row of the report, from 0; line: its
+    source line (`lines` as they are to be shown); x_mm, y_mm the commanded position; vel_mm_s along the path; with a
+    scanner beam_x_mm, beam_y_mm, where the beam really is; of each channel: power held from this tick on (in the mode's
+    unit, whether there is light or not), on (1: light at this moment) and emission_us, light until the next tick.
+    """
+    timeline = timeline_of(trace)
+    scale = np.append(scale_mm(trace, machine), 0.0)
+    stop = timeline.total_ms if end_ms is None else end_ms
+    stage, tick = np.empty(0, dtype=np.intp), np.empty(0)
+    for number, (first, count) in enumerate(zip(*_tick_ranges(trace, timeline, start_ms, stop), strict=True)):
+        done = 0
+        while done < count:
+            size = min(count - done, _PIECE_TICKS - len(tick))
+            stage = np.append(stage, np.full(size, number))
+            tick = np.append(tick, np.arange(first + done, first + done + size, dtype=np.float64))
+            done += size
+            if len(tick) == _PIECE_TICKS:
+                yield _rows(trace, machine, timeline, lines, scale, stage, tick)
+                stage, tick = stage[:0], tick[:0]
+    yield _rows(trace, machine, timeline, lines, scale, stage, tick)
+
+
+def _tick_ranges(trace: Trace, timeline: Timeline, start_ms: float, end_ms: float) -> tuple[list[int], list[int]]:
+    """First tick and number of ticks of each stage that lie in a time, the end of motion included."""
+    period = trace.period_ms
+    motion_ms = trace.clock.stage_end() - trace.clock.stage_start()
+    first = np.maximum(np.ceil((start_ms - timeline.start_ms) / period - _ON_TICK), 0.0)
+    last = np.floor(np.minimum(motion_ms, end_ms - timeline.start_ms) / period + _ON_TICK)
+    return first.astype(np.intp).tolist(), np.maximum(last - first + 1, 0.0).astype(np.intp).tolist()
+
+
+def _rows(
+    trace: Trace,
+    machine: Machine,
+    timeline: Timeline,
+    lines: npt.NDArray[np.int32],
+    scale: Floats,
+    stage: Indices,
+    tick: Floats,
+) -> Columns:
+    clock, (px, py) = trace.clock, machine.pulses_per_mm
+    time = clock.stage_start()[stage] + tick * trace.period_ms
+    time = np.minimum(time, clock.stage_end()[stage])
+    cell = clock.cell_at(stage, time)
+    x, y = trace.motion.position(cell, time)
+    table: Columns = {
+        "time_ms": timeline.start_ms[stage] + tick * trace.period_ms,
+        "stage": (stage + 1).astype(np.int32),
+        "segment": cell.astype(np.int32),
+        "line": np.append(lines, np.int32(0))[cell],
+        "x_mm": x / px,
+        "y_mm": y / py,
+        "vel_mm_s": trace.motion.velocity(cell, time) * scale[cell] * MS_PER_S,
+    }
+    if machine.scanner is not None:
+        beam_x, beam_y = trace.beam.position(stage, time)
+        table |= {"beam_x_mm": beam_x / px, "beam_y_mm": beam_y / py}
+    for channel in trace.channels:
+        name = f"ch{channel.channel}_"
+        on, light_ms = _light(trace, timeline, channel, stage, time)
+        table[f"{name}power"] = trace.held_power(channel, stage, time)
+        table[f"{name}on"] = on.astype(np.int8)
+        table[f"{name}emission_us"] = light_ms * US_PER_MS
+    return table
+
+
+def _light(
+    trace: Trace, timeline: Timeline, channel: ChannelTrace, stage: Indices, time: Floats
+) -> tuple[npt.NDArray[np.bool_], Floats]:
+    """Whether there is light at moments, and for how long until a period later, ms."""
+    shine = channel.emission
+    shift = timeline.shift_ms
+    start, end = shine.start_ms + shift[shine.stage], shine.end_ms + shift[shine.stage]
+    done = np.concatenate([[0.0], np.cumsum(end - start)])
+    begin, behind = np.append(start, np.inf), np.append(end, np.inf)
+
+    def before(moment: Floats) -> Floats:
+        """Light until a moment."""
+        number = np.searchsorted(start, moment, side="right")
+        last = np.maximum(number - 1, 0)
+        unfinished = np.where(number > 0, np.maximum(behind[last] - np.maximum(moment, begin[last]), 0.0), 0.0)
+        return np.asarray(done[number] - unfinished)
+
+    now = time + shift[stage]
+    number = np.searchsorted(start, now, side="right") - 1
+    on = (number >= 0) & (now < behind[number]) & (np.append(shine.stage, -1)[number] == stage)
+    return on, before(np.minimum(now + trace.period_ms, timeline.end_ms[stage])) - before(now)
