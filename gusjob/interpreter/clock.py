@@ -59,6 +59,13 @@ class Clock:
         """End of each stage, (s,) ms."""
         return self.times[self.stage_first[1:]]
 
+    def phases(self) -> tuple[Floats, Floats]:
+        """End of the rise and start of the fall of each timed call, (m,) ms, never behind its end."""
+        profile, begin, end = self.profile, self.times[:-1], self.times[1:]
+        risen = np.where(self.dwell, begin, np.minimum(begin + profile.rise_ms, end))
+        falls = np.where(self.dwell, begin, np.minimum(begin + profile.rise_ms + profile.cruise_ms, end))
+        return risen, falls
+
     def cell_at(self, stage: Indices, time: Floats) -> Indices:
         """The timed call that runs at moments of stages; behind a stage's end, and in one without any, the last.
 

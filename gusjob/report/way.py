@@ -95,7 +95,7 @@ def _cut(trace: Trace, machine: Machine, spans: Spans) -> tuple[Indices, Floats,
     clock, scanner = trace.clock, machine.scanner
     lag = scanner.tracking_error_us / US_PER_MS if scanner is not None else 0.0
     shift = lag if scanner is not None and scanner.model is ScannerModel.DELAY else 0.0
-    knots = np.unique(np.concatenate([clock.times, *_phases(clock)]))
+    knots = np.unique(np.concatenate([clock.times, *clock.phases()]))
     mark, start, end = _between(clock, knots, spans, shift)
     length = end - start
     fading, step = _fading(clock, start, length, lag) if lag > shift else (np.zeros(len(length)), np.ones(len(length)))
@@ -109,14 +109,6 @@ def _cut(trace: Trace, machine: Machine, spans: Spans) -> tuple[Indices, Floats,
     which = np.repeat(np.arange(len(parts)), parts)
     part = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
     return mark[which // 2], begin[which] + part * size[which], size[which]
-
-
-def _phases(clock: Clock) -> tuple[Floats, Floats]:
-    """End of the rise and start of the fall of each timed call, ms; rounding must not put them behind its end."""
-    profile, begin, end = clock.profile, clock.times[:-1], clock.times[1:]
-    risen = np.where(clock.dwell, begin, np.minimum(begin + profile.rise_ms, end))
-    falls = np.where(clock.dwell, begin, np.minimum(begin + profile.rise_ms + profile.cruise_ms, end))
-    return risen, falls
 
 
 def _between(clock: Clock, knots: Floats, spans: Spans, shift: float) -> tuple[Indices, Floats, Floats]:
@@ -176,7 +168,7 @@ def _fading(clock: Clock, start: Floats, length: Floats, lag: float) -> tuple[Fl
 def _kicks(clock: Clock, lag: float) -> tuple[Floats, Floats]:
     """(moment, pulse) of each change of the command's law, and how far it throws the beam off its way."""
     profile, laid = clock.profile, clock.laid
-    risen, falls = _phases(clock)
+    risen, falls = clock.phases()
     acc, bend = np.where(clock.dwell, 0.0, profile.acc), np.zeros(len(clock.row))
     bend[laid.arc_at] = np.sign(laid.arcs.sweep) / np.maximum(laid.arcs.radius, 1e-9)
     begin, end = np.where(clock.dwell, 0.0, profile.start), np.where(clock.dwell, 0.0, profile.end)
