@@ -229,6 +229,12 @@ def need(extra: str, module: str, *, to: str) -> None:
         stop(f'to {to}, install the extra "{extra}": python -m pip install "gusjob[{extra}]"')
 
 
+def refuse_terminal(form: str, output: Path | None) -> None:
+    """What is not for reading is not poured out over a terminal."""
+    if output is None and sys.stdout is not None and sys.stdout.isatty():
+        raise click.UsageError(f"{form} is not for a terminal: name a file with -o")
+
+
 def stop(message: str) -> NoReturn:
     """Say why, and leave with 2."""
     click.echo(f"gusjob: {message}", err=True)

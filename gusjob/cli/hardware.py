@@ -253,7 +253,7 @@ def _part(prepared: Prepared, begin: Place) -> Callable[[Session], Part]:
 
 def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Part]) -> Outcome:
     """The run, with a panel or lines, and keys."""
-    from gusjob.cli.watch import watch
+    from gusjob.cli.panel import watch
 
     def line_of(row: int) -> str:
         lines = prepared.stream.buffered.line

@@ -17,7 +17,9 @@ from gusjob.cli.common import (
     interpreted,
     load,
     machine_option,
+    need,
     output_option,
+    refuse_terminal,
     scanner_option,
     show,
     write,
@@ -27,12 +29,14 @@ from gusjob.diagnostics import printable
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from gusjob.interpreter import Trace
     from gusjob.machine import Scanner
     from gusjob.report.compare import Comparison
     from gusjob.report.earlier import Earlier
     from gusjob.report.rows import Report
 
 _TOLERANCE_PCT = 1.0
+_EXTRAS = {"html": ("html", "jinja2"), "parquet": ("parquet", "pyarrow")}
 
 
 def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: str | None) -> float | None:
@@ -51,7 +55,12 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @machine_option
 @scanner_option
 @click.option(
-    "--format", "form", type=click.Choice(["table", "json", "csv", "markdown"]), default="table", show_default=True
+    "--format",
+    "form",
+    type=click.Choice(["table", "json", "csv", "markdown", "html", "parquet"]),
+    default="table",
+    show_default=True,
+    help="html: one page to look at in a browser, which needs nothing else.",
 )
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
 @click.option(
@@ -93,21 +102,31 @@ def command(
     The calls are interpreted tick by tick, as the controller would run them. A job with errors is not run; a listing
     is, since some program already sends it: what the controller would refuse is reported and has no effect.
     """
-    if marking and form == "csv":
-        raise click.UsageError("--marks is for tables, JSON and markdown: CSV has segments only")
+    if marking and form in ("csv", "parquet"):
+        raise click.UsageError(f"--marks is for tables, JSON, markdown and HTML: {form} has segments only")
+    if summary and form in ("html", "parquet"):
+        raise click.UsageError("--summary is for tables, JSON, CSV and markdown")
+    if form in _EXTRAS:
+        need(*_EXTRAS[form], to=f"write {form}")
+        refuse_terminal(form, output)
     if tolerance_pct is not None and earlier_path is None:
         raise click.UsageError("--tolerance is for --against")
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
     loaded = load(path, machine_path, scanner=scanner)
-    report = _reported(loaded, marking)
+    trace = interpreted(loaded)
+    report = None if trace is None else _report(loaded, trace, marking)
     comparison = None
     if report is not None and earlier is not None:
         from gusjob.report.compare import compare
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
-    if report is not None or (form == "markdown" and not loaded.unreadable):
+    if form == "html" and not loaded.unreadable:
+        from gusjob.cli.page import html_page
+
+        write(html_page(loaded, trace, report), output, source=path)
+    elif report is not None or (form == "markdown" and not loaded.unreadable):
         write(_written(loaded, report, comparison, form=form, summary=summary), output, source=path)
-    if form == "csv" and comparison is not None:
+    if form in ("csv", "html", "parquet") and comparison is not None:
         from gusjob.report.compare import comparison_text
 
         click.echo(comparison_text(comparison), err=True, nl=False)
@@ -116,11 +135,7 @@ def command(
     sys.exit(exit_code(loaded) or int(comparison is not None and not comparison.same))
 
 
-def _reported(loaded: Loaded, marking: bool | None) -> Report | None:
-    """The report of a loaded file; None if an error forbids it. What the run finds is added to its faults."""
-    trace = interpreted(loaded)
-    if trace is None:
-        return None
+def _report(loaded: Loaded, trace: Trace, marking: bool | None) -> Report:
     from gusjob.report.rows import make_report
 
     return make_report(trace, loaded.machine, loaded.files, marking=marking)
@@ -145,8 +160,10 @@ def _written(
 
             tables.append(comparison_text(comparison))
         return ["\n\n".join(text.rstrip("\n") for text in tables).encode() + b"\n"]
-    from gusjob.report.files import report_csv, report_json, summary_csv
+    from gusjob.report.files import report_csv, report_json, report_parquet, summary_csv
 
+    if form == "parquet":
+        return report_parquet(report)
     if form == "csv":
         return summary_csv(report) if summary else report_csv(report)
     if comparison is not None:

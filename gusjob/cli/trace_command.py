@@ -22,6 +22,7 @@ from gusjob.cli.common import (
     machine_option,
     need,
     output_option,
+    refuse_terminal,
     scanner_option,
     show,
     write,
@@ -90,8 +91,8 @@ def command(
     form = form or (ending if ending in _FORMATS else "vcd")
     if form in _EXTRA:
         need(*_EXTRA[form], to=f"write {form}")
-    if form in ("parquet", "npz") and output is None and sys.stdout is not None and sys.stdout.isatty():
-        raise click.UsageError(f"{form} is not for a terminal: name a file with -o")
+    if form in ("parquet", "npz"):
+        refuse_terminal(form, output)
     loaded = load(path, machine_path, scanner=scanner)
     trace = interpreted(loaded)
     if trace is not None:

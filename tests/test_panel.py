@@ -26,7 +26,7 @@ from tools import MARK, ROOT, stream_of
 from gusjob.backend.forecast import Forecast, forecast
 from gusjob.backend.gts.control import Control, Phase, View
 from gusjob.cli.keys import Keys
-from gusjob.cli.watch import Watch, watch
+from gusjob.cli.panel import Watch, watch
 from gusjob.interpreter import interpret
 from gusjob.machine import Machine
 from gusjob.stream import Stream
@@ -476,7 +476,7 @@ def test_keys_steer(
     who: str,
 ) -> None:  # fmt: skip
     keys, control = Typed(), bench.control
-    monkeypatch.setattr("gusjob.cli.watch.Keys", lambda: keys)
+    monkeypatch.setattr("gusjob.cli.panel.Keys", lambda: keys)
     with bench.watch(mode) as watcher:
         bench.be(Phase.PAUSED)
         watcher.tick()
@@ -564,7 +564,7 @@ def read_until(master: int, raw: bytearray, done: Callable[[], bool], seconds: f
 PANEL = """
 import time
 from gusjob.backend.gts.control import Phase
-from test_watch import JOB, MACHINE, Bench, forecast, interpret, stream_of
+from test_panel import JOB, MACHINE, Bench, forecast, interpret, stream_of
 stream = stream_of(JOB, MACHINE)
 bench = Bench(stream, forecast(stream, interpret(stream, MACHINE)[0], MACHINE), path="a folder of a long name/" * 4)
 with bench.watch("auto") as watcher:

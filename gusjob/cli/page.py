@@ -1,0 +1,40 @@
+"""A run as a page, for the commands that write or serve one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from gusjob.cli.common import Loaded, stop
+from gusjob.diagnostics import Diagnostic
+from gusjob.report.files import diagnostic_object
+
+if TYPE_CHECKING:
+    from gusjob.interpreter import Trace
+    from gusjob.report.rows import Report
+
+
+def html_page(loaded: Loaded, trace: Trace | None, report: Report | None, *, watched: str = "") -> Iterator[bytes]:
+    """The page in pieces; of a job that was not run, its diagnostics. Exits with 2 if the run is too long for one."""
+    from gusjob.drawing.strokes import strokes_of
+    from gusjob.page.content import MAX_SEGMENTS, page_of, page_without_run
+    from gusjob.page.render import render
+
+    faults = [_with_source(loaded, fault) for fault in loaded.faults]
+    if trace is None or report is None:
+        return render(page_without_run(loaded.path.name, faults, watched))
+    if len(report) > MAX_SEGMENTS:
+        stop(
+            f"{loaded.path}: a page holds up to {MAX_SEGMENTS:,} segments, and these are {len(report):,}: "
+            "use gusjob plot, or --format parquet"
+        )
+    return render(page_of(report, strokes_of(trace, loaded.machine), loaded.machine, faults, watched))
+
+
+def _with_source(loaded: Loaded, fault: Diagnostic) -> dict[str, Any]:
+    """A diagnostic as in the JSON, with the text of its line."""
+    found = diagnostic_object(fault)
+    found["source"] = loaded.text_of(fault.span, fault.path)
+    for note, remark in zip(found.get("notes", ()), fault.remarks, strict=False):
+        note["source"] = loaded.text_of(remark.span, fault.path)
+    return found

@@ -1,0 +1,249 @@
+"""Columns of figures as a short text: shuffled bytes, one gzip stream, base64. static/data.js reads it back."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypedDict
+
+import numpy as np
+import numpy.typing as npt
+
+Column = npt.NDArray[Any]
+Tables = Mapping[str, Mapping[str, Column]]
+
+COORDINATES = ("x_mm", "y_mm", "beam_x_mm", "beam_y_mm")
+UNITS_PER_MM = 10_000
+"""Coordinates are stored in units of 0.1 um: a galvo resolves some um, and whole numbers' differences pack well."""
+DELTA = ("line", "row", "stage")
+"""Whole numbers that mostly grow by little from one row to the next."""
+DROPPED = ("start_ms",)
+"""Of rows: the page adds up the durations instead, in double precision."""
+MANTISSA_BITS = (23, 16, 12, 8)
+"""What is kept of a float32, from all to least."""
+TIME_BITS = 16
+"""Durations keep at least so much, for they are added up."""
+_DIGITS = {23: 6, 16: 5, 12: 4, 8: 3}
+_LEVEL = 6
+_PIECE = 3 << 18
+"""Bytes in a piece of base64; a multiple of three, so that the pieces' texts join without a gap."""
+_SAMPLED = 1 << 21
+"""Bytes; of more the size is first estimated from parts, since packing all takes seconds."""
+_PARTS = 16
+_SLACK = 0.97
+"""A sample's size is off by a few per cent: so much of the budget it may take."""
+
+
+class Entry(TypedDict):
+    """One column in the directory. `same`: the place of the entry whose stored bytes are this column's too, or -1.
+
+    `delta`: differences are stored; `scale`: stored is value times scale, 0 for figures stored as they are.
+    """
+
+    table: str
+    name: str
+    type: str
+    count: int
+    delta: bool
+    scale: int
+    same: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Encoded:
+    """`packed`: the gzip stream in pieces, in the directory's order. `digits`: how many of each figure are right."""
+
+    directory: list[Entry]
+    packed: list[bytes]
+    bits: int
+    digits: int
+
+    @property
+    def size(self) -> int:
+        """Length of the base64 text, bytes."""
+        return (sum(map(len, self.packed)) + 2) // 3 * 4
+
+    def text(self) -> Iterator[bytes]:
+        """The base64 text in pieces: what is not yet written need not be there twice."""
+        left = b""
+        for piece in self.packed:
+            left += piece
+            whole = len(left) // _PIECE * _PIECE
+            for first in range(0, whole, _PIECE):
+                yield base64.b64encode(left[first : first + _PIECE])
+            left = left[whole:]
+        if left:
+            yield base64.b64encode(left)
+
+
+def encode(tables: Tables, budget_bytes: int) -> Encoded:
+    """Columns of tables in at most `budget_bytes` of base64, if 8 bits of mantissa can do that; else the least."""
+    bits = _enough(tables, budget_bytes)
+    while True:
+        found = _encode(tables, bits)
+        lower = [b for b in MANTISSA_BITS if b < bits]
+        if found.size <= budget_bytes or not lower:
+            return found
+        bits = lower[0]
+
+
+def stored(table: str, name: str, column: Column, bits: int = MANTISSA_BITS[0]) -> tuple[Column, int]:
+    """A column's values as they are stored, before differences are taken, and their scale."""
+    if name in COORDINATES and table in ("rows", "strokes"):
+        return _in_units(column), UNITS_PER_MM
+    if column.dtype.kind == "f":
+        return rounded(column, _kept(name, bits)), 0
+    if column.dtype.kind in "iub":
+        return _whole(column), 0
+    raise TypeError(f"{table}.{name}: a column of {column.dtype} can't be stored")
+
+
+def _kept(name: str, bits: int) -> int:
+    """Bits for a column: times keep more, for they are added up or are large beside their differences."""
+    if name == "start_ms":
+        return MANTISSA_BITS[0]
+    return max(bits, TIME_BITS) if name == "duration_ms" else bits
+
+
+def rounded(column: Column, bits: int) -> npt.NDArray[np.float32]:
+    """float32 with so many bits of mantissa: the nearest such number, ties to even."""
+    most = float(np.finfo(np.float32).max)
+    values = np.ascontiguousarray(np.where(np.isinf(column), np.nan, np.clip(column, -most, most)), dtype="<f4")
+    drop = MANTISSA_BITS[0] - bits
+    if not drop:
+        return values
+    raw = values.view("<u4")
+    half = np.uint32((1 << (drop - 1)) - 1)
+    up = raw + half + ((raw >> np.uint32(drop)) & np.uint32(1))
+    kept = up >> np.uint32(drop) << np.uint32(drop)
+    # A figure at the very end of the range must not become infinite, and NaN must stay NaN.
+    kept = np.where(np.isnan(values) | np.isinf(kept.view("<f4")), raw, kept)
+    return kept.view("<f4")
+
+
+def _in_units(column: Column) -> npt.NDArray[np.int32]:
+    most = float(np.iinfo(np.int32).max)
+    units: npt.NDArray[np.int32] = np.nan_to_num(np.clip(np.rint(column * UNITS_PER_MM), -most, most)).astype("<i4")
+    return units
+
+
+def _whole(column: Column) -> Column:
+    """int8, int16 or int32 as they come; what is wider or unsigned becomes the narrowest that holds it."""
+    if column.dtype.kind == "i" and column.dtype.itemsize <= 4:
+        return column.astype(column.dtype.newbyteorder("<"), copy=False)
+    low, high = (int(column.min()), int(column.max())) if len(column) else (0, 0)
+    for kind in ("<i1", "<i2", "<i4"):
+        info = np.iinfo(kind)
+        if info.min <= low and high <= info.max:
+            return column.astype(kind)
+    raise OverflowError(f"{low}..{high} is more than 32 bits hold")
+
+
+def _bytes_of(values: Column, *, delta: bool) -> bytes:
+    """All first bytes, all second ones, ...: alike bytes side by side pack better."""
+    if delta and len(values):
+        raw = values.view(np.dtype(f"<u{values.dtype.itemsize}"))
+        values = np.concatenate([raw[:1], raw[1:] - raw[:-1]])
+    return np.ascontiguousarray(values).view(np.uint8).reshape(-1, values.dtype.itemsize).T.tobytes()
+
+
+def _all_columns(tables: Tables) -> Iterator[tuple[str, str, Column]]:
+    for table, columns in tables.items():
+        for name, column in columns.items():
+            if not (table == "rows" and name in DROPPED):
+                yield table, name, column
+
+
+def _encode(tables: Tables, bits: int) -> Encoded:
+    directory: list[Entry] = []
+    packed: list[bytes] = []
+    seen: dict[int, list[int]] = {}
+    kept: dict[int, tuple[str, str]] = {}
+    pack = zlib.compressobj(_LEVEL, zlib.DEFLATED, 16 + zlib.MAX_WBITS)
+    for table, name, column in _all_columns(tables):
+        values, scale = stored(table, name, column, bits)
+        entry = _entry(table, name, values, scale)
+        data = _bytes_of(values, delta=entry["delta"])
+        # The packer sees 32 KiB back only; equal columns (a constant power's least and highest) it would store twice.
+        mark = zlib.crc32(data)
+        for place in seen.get(mark, ()):
+            other = directory[place]
+            if (other["type"], other["count"], other["delta"]) == (entry["type"], entry["count"], entry["delta"]):
+                theirs, _ = stored(*kept[place], tables[kept[place][0]][kept[place][1]], bits)
+                if _bytes_of(theirs, delta=other["delta"]) == data:
+                    entry["same"] = place
+                    break
+        if entry["same"] < 0:
+            seen.setdefault(mark, []).append(len(directory))
+            kept[len(directory)] = (table, name)
+            packed.append(pack.compress(data))
+        directory.append(entry)
+    packed.append(pack.flush())
+    return Encoded(directory=directory, packed=[p for p in packed if p], bits=bits, digits=_DIGITS[bits])
+
+
+def _entry(table: str, name: str, values: Column, scale: int) -> Entry:
+    return Entry(
+        table=table,
+        name=name,
+        type=f"{values.dtype.kind}{values.dtype.itemsize * 8}",
+        count=len(values),
+        delta=bool(scale) or (name in DELTA and values.dtype.kind == "i"),
+        scale=scale,
+        same=-1,
+    )
+
+
+def _enough(tables: Tables, budget_bytes: int) -> int:
+    """The most bits with which a sample of the columns says that all fit."""
+    raw = sum(column.nbytes for _, _, column in _all_columns(tables))
+    if raw <= _SAMPLED:
+        return MANTISSA_BITS[0]
+    for bits in MANTISSA_BITS:
+        if _estimate(tables, bits) <= budget_bytes * _SLACK:
+            return bits
+    return MANTISSA_BITS[-1]
+
+
+def _estimate(tables: Tables, bits: int) -> float:
+    """Length of the base64 text, by parts of each column."""
+    total, seen = 0.0, set()
+    for table, name, column in _all_columns(tables):
+        part = _sample(column)
+        values, scale = stored(table, name, part, bits)
+        data = _bytes_of(values, delta=_entry(table, name, values, scale)["delta"])
+        if (len(column), data) not in seen:
+            seen.add((len(column), data))
+            total += len(zlib.compress(data, _LEVEL)) * len(column) / max(len(part), 1)
+    return total * 4 / 3
+
+
+def _sample(column: Column) -> Column:
+    """Runs of a column from all over it, some 6 % of all."""
+    run = len(column) // (_PARTS * _PARTS)
+    if run < 64:
+        return column
+    return np.concatenate([column[i * len(column) // _PARTS :][:run] for i in range(_PARTS)])
+
+
+def decode(directory: list[Entry], packed: bytes) -> dict[str, dict[str, Column]]:
+    """The columns as the page will have them; scaled ones as mm. For tests, and as the format's plainest statement."""
+    data = memoryview(zlib.decompress(packed, 16 + zlib.MAX_WBITS))
+    tables: dict[str, dict[str, Column]] = {}
+    raws: list[Column] = []
+    at = 0
+    for entry in directory:
+        if entry["same"] >= 0:
+            raw = raws[entry["same"]]
+        else:
+            width, count = int(entry["type"][1:]) // 8, entry["count"]
+            part = np.frombuffer(data[at : at + width * count], dtype=np.uint8).reshape(width, count)
+            at += width * count
+            raw = np.ascontiguousarray(part.T).view(f"<{entry['type'][0]}{width}").reshape(-1)
+            if entry["delta"]:
+                raw = np.cumsum(raw, dtype=raw.dtype)
+        raws.append(raw)
+        tables.setdefault(entry["table"], {})[entry["name"]] = raw / entry["scale"] if entry["scale"] else raw
+    return tables

@@ -1,0 +1,319 @@
+"""One page of HTML: the figures written out, the columns packed for the browser, scripts that their hashes allow."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+import jinja2
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from gusjob.diagnostics import number, printable
+from gusjob.page.encode import Encoded, encode
+from gusjob.report.marks import MARKING_WORDS, marking_unit
+
+MAX_BYTES = 30_000_000
+"""A page may be as large: a browser opens it in seconds, and most mail servers' shares still take it."""
+
+_VENDORED = ("leaflet.js", "flatbush.js", "uPlot.iife.min.js", "ag-grid-community.min.noStyle.js")
+_OURS = ("data.js", "colors.js", "tiles.js", "path.js", "time.js", "table.js", "page.js")
+_ALONE = ("data.js", "colors.js", "page.js")
+"""Scripts of a page without columns: the choice of colours, and following the job where it is watched."""
+_STYLES = ("vendor/leaflet.css", "vendor/uPlot.min.css", "page.css")
+_COLUMNS = Markup("<gusjob-columns>")
+"""Stands for the columns until they are written; a text of the job has its `<` escaped and can't say this."""
+_SHOWN = 50
+"""So many diagnostics are open, the rest is behind a click."""
+_DIRECTORY_BYTES = 32_768
+_CUT = 240
+"""Characters of a source line: of a longer one what is around the fault."""
+_DIGITS = 6
+
+Figure = tuple[str, str, str]
+"""Name, value, unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What the page shows.
+
+    `facts`: job, version, totals and what the columns mean. `tables`: equally long columns each: "rows" (a segment
+    each), "strokes", "marks" where they were judged; {} where the job was not run. `diagnostics` as in the JSON, each
+    with its line's text as `source`. `marking` as in the totals. `watched`: path of a stream of events that tells when
+    the page is to be loaded anew, "" if there is none. The texts in all of them are the user's: untrusted.
+    """
+
+    facts: dict[str, Any]
+    tables: dict[str, dict[str, npt.NDArray[Any]]]
+    diagnostics: list[dict[str, Any]]
+    marking: list[dict[str, Any]] | None
+    watched: str = ""
+
+
+def render(page: Page) -> Iterator[bytes]:
+    """The page in pieces, UTF-8; at most MAX_BYTES, as far as rounding the figures can do that."""
+    shell = _shell(page, None)
+    if not _interactive(page):
+        yield shell.encode("utf-8", "replace")
+        return
+    found = encode(page.tables, MAX_BYTES - len(shell.encode("utf-8", "replace")) - _DIRECTORY_BYTES)
+    head, _, tail = _shell(page, found).partition(str(_COLUMNS))
+    yield head.encode("utf-8", "replace")
+    yield from found.text()
+    yield tail.encode("utf-8", "replace")
+
+
+def _interactive(page: Page) -> bool:
+    """Whether there is anything to draw."""
+    rows = page.tables.get("rows", {})
+    strokes = page.tables.get("strokes", {})
+    return bool(rows and strokes and len(rows["line"]) and len(strokes["row"]))
+
+
+def _shell(page: Page, found: Encoded | None) -> str:
+    """All but the columns."""
+    interactive = _interactive(page)
+    names = [*(f"vendor/{name}" for name in _VENDORED), *_OURS] if interactive else [*_ALONE]
+    scripts = [_script(name) for name in names]
+    totals = page.facts.get("totals")
+    versions = json.loads(_read("vendor/versions.json"))
+    return _template().render(
+        job=printable(str(page.facts.get("job", ""))),
+        version=str(page.facts.get("version", "")),
+        policy=_policy(scripts, watched=bool(page.watched)),
+        styles=Markup("\n".join(map(_style, _STYLES if interactive else _STYLES[-1:]))),
+        scripts=[Markup(script) for script in scripts],
+        facts=_json(_facts(page, found)),
+        columns=_COLUMNS,
+        interactive=interactive,
+        watched=bool(page.watched),
+        has_marks="marks" in page.tables and bool(page.tables["marks"]),
+        summary=_summary(page.facts, totals) if totals else [],
+        channels=[_channel(entry) for entry in totals["channels"]] if totals else [],
+        readings=_readings(page.facts),
+        remarks=_remarks(page.facts, found),
+        why_no_report=_why_no_report(page.diagnostics),
+        diagnostics=[_diagnostic(fault) for fault in page.diagnostics],
+        counts=_counts(page.diagnostics),
+        shown=_SHOWN,
+        marking=_marking(page.marking or []),
+        not_judged=bool(totals) and page.marking is None,
+        libraries=list(dict.fromkeys((v["name"], v["version"], v["licence"]) for v in versions)),
+        licences=[(v["name"], _read(f"vendor/{v['file']}")) for v in versions if v["file"].endswith("LICENSE.txt")],
+    )
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(_read("page.html"))
+
+
+def _read(name: str) -> str:
+    """A file of static/, with the line ends that a browser makes of it before it takes a script's hash."""
+    data = files("gusjob.page").joinpath("static", *name.split("/")).read_bytes()
+    return data.decode("utf-8").replace("\r\n", "\n")
+
+
+def _script(name: str) -> str:
+    """A script without the pointer to its source map, which is not there."""
+    return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", _read(name))
+
+
+def _style(name: str) -> str:
+    """A style sheet without pointers to pictures, which are not there."""
+    return re.sub(r"url\([^)]*\)", "none", _read(name))
+
+
+def _policy(scripts: Sequence[str], *, watched: bool) -> str:
+    """Nothing may be loaded or sent, and of scripts only these may run."""
+    hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
+    return "; ".join(
+        [
+            "default-src 'none'",
+            "script-src " + " ".join(f"'sha256-{one}'" for one in hashes),
+            "style-src 'unsafe-inline'",
+            "img-src data: blob:",
+            f"connect-src {chr(39)}{'self' if watched else 'none'}{chr(39)}",
+            "base-uri 'none'",
+            "form-action 'none'",
+        ]
+    )
+
+
+def _facts(page: Page, found: Encoded | None) -> dict[str, Any]:
+    return {
+        **page.facts,
+        "watched": page.watched,
+        "digits": found.digits if found else _DIGITS,
+        "directory": found.directory if found else [],
+    }
+
+
+def _json(value: object) -> Markup:
+    """JSON that can stand in a script: nothing in it ends the script or opens a comment."""
+    text = json.dumps(_plain(value), separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+
+
+def _plain(value: object) -> object:
+    """Without what JSON has not: NaN and infinity are null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+# Figures.
+
+
+def _figure(value: float | None) -> str:
+    """Six digits are what people compare."""
+    if value is None or value != value:
+        return "-"
+    return number(float(f"{value:.{_DIGITS}g}") + 0.0)
+
+
+def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure]:
+    runs = (("run-ins", "run_in_mm"), ("run-outs", "run_out_mm"))
+    found = [
+        ("segments", f"{totals['segments']:,}", ""),
+        ("stages", f"{totals['stages']:,}", ""),
+        ("duration", _figure(totals["duration_ms"]), "ms"),
+        ("marks", _figure(totals["mark_mm"]), "mm"),
+        ("jumps", _figure(totals["jump_mm"]), "mm"),
+        *((word, _figure(totals[name]), "mm") for word, name in runs if totals.get(name)),
+    ]
+    if facts.get("period_us"):
+        found.append(("period", _figure(facts["period_us"]), "us"))
+    scanner = (facts.get("notes") or {}).get("scanner")
+    if scanner:
+        lag = _figure(scanner.get("tracking_error_us"))
+        found.append(("scanner", printable(str(scanner.get("model", ""))), f"{lag} us"))
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Channel:
+    name: str
+    figures: list[Figure]
+    lit_at_end: bool
+
+
+def _channel(entry: Mapping[str, Any]) -> _Channel:
+    """The figures of a channel and power unit."""
+    unit = printable(str(entry["unit"]))
+    found = [
+        ("on", _figure(entry["emission_ms"]), "ms"),
+        ("energy", _figure(entry["power_ms"]), f"{unit}*ms"),
+        ("highest power", _figure(entry["power_max"]), unit),
+    ]
+    if entry["joules"] is not None:
+        found.append(("joules", _figure(entry["joules"]), "J"))
+    if entry["clamped_ms"]:
+        found.append(("held by a limit", _figure(entry["clamped_ms"]), "ms"))
+    if entry.get("before_motion_power_ms"):
+        found.append(("before the first motion", _figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
+    for name, value in (entry["off_output"] or {}).items():
+        word, _, its = name.rpartition("_")
+        found.append((f"while off: {word}", _figure(value), {"khz": "kHz", "pct": "%", "v": "V"}.get(its, its)))
+    return _Channel(name=f"Channel {entry['channel']}", figures=found, lit_at_end=bool(entry["lit_at_end"]))
+
+
+def _readings(facts: Mapping[str, Any]) -> list[str]:
+    return [
+        f"Line {r['line']}: GT_GetHSIOOpt reads {r['value']} on channel {r['channel']}."
+        for r in (facts.get("notes") or {}).get("readings") or ()
+    ]
+
+
+def _remarks(facts: Mapping[str, Any], found: Encoded | None) -> list[str]:
+    said = []
+    if facts.get("exact") is False:
+        said.append("So many segments: the curves show each segment's highest velocity and mean power.")
+    if found is not None and found.digits < _DIGITS:
+        said.append(
+            f"Figures of the drawings and tables are rounded to {found.digits} digits so that the page stays small."
+        )
+    return said
+
+
+def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Worst and typical of each figure that is not 0."""
+    return [
+        {
+            "channel": str(entry["channel"]),
+            "word": word,
+            "unit": printable(marking_unit(name, entry["unit"])),
+            "marks": f"{entry['marks']:,}",
+            "worst": _figure(entry["worst"][name]),
+            "typical": _figure(entry["typical"][name]),
+        }
+        for entry in entries
+        for name, word in MARKING_WORDS.items()
+        if entry["worst"].get(name)
+    ]
+
+
+# Diagnostics.
+
+
+def _why_no_report(diagnostics: Sequence[Mapping[str, Any]]) -> str:
+    if any(d["severity"] == "error" for d in diagnostics):
+        return "The job was not run, for it has errors."
+    return "There is no report."
+
+
+def _counts(diagnostics: Sequence[Mapping[str, Any]]) -> str:
+    counted = Counter(str(d["severity"]) for d in diagnostics)
+    return ", ".join(
+        f"{counted[word]} {word}{'s' if counted[word] != 1 else ''}"
+        for word in ("error", "warning", "note")
+        if counted[word]
+    )
+
+
+def _diagnostic(fault: Mapping[str, Any]) -> dict[str, Any]:
+    """A diagnostic with its source line in three parts: before the fault, the fault, behind it."""
+    severity = str(fault["severity"])
+    return {
+        **_placed(fault),
+        "severity": severity if severity in ("error", "warning") else "note",
+        "code": printable(str(fault["code"])),
+        "count": int(fault.get("count", 1)),
+        "notes": [_placed(note) for note in fault.get("notes", ())],
+    }
+
+
+def _placed(place: Mapping[str, Any]) -> dict[str, Any]:
+    source = printable(str(place.get("source", "")).rstrip("\r\n"))
+    start = min(max(int(place["column"]) - 1, 0), len(source))
+    end = int(place["end_column"]) - 1 if place["end_line"] == place["line"] else len(source)
+    end = min(max(end, start + 1), start + _CUT)
+    first = max(start - _CUT // 2, 0) if len(source) > _CUT else 0
+    last = max(end, first + _CUT)
+    return {
+        "path": printable(str(place["path"])),
+        "line": int(place["line"]),
+        "column": int(place["column"]),
+        "message": printable(str(place["message"])),
+        "source": source,
+        "before": ("..." if first else "") + source[first:start],
+        "marked": source[start:end] or " ",
+        "after": source[end:last] + ("..." if last < len(source) else ""),
+    }

@@ -1,0 +1,399 @@
+/* The data: facts, columns out of their packed text, figures as people read them, order and filters of rows. */
+(function () {
+  "use strict";
+  const gusjob = (window.gusjob = window.gusjob || {});
+  const ARRAYS = { f32: Float32Array, i8: Int8Array, i16: Int16Array, i32: Int32Array };
+  const UNITS_PER_MM = 10000;
+  const PIECE = 1 << 20; // characters of base64 at a time; a multiple of four
+
+  function readJson(id) {
+    const node = document.getElementById(id);
+    return node ? JSON.parse(node.textContent) : null;
+  }
+
+  // Lets the browser paint and answer between long steps.
+  function breathe() {
+    return new Promise((done) => setTimeout(done, 0));
+  }
+
+  function fromBase64(text) {
+    if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+    const raw = atob(text);
+    const bytes = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+    return bytes;
+  }
+
+  // Reads exactly so many bytes of a stream at a time.
+  function byteReader(stream) {
+    const reader = stream.getReader();
+    let left = new Uint8Array(0);
+    return async function take(count) {
+      const out = new Uint8Array(count);
+      let at = 0;
+      while (at < count) {
+        if (!left.length) {
+          const next = await reader.read();
+          if (next.done) throw new Error("the page's data are cut off");
+          left = next.value;
+        }
+        const some = left.subarray(0, count - at);
+        out.set(some, at);
+        at += some.length;
+        left = left.subarray(some.length);
+      }
+      return out;
+    };
+  }
+
+  function unshuffled(raw, Type, count) {
+    const width = Type.BYTES_PER_ELEMENT;
+    if (width === 1) return new Type(raw.buffer, 0, count);
+    const out = new Uint8Array(raw.length);
+    for (let b = 0; b < width; b++) {
+      const from = b * count;
+      for (let i = 0, to = b; i < count; i++, to += width) out[to] = raw[from + i];
+    }
+    return new Type(out.buffer);
+  }
+
+  async function unpack(text, directory, told) {
+    const gunzip = new DecompressionStream("gzip");
+    const writer = gunzip.writable.getWriter();
+    const fed = (async () => {
+      for (let at = 0; at < text.length; at += PIECE) {
+        await writer.write(fromBase64(text.slice(at, at + PIECE)));
+        told(Math.min(1, (at + PIECE) / text.length));
+      }
+      await writer.close();
+    })();
+    const take = byteReader(gunzip.readable);
+    const arrays = [];
+    const tables = {};
+    for (const entry of directory) {
+      let values;
+      if (entry.same >= 0) values = arrays[entry.same];
+      else {
+        const Type = ARRAYS[entry.type];
+        values = unshuffled(await take(entry.count * Type.BYTES_PER_ELEMENT), Type, entry.count);
+        if (entry.delta) for (let i = 1; i < values.length; i++) values[i] += values[i - 1];
+      }
+      arrays.push(values);
+      (tables[entry.table] = tables[entry.table] || {})[entry.name] = { name: entry.name, values, scale: entry.scale };
+    }
+    await fed;
+    return tables;
+  }
+
+  const at = (column, i) => (column.scale ? column.values[i] / column.scale : column.values[i]);
+
+  // Starts of segments: added up in double precision, since float32 would lose them in a long job.
+  function startsOf(durations) {
+    const starts = new Float64Array(durations.length + 1);
+    for (let i = 0; i < durations.length; i++) starts[i + 1] = starts[i] + durations[i];
+    return starts;
+  }
+
+  function nodesOf(column, startMm) {
+    const nodes = new Int32Array(column.values.length + 1);
+    nodes[0] = Math.round(startMm * UNITS_PER_MM);
+    nodes.set(column.values, 1);
+    return nodes;
+  }
+
+  // Strokes as arrays: node i is where stroke i starts, node i + 1 where it ends, in units of 0.1 um.
+  function strokesOf(facts, rows, found, count) {
+    const values = (name) => found[name] && found[name].values;
+    const row = values("row");
+    const first = new Uint32Array(count + 1);
+    for (let i = row.length - 1, r = count; r >= 0; r--) {
+      while (i >= 0 && row[i] >= r) i--;
+      first[r] = i + 1;
+    }
+    first[count] = row.length;
+    const start = new Float64Array(row.length + 1);
+    const duration = values("duration_ms");
+    for (let i = 0; i < row.length; i++) {
+      // Of each segment anew, so that rounding of the strokes does not add up.
+      const from = first[row[i]] === i ? rows.starts[row[i]] : start[i];
+      start[i] = from;
+      start[i + 1] = from + duration[i];
+    }
+    const [x0, y0] = facts.start_mm;
+    const strokes = {
+      count: row.length, row, first, start, duration,
+      x: nodesOf(found.x_mm, x0), y: nodesOf(found.y_mm, y0),
+      vel0: values("vel0"), vel1: values("vel1"), beam: null, values,
+    };
+    if (found.beam_x_mm) {
+      const [bx, by] = facts.beam_start_mm || facts.start_mm;
+      strokes.beam = { x: nodesOf(found.beam_x_mm, bx), y: nodesOf(found.beam_y_mm, by) };
+    }
+    return strokes;
+  }
+
+  // What can be seen of the lasers: one entry a channel and power unit.
+  function lightsOf(facts, strokes) {
+    const lights = [];
+    for (const one of facts.channels || []) {
+      const name = `ch${one.channel}`;
+      const on = strokes.values(`${name}_on`);
+      const power = strokes.values(`${name}_power`);
+      if (!on || !power) continue;
+      const units = one.units || [one.unit];
+      const unitOf = strokes.values(`${name}_unit`);
+      units.forEach((unit, index) => {
+        lights.push({ channel: one.channel, unit, on, power, unitOf: unitOf && units.length > 1 ? unitOf : null, index });
+      });
+    }
+    return lights;
+  }
+
+  const isLit = (light, i) => light.on[i] !== 0 && (!light.unitOf || light.unitOf[i] === light.index);
+
+  async function load(told) {
+    const facts = gusjob.facts;
+    const node = document.getElementById("gusjob-columns");
+    const text = node.textContent;
+    node.remove(); // The text is large and not needed twice.
+    const tables = await unpack(text, facts.directory, told);
+    const rows = tables.rows;
+    const count = rows.line.values.length;
+    rows.starts = startsOf(rows.duration_ms.values);
+    gusjob.tables = tables;
+    gusjob.rows = rows;
+    gusjob.count = count;
+    await breathe();
+    gusjob.strokes = strokesOf(facts, rows, tables.strokes, count);
+    gusjob.lights = lightsOf(facts, gusjob.strokes);
+  }
+
+  // Six digits are what people compare; fewer where the page had to round. Plain decimals, never an exponent.
+  function figure(value, digits) {
+    if (value === null || value === undefined || Number.isNaN(value)) return "-";
+    if (!Number.isFinite(value)) return String(value);
+    const short = Number(value.toPrecision(digits || gusjob.facts.digits || 6));
+    if (short === 0) return "0";
+    const text = String(short);
+    if (!text.includes("e")) return text;
+    if (Math.abs(short) > 1) return BigInt(short).toString();
+    return short.toFixed(Math.min(100, 5 - Math.floor(Math.log10(Math.abs(short))))).replace(/0+$/, "");
+  }
+
+  // As on the other parts of the report: characters that steer the text (bidi controls, say) are shown as a mark.
+  function printable(text) {
+    return String(text).replace(/\t/g, " ").replace(/\p{C}|(?! )\p{Z}/gu, "\ufffd");
+  }
+
+  const kindOf = (row) => gusjob.facts.kinds[gusjob.rows.kind.values[row]];
+  const kindWord = (kind) => (kind || "?").replace("_", "-");
+  function fileOf(row) {
+    const files = gusjob.facts.notes && gusjob.facts.notes.files;
+    const column = gusjob.rows.file;
+    return files && column ? printable(files[column.values[row]] || "") : "";
+  }
+  function placeOf(row) {
+    const file = fileOf(row);
+    return `line ${gusjob.rows.line.values[row]}${file ? ` of ${file}` : ""}`;
+  }
+
+  const HEADS = {
+    segment: ["segment", "number of the segment, from 1"], line: ["line", "line of the job"],
+    file: ["file", "file of the line"], kind: ["kind", "what the segment is"], stage: ["stage", "stage of the job"],
+    x_mm: ["x mm", "x of the end"], y_mm: ["y mm", "y of the end"], length_mm: ["length mm", "length"],
+    start_ms: ["start ms", "time from the start of the first stage"], duration_ms: ["time ms", "duration"],
+    vel_mean_mm_s: ["mm/s", "mean velocity"], vel_max_mm_s: ["max mm/s", "highest velocity"],
+    channel: ["ch", "laser channel"], on_error_um: ["on error um", "light comes late (+) or early (-)"],
+    off_error_um: ["off error um", "light goes late (+) or early (-)"],
+    on_miss_um: ["on miss um", "distance of the beam from the meant start"],
+    off_miss_um: ["off miss um", "distance of the beam from the meant end"],
+    outside_power_ms: ["outside", "power integral emitted before the start and after the end"],
+    power_per_mm_mid: ["per mm", "power integral per mm, middle"], power_per_mm_peak: ["peak", "highest power integral per mm"],
+    power_per_mm_rms_pct: ["rms %", "evenness of the power integral per mm"],
+    corner_miss_um: ["corner um", "largest miss at a corner"],
+  };
+  const OF_CHANNEL = {
+    emission_ms: ["on ms", "time with light"], power_min: ["min U", "lowest power"], power_mean: ["mean U", "mean power"],
+    power_max: ["max U", "highest power"], power_ms: ["U*ms", "power integral"], joules: ["J", "energy"],
+    clamped_ms: ["held ms", "time held by a limit"],
+  };
+
+  // [short head, what it is]
+  function headOf(name) {
+    if (HEADS[name]) return HEADS[name];
+    const parts = /^ch(\d+)_(.+)$/.exec(name);
+    const known = parts && OF_CHANNEL[parts[2]];
+    if (!known) return [name, name];
+    const channel = (gusjob.facts.channels || []).find((one) => one.channel === Number(parts[1]));
+    const unit = channel ? (channel.units || [channel.unit]).join("/") : "";
+    return [`ch${parts[1]} ${known[0].replace("U", () => printable(unit))}`, `channel ${parts[1]}: ${known[1]}`];
+  }
+
+  // A column of a table as the grid, the order and the CSV need it.
+  function columnOf(name, get, rest) {
+    const [head, title] = headOf(name);
+    return Object.assign({ name, head, title, get, words: null, ascending: false, keep: false }, rest);
+  }
+
+  function columnsOf(table) {
+    const found = gusjob.tables[table];
+    const columns = [];
+    const count = Object.values(found)[0].values.length;
+    if (table === "rows") columns.push(columnOf("segment", (i) => i + 1, { ascending: true, whole: true }));
+    for (const [name, column] of Object.entries(found)) {
+      if (name === "starts" || (table === "marks" && name === "row")) continue;
+      if (name === "duration_ms" && table === "rows") {
+        columns.push(columnOf("start_ms", (i) => found.starts[i], { ascending: true }));
+      }
+      const own = { source: column, whole: !column.scale && !(column.values instanceof Float32Array) };
+      if (table === "rows" && name === "kind") own.words = gusjob.facts.kinds.map(kindWord);
+      if (name === "file") own.words = ((gusjob.facts.notes || {}).files || []).map(printable);
+      if (column.values instanceof Float32Array && count && column.values.every(Number.isNaN)) continue;
+      if (/_clamped_ms$/.test(name) && !column.values.some((v) => v > 0)) continue;
+      columns.push(columnOf(name, column.scale ? (i) => at(column, i) : (i) => column.values[i], own));
+    }
+    const places = { line: 1, file: 2, kind: 3, stage: 4 };
+    const place = (c) => (c.name === "segment" ? 0 : places[c.name] || 9);
+    return columns.map((c, i) => [c, i]).sort((a, b) => place(a[0]) - place(b[0]) || a[1] - b[1]).map((pair) => pair[0]);
+  }
+
+  function shown(column, i) {
+    const value = column.get(i);
+    if (column.words) return column.words[value] || "?";
+    return column.whole ? String(value) : figure(value);
+  }
+
+  // Keys whose order as unsigned numbers is the values' order; what is not a number comes last, up or down.
+  function keysOf(column, count, down) {
+    const keys = new Uint32Array(count);
+    const flip = down ? 0xffffffff : 0;
+    if (column.ascending) {
+      for (let i = 0; i < count; i++) keys[i] = i ^ flip;
+      return keys;
+    }
+    const values = column.source.values;
+    if (column.words) {
+      const ranks = column.words.slice().sort();
+      const rank = column.words.map((word) => ranks.indexOf(word));
+      for (let i = 0; i < count; i++) keys[i] = rank[values[i]] ^ flip;
+    } else if (values instanceof Float32Array) {
+      const bits = new Uint32Array(values.buffer, values.byteOffset, count);
+      for (let i = 0; i < count; i++) {
+        const b = values[i] === 0 ? 0 : bits[i];
+        keys[i] = Number.isNaN(values[i]) ? 0xffffffff : (b & 0x80000000 ? ~b : b | 0x80000000) ^ flip;
+      }
+    } else {
+      for (let i = 0; i < count; i++) keys[i] = (values[i] ^ 0x80000000) ^ flip;
+    }
+    return keys;
+  }
+
+  // Stable radix sort, 11 bits at a time: a comparison sort of a million rows would take seconds.
+  function sorted(order, keys) {
+    let from = order;
+    let to = new Uint32Array(order.length);
+    for (let shift = 0; shift < 33; shift += 11) {
+      const counts = new Uint32Array(2049);
+      for (let i = 0; i < from.length; i++) counts[((keys[from[i]] >>> shift) & 2047) + 1]++;
+      for (let b = 0; b < 2048; b++) counts[b + 1] += counts[b];
+      for (let i = 0; i < from.length; i++) to[counts[(keys[from[i]] >>> shift) & 2047]++] = from[i];
+      [from, to] = [to, from === order ? new Uint32Array(order.length) : from];
+    }
+    return from;
+  }
+
+  // "Equal" means that it reads the same: nobody can type a float32.
+  function sameFigure(column, value, wanted) {
+    if (column.whole) return value === wanted;
+    if (Math.abs(value - wanted) > 1e-2 * Math.abs(wanted)) return false;
+    return figure(value) === figure(wanted);
+  }
+
+  function numberTest(column, one) {
+    const a = one.filter, b = one.filterTo;
+    const same = (v, w) => sameFigure(column, v, w);
+    switch (one.type) {
+      case "equals": return (v) => same(v, a);
+      case "notEqual": return (v) => !Number.isNaN(v) && !same(v, a);
+      case "lessThan": return (v) => v < a && !same(v, a);
+      case "lessThanOrEqual": return (v) => v <= a || same(v, a);
+      case "greaterThan": return (v) => v > a && !same(v, a);
+      case "greaterThanOrEqual": return (v) => v >= a || same(v, a);
+      case "inRange": return (v) => (v >= a || same(v, a)) && (v <= b || same(v, b));
+      case "blank": return (v) => Number.isNaN(v);
+      case "notBlank": return (v) => !Number.isNaN(v);
+      default: return () => true;
+    }
+  }
+
+  function wordTest(column, one) {
+    const wanted = (one.filter || "").toLowerCase();
+    const fits = {
+      contains: (w) => w.includes(wanted), notContains: (w) => !w.includes(wanted), equals: (w) => w === wanted,
+      notEqual: (w) => w !== wanted, startsWith: (w) => w.startsWith(wanted), endsWith: (w) => w.endsWith(wanted),
+      blank: (w) => !w, notBlank: (w) => !!w,
+    }[one.type] || (() => true);
+    const known = column.words.map((word) => fits(word.toLowerCase()));
+    return (v) => known[v];
+  }
+
+  function testOf(column, model) {
+    const one = (m) => (column.words ? wordTest(column, m) : numberTest(column, m));
+    if (!model.conditions) return one(model);
+    const tests = model.conditions.map(one);
+    return model.operator === "OR" ? (v) => tests.some((t) => t(v)) : (v) => tests.every((t) => t(v));
+  }
+
+  // Rows in the order and of the choice that the grid's models say.
+  function chosen(columns, count, sortModel, filterModel) {
+    const byName = new Map(columns.map((column) => [column.name, column]));
+    const tests = Object.entries(filterModel || {}).filter(([name]) => byName.has(name))
+      .map(([name, model]) => [byName.get(name).get, testOf(byName.get(name), model)]);
+    let order = new Uint32Array(count);
+    let kept = 0;
+    for (let i = 0; i < count; i++) {
+      if (tests.every(([get, test]) => test(get(i)))) order[kept++] = i;
+    }
+    order = order.slice(0, kept);
+    for (const sort of (sortModel || []).slice().reverse()) {
+      const column = byName.get(sort.colId);
+      if (column) order = sorted(order, keysOf(column, count, sort.sort === "desc"));
+    }
+    return order;
+  }
+
+  function csvText(column, i) {
+    const value = column.get(i);
+    if (!column.words) return Number.isNaN(value) ? "" : column.whole ? String(value) : figure(value, 9);
+    const word = column.words[value] || "";
+    // A spreadsheet would run a name that begins so as a formula.
+    const safe = /^[=+\-@\t\r]/.test(word) ? `'${word}` : word;
+    return /[",\r\n]/.test(safe) ? `"${safe.replace(/"/g, '""')}"` : safe;
+  }
+
+  async function csvOf(columns, order) {
+    const parts = [columns.map((c) => c.name).join(",") + "\r\n"];
+    for (let first = 0; first < order.length; first += 20000) {
+      const lines = [];
+      for (let i = first; i < Math.min(order.length, first + 20000); i++) {
+        lines.push(columns.map((c) => csvText(c, order[i])).join(","));
+      }
+      parts.push(lines.join("\r\n") + "\r\n");
+      await breathe();
+    }
+    return new Blob(parts, { type: "text/csv" });
+  }
+
+  function element(tag, attributes, ...children) {
+    const node = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes || {})) node.setAttribute(name, value);
+    node.append(...children); // Strings become text nodes: no markup in a job's text can act.
+    return node;
+  }
+
+  gusjob.facts = readJson("gusjob-facts");
+  Object.assign(gusjob, {
+    UNITS_PER_MM, breathe, load, figure, printable, kindOf, kindWord, fileOf, placeOf, headOf, columnsOf, shown, chosen,
+    csvOf, element, isLit,
+  });
+})();

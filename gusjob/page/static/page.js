@@ -1,0 +1,199 @@
+/* The page: selection, details, theme, start, and reloading where a watching gusjob serves it. */
+(function () {
+  "use strict";
+  const gusjob = window.gusjob;
+  const { element, figure } = gusjob;
+  const byId = (id) => document.getElementById(id);
+  gusjob.selected = null;
+
+  /* Theme: what the system says, or what was chosen here. */
+
+  function kept(store, name, value) {
+    try { // Storage may be forbidden on a page from a file.
+      if (value === undefined) return store().getItem(name);
+      if (value === null) store().removeItem(name);
+      else store().setItem(name, value);
+    } catch (_) { /* Then it is not kept. */ }
+    return null;
+  }
+  const local = () => window.localStorage, session = () => window.sessionStorage;
+
+  function setTheme(name) {
+    const root = document.documentElement;
+    if (name === "auto") delete root.dataset.theme;
+    else root.dataset.theme = name;
+    if (gusjob.ready) rethemed();
+  }
+
+  function rethemed() {
+    gusjob.path.retheme();
+    gusjob.time.retheme();
+  }
+
+  function theme() {
+    const choice = byId("theme");
+    choice.closest("label").hidden = false;
+    const before = kept(local, "gusjob-theme");
+    if (before === "dark" || before === "light") {
+      choice.value = before;
+      setTheme(before);
+    }
+    choice.addEventListener("change", () => {
+      kept(local, "gusjob-theme", choice.value === "auto" ? null : choice.value);
+      setTheme(choice.value);
+    });
+    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (gusjob.ready) rethemed(); });
+  }
+
+  /* Selection. */
+
+  function detailsOf(row) {
+    const list = element("dl");
+    for (const column of gusjob.columnsShown) {
+      if (["segment", "line", "file", "kind"].includes(column.name)) continue;
+      const text = gusjob.shown(column, row);
+      if (text === "-" || (/^ch\d/.test(column.name) && text === "0")) continue;
+      list.append(element("div", {}, element("dt", { title: column.title }, column.head), element("dd", {}, text)));
+    }
+    return list;
+  }
+
+  function tell(row) {
+    const title = byId("details-title"), body = byId("details-body");
+    byId("previous").disabled = row !== null && row <= 0;
+    byId("next").disabled = row !== null && row >= gusjob.count - 1;
+    if (row === null) {
+      title.textContent = "No segment selected";
+      body.replaceChildren();
+      return;
+    }
+    const kind = gusjob.kindWord(gusjob.kindOf(row));
+    title.textContent = `Segment ${row + 1} of ${gusjob.count}: ${kind}, ${gusjob.placeOf(row)}`;
+    body.replaceChildren(detailsOf(row));
+    byId("line").value = gusjob.rows.line.values[row];
+  }
+
+  function select(row, source) {
+    if (row === gusjob.selected || row < 0 || row >= gusjob.count) return;
+    gusjob.selected = row;
+    tell(row);
+    gusjob.path.show(row);
+    gusjob.time.show(row);
+    gusjob.table.show(row, source);
+    const hash = `#s=${row}`;
+    if (source !== "hash" && location.hash !== hash) {
+      try {
+        history.replaceState(null, "", hash); // Not a step back for every segment looked at.
+      } catch (_) {
+        location.hash = hash;
+      }
+    }
+  }
+
+  function fromHash() {
+    const found = /^#s=(\d{1,9})$/.exec(location.hash);
+    if (found) select(Number(found[1]), "hash");
+  }
+
+  // The first segment of a line, else of the next line that has one. Lines come again in loops: the next after the selected.
+  function toLine() {
+    const wanted = Number(byId("line").value);
+    const lines = gusjob.rows.line.values;
+    let best = -1;
+    const from = gusjob.selected === null ? 0 : gusjob.selected + 1;
+    for (let n = 0; n < lines.length; n++) {
+      const i = (from + n) % lines.length;
+      if (lines[i] === wanted) { best = i; break; }
+      if (lines[i] > wanted && (best < 0 || lines[i] < lines[best] || (lines[i] === lines[best] && i < best))) best = i;
+    }
+    byId("line-none").textContent = best < 0 ? `no segment from line ${wanted} on` : lines[best] === wanted ? "" : `line ${wanted} has no segment: the next is line ${lines[best]}`;
+    if (best >= 0) select(best, "line");
+  }
+
+  function step(by) {
+    select(gusjob.selected === null ? (by > 0 ? 0 : gusjob.count - 1) : gusjob.selected + by, "step");
+  }
+
+  function selection() {
+    byId("previous").addEventListener("click", () => step(-1));
+    byId("next").addEventListener("click", () => step(1));
+    byId("go").addEventListener("click", toLine);
+    byId("line").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); toLine(); } });
+    window.addEventListener("hashchange", fromHash);
+    tell(null);
+  }
+
+  /* Watched: the page is made anew when the job changes, and goes on where it was. */
+
+  const KEPT = `gusjob-view:${location.pathname}`;
+
+  function watch() {
+    if (!gusjob.facts.watched) return;
+    const source = new EventSource(gusjob.facts.watched);
+    const said = byId("watched");
+    const changed = () => {
+      if (gusjob.ready) {
+        const state = { path: gusjob.path.state(), time: gusjob.time.state(), table: gusjob.table.state(), scroll: window.scrollY };
+        kept(session, KEPT, JSON.stringify(state));
+      }
+      source.close();
+      location.reload();
+    };
+    source.addEventListener("message", (event) => { if (event.data === "changed") changed(); });
+    source.addEventListener("changed", changed);
+    source.addEventListener("open", () => { said.textContent = "follows the job"; });
+    source.addEventListener("error", () => { said.textContent = "no longer follows the job: is gusjob still running?"; });
+  }
+
+  function restore() {
+    const text = kept(session, KEPT);
+    if (!text) return;
+    kept(session, KEPT, null);
+    try {
+      const state = JSON.parse(text);
+      gusjob.path.restore(state.path);
+      gusjob.time.restore(state.time);
+      gusjob.table.restore(state.table);
+      window.scrollTo(0, state.scroll);
+    } catch (_) { /* Of another version of the page: then it starts as a new one. */ }
+  }
+
+  /* Start. */
+
+  async function start() {
+    const status = byId("status");
+    if (typeof DecompressionStream === "undefined") {
+      status.textContent = "This browser can't unpack the page's data (it lacks DecompressionStream): path, curves and table are left out. A browser from 2023 or later shows them.";
+      return;
+    }
+    const began = performance.now();
+    await gusjob.load((share) => { status.textContent = `Reading the data: ${Math.round(share * 100)} %`; });
+    status.textContent = "Drawing";
+    await gusjob.breathe();
+    byId("views").hidden = false;
+    gusjob.columnsShown = gusjob.columnsOf("rows");
+    await gusjob.path.start();
+    await gusjob.breathe();
+    gusjob.time.start();
+    await gusjob.breathe();
+    gusjob.table.start();
+    selection();
+    gusjob.ready = true;
+    restore();
+    fromHash();
+    status.textContent = "";
+    status.hidden = true;
+    gusjob.loadMs = performance.now() - began;
+    document.documentElement.dataset.ready = "1";
+  }
+
+  gusjob.select = select;
+  theme();
+  watch();
+  if (byId("gusjob-columns")) {
+    start().catch((fault) => {
+      byId("status").textContent = `The data can't be shown: ${fault.message}`;
+      console.error(fault);
+    });
+  }
+})();

@@ -1,0 +1,346 @@
+/* The path view: a map in mm whose tiles are drawn from the strokes. */
+(function () {
+  "use strict";
+  const gusjob = window.gusjob;
+  const { element, figure } = gusjob;
+  const TILE = 256;
+  const STEP = 4; // zoom levels for a factor of two
+  const MS_A_TURN = 24; // drawing time before the page may answer again
+  const REACH = 8; // px within which a click finds a stroke
+  const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const U = gusjob.UNITS_PER_MM;
+
+  const view = {
+    show: { jumps: true, runs: true, switches: false, command: false }, measure: "power", lightNumber: 0,
+    bins: null, range: null, palette: null, ink: {},
+  };
+
+  /* Data that the tiles draw. */
+
+  function extentOf(nodes, found) {
+    for (let i = 0; i < nodes.x.length; i++) {
+      if (nodes.x[i] < found[0]) found[0] = nodes.x[i];
+      if (nodes.y[i] < found[1]) found[1] = nodes.y[i];
+      if (nodes.x[i] > found[2]) found[2] = nodes.x[i];
+      if (nodes.y[i] > found[3]) found[3] = nodes.y[i];
+    }
+    return found;
+  }
+
+  function indexOf(strokes) {
+    const index = new window.Flatbush(strokes.count, 16, Int32Array);
+    const { x, y } = strokes;
+    const beam = strokes.beam || strokes;
+    for (let i = 0; i < strokes.count; i++) {
+      index.add(
+        Math.min(x[i], x[i + 1], beam.x[i], beam.x[i + 1]), Math.min(y[i], y[i + 1], beam.y[i], beam.y[i + 1]),
+        Math.max(x[i], x[i + 1], beam.x[i], beam.x[i + 1]), Math.max(y[i], y[i + 1], beam.y[i], beam.y[i + 1]),
+      );
+    }
+    index.finish();
+    return index;
+  }
+
+  function takeData() {
+    const strokes = gusjob.strokes;
+    view.strokes = strokes;
+    view.kind = gusjob.rows.kind.values;
+    view.kinds = gusjob.facts.kinds;
+    view.lights = gusjob.lights;
+    view.light = strokes.beam || strokes; // Light is drawn where the beam is.
+    view.index = indexOf(strokes);
+    view.bounds = extentOf(strokes, [Infinity, Infinity, -Infinity, -Infinity]);
+    if (strokes.beam) extentOf(strokes.beam, view.bounds);
+  }
+
+  function recolor() {
+    const light = view.lights[view.lightNumber] || null;
+    Object.assign(view, gusjob.colors.binsOf(view.strokes, view.lights, light, view.measure));
+    drawLegend();
+  }
+
+  const rgbOf = (name) => (gusjob.colors.resolved(name).match(/[\d.]+/g) || [128, 128, 128]).slice(0, 3).map(Number);
+
+  function retheme() {
+    view.palette = gusjob.colors.palette(gusjob.colors.isDark());
+    const names = { mark: "--path-dark", dwell: "--path-dark", jump: "--path-jump", run_in: "--path-run-in", run_out: "--path-run-out",
+      other: "--path-other", command: "--path-command", switches: "--path-switch" };
+    for (const [key, name] of Object.entries(names)) view.ink[key] = rgbOf(name);
+    drawLegend();
+    if (view.layer) view.layer.redraw();
+  }
+
+  /* Tiles are drawn one after another, so that a heavy view never blocks the page for long. */
+
+  const waiting = [];
+  let working = false;
+
+  function work() {
+    const until = performance.now() + MS_A_TURN;
+    while (waiting.length && performance.now() < until) {
+      const [canvas, coords, done] = waiting.shift();
+      if (canvas.dataset.gone) continue;
+      const map = view.map;
+      gusjob.tiles.drawTile(view, canvas, coords, TILE, map.options.crs.scale(coords.z));
+      done(null, canvas);
+    }
+    working = waiting.length > 0;
+    if (working) setTimeout(work, 0);
+  }
+
+  function tileLayer() {
+    const Layer = window.L.GridLayer.extend({
+      createTile(coords, done) {
+        const canvas = element("canvas", { class: "leaflet-tile" });
+        canvas.width = canvas.height = Math.round(TILE * Math.min(window.devicePixelRatio || 1, 3));
+        waiting.push([canvas, coords, done]);
+        if (!working) {
+          working = true;
+          setTimeout(work, 0);
+        }
+        return canvas;
+      },
+    });
+    const layer = new Layer({ tileSize: TILE, updateWhenZooming: false, keepBuffer: 1, noWrap: true });
+    layer.on("tileunload", (event) => { event.tile.dataset.gone = "1"; });
+    return layer;
+  }
+
+  /* The map. */
+
+  function crs() {
+    return window.L.extend({}, window.L.CRS.Simple, {
+      scale: (zoom) => Math.pow(2, zoom / STEP),
+      zoom: (scale) => (STEP * Math.log(scale)) / Math.LN2,
+    });
+  }
+
+  const toLatLng = (nodes, i) => [nodes.y[i] / U, nodes.x[i] / U];
+  function boundsMm(box) {
+    const least = 0.01; // mm: a path of one point still needs a view
+    const [x0, y0, x1, y1] = box;
+    return [[y0 - least, x0 - least], [y1 + least, x1 + least]];
+  }
+
+  function wholePath() {
+    const b = view.bounds.map((v) => v / U);
+    view.map.fitBounds(boundsMm(b), { padding: [16, 16], animate: false });
+  }
+
+  function wholeField() {
+    const { x, y } = gusjob.facts.field_mm;
+    view.map.fitBounds(boundsMm([x[0], y[0], x[1], y[1]]), { padding: [8, 8], animate: false });
+  }
+
+  function makeMap(host) {
+    const L = window.L;
+    const map = L.map(host, {
+      crs: crs(), minZoom: -16, maxZoom: 56, zoomSnap: 1, zoomDelta: 2, wheelPxPerZoomLevel: 30, attributionControl: false,
+      zoomAnimation: !calm, fadeAnimation: false, markerZoomAnimation: !calm, inertia: !calm, maxBoundsViscosity: 0,
+    });
+    view.map = map;
+    const field = gusjob.facts.field_mm;
+    wholePath();
+    view.layer = tileLayer().addTo(map);
+    if (field) {
+      L.rectangle(boundsMm([field.x[0], field.y[0], field.x[1], field.y[1]]), { className: "field-limits", interactive: false, fill: false, noClip: true }).addTo(map);
+    }
+    map.on("zoomend moveend resize", drawScale);
+    map.on("click", (event) => { const i = pick(event.latlng); if (i >= 0) gusjob.select(view.strokes.row[i], "path"); });
+    hover(map, host);
+    new ResizeObserver(() => map.invalidateSize({ animate: false })).observe(host);
+    drawScale();
+  }
+
+  /* Which stroke is at a point: the nearest, a lit one before a dark one. */
+
+  function distance(nodes, i, x, y) {
+    const x0 = nodes.x[i], y0 = nodes.y[i];
+    const dx = nodes.x[i + 1] - x0, dy = nodes.y[i + 1] - y0;
+    const long = dx * dx + dy * dy;
+    const share = long ? Math.max(0, Math.min(1, ((x - x0) * dx + (y - y0) * dy) / long)) : 0;
+    return Math.hypot(x0 + share * dx - x, y0 + share * dy - y);
+  }
+
+  function pick(latlng) {
+    const scale = view.map.options.crs.scale(view.map.getZoom());
+    const reach = (REACH / scale) * U;
+    const x = latlng.lng * U, y = latlng.lat * U;
+    let best = -1, least = Infinity;
+    for (const i of view.index.search(x - reach, y - reach, x + reach, y + reach)) {
+      if (!gusjob.tiles.isShown(view, i)) continue;
+      const d = distance(view.light, i, x, y);
+      const cost = d + (view.bins[i] ? 0 : reach / 2);
+      if (d <= reach && (cost < least || (cost === least && i < best))) {
+        best = i;
+        least = cost;
+      }
+    }
+    return best;
+  }
+
+  // What a stroke is, in words: for the tooltips of both views.
+  function strokeWords(i) {
+    const { strokes } = view;
+    const row = strokes.row[i];
+    const v0 = figure(strokes.vel0[i]), v1 = figure(strokes.vel1[i]);
+    const lit = gusjob.lights.filter((light) => gusjob.isLit(light, i))
+      .map((light) => `ch${light.channel} ${figure(light.power[i])} ${gusjob.printable(light.unit)}`);
+    return [
+      `${gusjob.placeOf(row)}: ${gusjob.kindWord(gusjob.kindOf(row))} (segment ${row + 1})`,
+      `${v0 === v1 ? v0 : `${v0} to ${v1}`} mm/s, ${lit.length ? lit.join(", ") : "dark"}`,
+    ];
+  }
+
+  function hover(map, host) {
+    const tip = window.L.tooltip({ direction: "top", offset: [0, -6], opacity: 1, className: "tip" });
+    let last = null, asked = false;
+    const look = () => {
+      asked = false;
+      const i = last ? pick(last) : -1;
+      host.classList.toggle("over-stroke", i >= 0);
+      if (i < 0) return void map.closeTooltip(tip);
+      const [first, second] = strokeWords(i);
+      tip.setContent(element("div", {}, element("b", {}, first), element("br"), second)).setLatLng(last);
+      map.openTooltip(tip);
+    };
+    const ask = (latlng) => {
+      last = latlng;
+      if (!asked) requestAnimationFrame(look);
+      asked = true;
+    };
+    map.on("mousemove", (event) => ask(event.latlng));
+    map.on("mouseout movestart zoomstart", () => ask(null));
+  }
+
+  /* Selection. */
+
+  const MOST_POINTS = 4000;
+
+  function pointsOf(row) {
+    const { strokes, light } = view;
+    const from = strokes.first[row], to = strokes.first[row + 1];
+    const step = Math.max(1, Math.ceil((to - from) / MOST_POINTS));
+    const points = [];
+    for (let i = from; i < to; i += step) points.push(toLatLng(light, i));
+    points.push(toLatLng(light, to));
+    return points;
+  }
+
+  function show(row) {
+    const L = window.L;
+    if (view.chosen) view.chosen.remove();
+    view.chosen = null;
+    if (row === null) return;
+    const points = pointsOf(row);
+    const quiet = { interactive: false, fill: false, noClip: false, smoothFactor: 0.5 };
+    const end = (at, name) => L.circleMarker(at, { radius: 5, interactive: false, className: name });
+    view.chosen = L.featureGroup([
+      L.polyline(points, { ...quiet, className: "chosen-casing" }), L.polyline(points, { ...quiet, className: "chosen-line" }),
+      end(points[0], "chosen-start"), end(points[points.length - 1], "chosen-end"),
+    ]).addTo(view.map);
+    const box = L.latLngBounds(points);
+    // One whose middle is seen, or that goes across the view, needs no move.
+    if (!view.map.getBounds().intersects(box)) view.map.panTo(box.getCenter(), { animate: !calm });
+  }
+
+  /* Legend and scale bar, both as text too. */
+
+  function drawLegend() {
+    const bar = document.getElementById("legend-bar");
+    if (!bar || !view.palette) return;
+    const { css, scaleAt, isDark } = gusjob.colors;
+    const stops = Array.from({ length: 13 }, (_, i) => css(scaleAt(i / 12, isDark())));
+    const { range, measure } = view;
+    const one = !range || range.high === range.low;
+    bar.style.background = one ? stops[12] : `linear-gradient(to right, ${stops.join(", ")})`;
+    const light = view.lights && view.lights[view.lightNumber];
+    const unit = measure ? gusjob.printable(measure.unit) : "";
+    const said = (id, text) => { document.getElementById(id).textContent = text; };
+    const channel = light && view.lights.length > 1 && (view.measure === "power" || view.measure === "energy") ? `, channel ${light.channel}` : "";
+    said("legend-name", range ? `${measure.word}${channel}, ${unit}` : "no light");
+    said("legend-low", range && !one ? figure(range.low) : "");
+    said("legend-high", range ? `${range.cut ? "\u2265 " : ""}${figure(range.high)}${one ? " everywhere" : ""}` : "");
+  }
+
+  function drawScale() {
+    const map = view.map, bar = document.getElementById("scale-bar");
+    const perMm = map.options.crs.scale(map.getZoom());
+    const wanted = 110 / perMm;
+    const ten = Math.pow(10, Math.floor(Math.log10(wanted)));
+    const mm = [5, 2, 1].map((n) => n * ten).find((n) => n <= wanted);
+    bar.style.width = `${mm * perMm}px`;
+    bar.textContent = mm >= 0.1 ? `${figure(mm)} mm` : mm >= 1e-4 ? `${figure(mm * 1e3)} um` : `${figure(mm * 1e6)} nm`;
+  }
+
+  /* Controls. */
+
+  function toggles() {
+    const bind = (id, name, there) => {
+      const box = document.getElementById(id);
+      box.closest("label").hidden = !there;
+      box.checked = view.show[name];
+      box.addEventListener("change", () => { view.show[name] = box.checked; view.layer.redraw(); });
+    };
+    const has = (...words) => { // whether any segment is of these kinds
+      const numbers = words.map((word) => view.kinds.indexOf(word));
+      return view.kind.some((k) => numbers.includes(k));
+    };
+    bind("show-jumps", "jumps", true);
+    bind("show-runs", "runs", has("run_in", "run_out"));
+    bind("show-switches", "switches", view.lights.length > 0);
+    bind("show-command", "command", !!view.strokes.beam);
+    for (const [id, words] of [["key-run-in", ["run_in"]], ["key-run-out", ["run_out"]]]) document.getElementById(id).hidden = !has(...words);
+    document.getElementById("key-command").hidden = !view.strokes.beam;
+    document.getElementById("key-other").hidden = new Set(view.lights.map((l) => l.channel)).size < 2;
+  }
+
+  function selects() {
+    const by = document.getElementById("color-by"), channel = document.getElementById("color-channel");
+    view.lights.forEach((light, n) => channel.append(element("option", { value: n }, `channel ${light.channel}, ${gusjob.printable(light.unit)}`)));
+    channel.closest("label").hidden = view.lights.length < 2;
+    by.closest("label").hidden = !view.lights.length;
+    const changed = () => {
+      view.measure = by.value;
+      view.lightNumber = Number(channel.value || 0);
+      recolor();
+      view.layer.redraw();
+    };
+    by.addEventListener("change", changed);
+    channel.addEventListener("change", changed);
+  }
+
+  async function start() {
+    takeData();
+    await gusjob.breathe();
+    retheme();
+    recolor();
+    toggles();
+    makeMap(document.getElementById("map"));
+    selects();
+    document.getElementById("fit-path").addEventListener("click", wholePath);
+    const fit = document.getElementById("fit-field");
+    fit.hidden = !gusjob.facts.field_mm;
+    fit.addEventListener("click", wholeField);
+  }
+
+  function state() {
+    const at = view.map.getCenter();
+    return { at: [at.lat, at.lng], zoom: view.map.getZoom(), show: view.show, measure: view.measure, light: view.lightNumber };
+  }
+
+  function restore(kept) {
+    view.map.setView(kept.at, kept.zoom, { animate: false });
+    const set = (id, value) => {
+      const node = document.getElementById(id);
+      if (node.type === "checkbox") node.checked = value;
+      else node.value = value;
+      node.dispatchEvent(new Event("change"));
+    };
+    for (const [id, name] of [["show-jumps", "jumps"], ["show-runs", "runs"], ["show-switches", "switches"], ["show-command", "command"]]) set(id, kept.show[name]);
+    set("color-by", kept.measure);
+    if (kept.light < view.lights.length) set("color-channel", String(kept.light));
+  }
+
+  gusjob.path = { start, show, retheme, strokeWords, state, restore, view, pick, isIdle: () => !working };
+})();

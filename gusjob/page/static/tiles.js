@@ -1,0 +1,222 @@
+/* One tile of the path view: few strokes as lines of a canvas, many as pixels, which is some hundred times faster. */
+(function () {
+  "use strict";
+  const gusjob = window.gusjob;
+  const FEW = 5000; // strokes that a canvas draws in some 10 ms
+  const PAD = 10; // px: how far a line's width and a switch point reach out of their tile
+  const DASHES = { jump: [5, 4], run_in: [8, 3, 2, 3], run_out: [2, 3], mark: [], dwell: [] };
+  const SWITCHES = 3000; // more would hide the path
+
+  // Part of a line that is inside of a box; null: none (Liang and Barsky).
+  function clipped(x0, y0, x1, y1, low, highX, highY) {
+    let from = 0, to = 1;
+    const dx = x1 - x0, dy = y1 - y0;
+    for (const [step, room] of [[-dx, x0 - low], [dx, highX - x0], [-dy, y0 - low], [dy, highY - y0]]) {
+      if (step === 0) {
+        if (room < 0) return null;
+      } else if (step < 0) from = Math.max(from, room / step);
+      else to = Math.min(to, room / step);
+    }
+    return from > to ? null : [x0 + from * dx, y0 + from * dy, x0 + to * dx, y0 + to * dy];
+  }
+
+  // Geometry of one tile: units of 0.1 um to its own pixels.
+  function frameOf(coords, size, scale, ratio) {
+    const k = (scale * ratio) / gusjob.UNITS_PER_MM;
+    const ox = coords.x * size * ratio, oy = coords.y * size * ratio;
+    const pad = PAD * ratio, side = size * ratio;
+    return {
+      side, ratio, k,
+      x: (units) => units * k - ox, y: (units) => -units * k - oy, ox, oy,
+      box: [(ox - pad) / k, (-oy - side - pad) / k, (ox + side + pad) / k, (-oy + pad) / k],
+    };
+  }
+
+  function idsIn(view, frame) {
+    const [x0, y0, x1, y1] = frame.box;
+    const all = view.bounds;
+    if (x0 <= all[0] && y0 <= all[1] && x1 >= all[2] && y1 >= all[3]) return null; // All: no need to look them up.
+    return view.index.search(x0, y0, x1, y1);
+  }
+
+  const darkKind = (view, i) => view.kinds[view.kind[view.strokes.row[i]]];
+  function isShown(view, i) {
+    if (view.bins[i]) return true;
+    return darkKind(view, i) === "jump" ? view.show.jumps : view.show.runs;
+  }
+
+  /* As pixels: each takes the highest level that goes over it, so that the highest value is never hidden. */
+
+  const THICK = 30000; // up to so many strokes a tile are drawn two pixels wide
+
+  function raise(levels, at, level) {
+    if (levels[at] < level) levels[at] = level;
+  }
+
+  function markLine(levels, side, level, line, thick) {
+    const x0 = line[0], y0 = line[1];
+    const dx = line[2] - x0, dy = line[3] - y0;
+    const steps = Math.max(1, Math.ceil(Math.max(Math.abs(dx), Math.abs(dy))));
+    const sx = dx / steps, sy = dy / steps;
+    for (let n = 0, x = x0, y = y0; n <= steps; n++, x += sx, y += sy) {
+      const px = Math.floor(x), py = Math.floor(y);
+      if (px < 0 || py < 0 || px >= side || py >= side) continue;
+      const at = py * side + px;
+      raise(levels, at, level);
+      if (!thick) continue;
+      if (px + 1 < side) raise(levels, at + 1, level);
+      if (py + 1 < side) raise(levels, at + side, level);
+    }
+  }
+
+  const LEVELS = { command: 1, mark: 2, dwell: 2, jump: 3, run_in: 4, run_out: 5, other: 6, light: 7 };
+
+  function levelsOf(view, frame, ids, count) {
+    const { strokes, bins, light } = view;
+    const levels = new Uint8Array(frame.side * frame.side);
+    const side = frame.side;
+    const thick = count < THICK || frame.ratio >= 1.5;
+    const plot = (nodes, i, level) => {
+      const line = clipped(frame.x(nodes.x[i]), frame.y(nodes.y[i]), frame.x(nodes.x[i + 1]), frame.y(nodes.y[i + 1]), -1, side, side);
+      if (line) markLine(levels, side, level, line, thick && level >= LEVELS.light);
+    };
+    const command = view.show.command && strokes.beam;
+    for (let n = 0; n < count; n++) {
+      const i = ids ? ids[n] : n;
+      if (command) plot(strokes, i, LEVELS.command);
+      const bin = bins[i];
+      if (!bin && !isShown(view, i)) continue;
+      plot(light, i, bin === 255 ? LEVELS.other : bin ? LEVELS.light + bin - 1 : LEVELS[darkKind(view, i)]);
+    }
+    return levels;
+  }
+
+  function drawPixels(view, frame, context, ids, count) {
+    const levels = levelsOf(view, frame, ids, count);
+    const colors = new Uint32Array(256);
+    const pack = (rgb, alpha) => ((alpha << 24) | (rgb[2] << 16) | (rgb[1] << 8) | rgb[0]) >>> 0;
+    for (const [name, level] of Object.entries(LEVELS)) if (name !== "light") colors[level] = pack(view.ink[name], name === "jump" ? 120 : 200);
+    view.palette.forEach((rgb, bin) => { colors[LEVELS.light + bin] = pack(rgb, 255); });
+    const image = context.createImageData(frame.side, frame.side);
+    const out = new Uint32Array(image.data.buffer);
+    for (let i = 0; i < out.length; i++) out[i] = colors[levels[i]];
+    context.putImageData(image, 0, 0);
+  }
+
+  /* As lines. */
+
+  function addLine(frame, context, nodes, i, reach) {
+    const line = [frame.x(nodes.x[i]), frame.y(nodes.y[i]), frame.x(nodes.x[i + 1]), frame.y(nodes.y[i + 1])];
+    // Far outside a canvas loses precision; near by nothing is cut, so that dashes go on from tile to tile.
+    const near = line.every((v) => Math.abs(v) < reach);
+    const part = near ? line : clipped(...line, -2 * PAD * frame.ratio, frame.side + 2 * PAD * frame.ratio, frame.side + 2 * PAD * frame.ratio);
+    if (!part) return;
+    context.moveTo(part[0], part[1]);
+    context.lineTo(part[2], part[3]);
+  }
+
+  function strokeGroup(frame, context, nodes, ids, style) {
+    if (!ids.length) return;
+    context.beginPath();
+    for (const i of ids) addLine(frame, context, nodes, i, 30000);
+    context.lineWidth = style.width * frame.ratio;
+    context.strokeStyle = style.color;
+    context.setLineDash((style.dash || []).map((v) => v * frame.ratio));
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  function dot(frame, context, nodes, i, radius, color) {
+    context.beginPath();
+    context.arc(frame.x(nodes.x[i]), frame.y(nodes.y[i]), radius * frame.ratio, 0, 7);
+    context.fillStyle = color;
+    context.fill();
+  }
+
+  function grouped(view, ids) {
+    const groups = new Map();
+    for (const i of ids) {
+      const bin = view.bins[i];
+      if (!bin && !isShown(view, i)) continue;
+      const key = bin || darkKind(view, i);
+      if (!groups.has(key)) groups.set(key, []);
+      groups.get(key).push(i);
+    }
+    return groups;
+  }
+
+  function drawLines(view, frame, context, ids) {
+    const css = gusjob.colors.css;
+    const groups = grouped(view, ids);
+    context.lineCap = "butt";
+    for (const kind of ["dwell", "mark", "jump", "run_in", "run_out"]) {
+      const style = { width: 1, color: css(view.ink[kind]), dash: DASHES[kind] };
+      strokeGroup(frame, context, view.light, groups.get(kind) || [], style);
+    }
+    context.lineCap = "round";
+    strokeGroup(frame, context, view.light, groups.get(255) || [], { width: 2, color: css(view.ink.other) });
+    const still = (i) => view.light.x[i] === view.light.x[i + 1] && view.light.y[i] === view.light.y[i + 1];
+    for (let bin = 1; bin <= view.palette.length; bin++) {
+      const some = groups.get(bin);
+      if (!some) continue;
+      const color = css(view.palette[bin - 1]);
+      strokeGroup(frame, context, view.light, some, { width: 2.2, color });
+      for (const i of some) if (still(i)) dot(frame, context, view.light, i, 3, color);
+    }
+    if (view.show.command && view.strokes.beam) {
+      strokeGroup(frame, context, view.strokes, ids, { width: 1, color: css(view.ink.command) });
+    }
+  }
+
+  /* Switch points: a circle where the light comes on, a cross where it goes off. */
+
+  function switchesOf(view, ids, count) {
+    const found = [];
+    for (let n = 0; n < count; n++) {
+      const i = ids ? ids[n] : n;
+      for (const light of view.lights) {
+        const now = gusjob.isLit(light, i), before = i > 0 && gusjob.isLit(light, i - 1);
+        if (now !== before) found.push([i, now]);
+        if (now && i === view.strokes.count - 1) found.push([i + 1, false]);
+      }
+      if (found.length > SWITCHES) return [];
+    }
+    return found;
+  }
+
+  function drawSwitches(view, frame, context, ids, count) {
+    context.strokeStyle = gusjob.colors.css(view.ink.switches);
+    context.lineWidth = 1.4 * frame.ratio;
+    const r = 4 * frame.ratio;
+    context.beginPath();
+    for (const [node, on] of switchesOf(view, ids, count)) {
+      const x = frame.x(view.light.x[node]), y = frame.y(view.light.y[node]);
+      if (on) {
+        context.moveTo(x + r, y);
+        context.arc(x, y, r, 0, 2 * Math.PI);
+      } else {
+        context.moveTo(x - r, y - r);
+        context.lineTo(x + r, y + r);
+        context.moveTo(x - r, y + r);
+        context.lineTo(x + r, y - r);
+      }
+    }
+    context.stroke();
+  }
+
+  // Draws a tile; returns how many strokes are in it.
+  function drawTile(view, canvas, coords, size, scale) {
+    const ratio = canvas.width / size;
+    const frame = frameOf(coords, size, scale, ratio);
+    const ids = idsIn(view, frame);
+    const count = ids ? ids.length : view.strokes.count;
+    if (!count) return 0;
+    const context = canvas.getContext("2d");
+    if (count > FEW) drawPixels(view, frame, context, ids, count);
+    else drawLines(view, frame, context, ids || Array.from({ length: count }, (_, i) => i));
+    if (view.show.switches) drawSwitches(view, frame, context, ids, count);
+    return count;
+  }
+
+  gusjob.tiles = { drawTile, isShown };
+})();
