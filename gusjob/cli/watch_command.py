@@ -45,12 +45,12 @@ def command(
         stop(f"{path}: no such file")
     server = _served(port) if page else None
     try:
-        files: list[Path] = [path]
+        included: set[Path] = set()
         while True:
-            before = _stamp(files)  # A file that is saved while it is worked on is worked on once more.
+            seen = _stamp(path, machine_path, included)  # What is saved from here on is worked on once more.
             loaded = _report(path, machine_path, scanner, server, summary=summary)
-            files = _files(loaded, machine_path)
-            _wait_for_change(loaded, machine_path, {**_stamp(files), **before})
+            included = {Path(name) for name, _ in loaded.files}
+            _wait_for_change(path, machine_path, included, _stamps(included) | seen)
     except KeyboardInterrupt:
         click.echo()
     finally:
@@ -80,6 +80,11 @@ def _report(
         from gusjob.report.rows import make_report
 
         report = make_report(trace, loaded.machine, loaded.files)
+    if server is not None:
+        from gusjob.cli.page import html_page
+        from gusjob.cli.serve import EVENTS
+
+        server.show(b"".join(html_page(loaded, trace, report, watched=EVENTS)))
     if sys.stdout is not None and sys.stdout.isatty():
         click.clear()
     click.echo(f"{datetime.now():%H:%M:%S}  {printable(str(path))}{f'  {server.url}' if server else ''}  Ctrl-C ends")
@@ -90,24 +95,20 @@ def _report(
     show(loaded, err=False)
     if not loaded.faults:
         click.echo("no faults")
-    if server is not None:
-        from gusjob.cli.page import html_page
-        from gusjob.cli.serve import EVENTS
-
-        server.show(b"".join(html_page(loaded, trace, report, watched=EVENTS)))
     return loaded
 
 
-def _files(loaded: Loaded, machine_path: Path | None) -> list[Path]:
-    """What the report hangs on: the job, what it includes, jobs beside it (one may be missing yet), the profile."""
-    found = {loaded.path, *(Path(name) for name, _ in loaded.files)}
+def _stamp(path: Path, machine_path: Path | None, included: set[Path]) -> Stamp:
+    """Stamps of what the report hangs on: the job, what it includes, jobs beside it (one may be missing yet), the
+    profile."""
+    files = {path, *included}
     with suppress(OSError):  # The folder is gone, or on a drive that is not there now.
-        found.update(loaded.path.parent.glob("*.job"))
-    profile = machine_path or find_profile(loaded.path)
-    return sorted({*found, profile} if profile is not None else found)
+        files.update(path.parent.glob("*.job"))
+    profile = machine_path or find_profile(path)
+    return _stamps({*files, profile} if profile is not None else files)
 
 
-def _stamp(files: list[Path]) -> Stamp:
+def _stamps(files: set[Path]) -> Stamp:
     stamp: Stamp = {}
     for path in files:
         try:
@@ -118,12 +119,12 @@ def _stamp(files: list[Path]) -> Stamp:
     return stamp
 
 
-def _wait_for_change(loaded: Loaded, machine_path: Path | None, seen: Stamp) -> None:
+def _wait_for_change(path: Path, machine_path: Path | None, included: set[Path], seen: Stamp) -> None:
     """Until a file is another than the one that was seen, and has been left alone for a moment."""
     now = seen
     while True:
         time.sleep(_LOOK_S)
-        before, now = now, _stamp(_files(loaded, machine_path))
+        before, now = now, _stamp(path, machine_path, included)
         # An editor may take a file away for a moment before it puts the new one there.
-        if now != seen and now == before and now[loaded.path] is not None:
+        if now != seen and now == before and now[path] is not None:
             return
