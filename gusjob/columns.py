@@ -83,7 +83,8 @@ def parquet_bytes(table: Iterable[Columns], about: dict[str, bytes]) -> Iterator
     for columns in table:
         part = pyarrow.table({name: _arrow(column) for name, column in columns.items()}, metadata=about)
         if writer is None:
-            writer = parquet.ParquetWriter(sink, part.schema, compression="zstd")
+            named = [name for name, column in columns.items() if isinstance(column, Words)]
+            writer = parquet.ParquetWriter(sink, part.schema, compression="zstd", use_dictionary=named)
         writer.write_table(part)
         yield sink.drained()
     if writer is not None:

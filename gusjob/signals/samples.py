@@ -17,7 +17,7 @@ from gusjob.units import MS_PER_S, US_PER_MS
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-_PIECE_TICKS = 1 << 15
+_PIECE_TICKS = 1 << 17
 _ON_TICK = 1e-9
 """Part of a period by which rounding may put a tick outside its stage."""
 

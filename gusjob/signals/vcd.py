@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 from vcd import VCDWriter
-from vcd.writer import Variable
 
 from gusjob.interpreter import Trace
-from gusjob.signals.outputs import NS_PER_MS, Edges, Level, Window, changes, line_names, windows_of
+from gusjob.signals.outputs import NS_PER_MS, Edges, Level, changes, line_names, windows_of
 from gusjob.signals.timeline import timeline_of
 
-_SCOPE = "outputs"
+_SCOPE, _LINE = "outputs", "line"
 _PLUS = {Level.LOW: "0", Level.HIGH: "1", Level.UNKNOWN: "x"}
 _MINUS = {Level.LOW: "1", Level.HIGH: "0", Level.UNKNOWN: "x"}
 
@@ -28,19 +28,17 @@ def vcd_pieces(
     `lines` (m,): source line of each timed call, as it is to be shown. Times count from the first stage's start; off
     delays between stages take their time (see timeline).
     """
-    out = io.StringIO()
     runs = _running_lines(trace, lines)
-    writer = None
+    outputs: list[_Output] = []
+    end_ns = 0
     for window in windows_of(trace, start_ms, end_ms):
-        edges = {**window.lines, "line": changes(*runs, 0.0, *window.span_ns)}
-        if writer is None:
-            writer = _Writer(out, trace, edges, window, version)
-        writer.write(edges)
-        yield _drained(out)
-        last_ns = window.span_ns[1]
-    assert writer is not None
-    writer.writer.close(last_ns)
-    yield _drained(out)
+        edges = {**window.lines, _LINE: changes(*runs, 0.0, *window.span_ns)}
+        if not outputs:
+            head, outputs = _head(trace, edges, version, window.span_ns[0])
+            yield head.encode()
+        yield _changes_text(edges, outputs).encode()
+        end_ns = window.span_ns[1]
+    yield f"#{end_ns}\n".encode()
 
 
 def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
@@ -50,52 +48,59 @@ def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[npt.NDAr
     return np.rint(start_ms * NS_PER_MS).astype(np.int64), lines.astype(np.float64)
 
 
-def _drained(out: io.StringIO) -> bytes:
-    text = out.getvalue()
-    out.seek(0)
-    out.truncate()
-    return text.encode()
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Output:
+    """An output in the file, and what the file says of its values: of a pair of wires one of three texts."""
+
+    name: str
+    levels: tuple[str, ...]
+    ident: str
+
+    def texts(self, values: npt.NDArray[np.float64]) -> list[str]:
+        """What is said of values."""
+        if self.levels:
+            return list(map(self.levels.__getitem__, values.astype(np.intp).tolist()))
+        if self.name == _LINE:
+            return [f"b{value:b} {self.ident}\n" for value in values.astype(np.intp).tolist()]
+        return [f"r{value:.16g} {self.ident}\n" for value in values.tolist()]
 
 
-class _Writer:
-    """The file's variables, each with the words for its values."""
+def _head(trace: Trace, edges: dict[str, Edges], version: str, start_ns: int) -> tuple[str, list[_Output]]:
+    """Everything up to the values at the start, and the outputs that change from there on."""
+    out = io.StringIO()
+    writer = VCDWriter(
+        out,
+        timescale="1 ns",
+        date="",
+        version=f"gusjob {version}",
+        comment="laser outputs by M 1.1 and 1.2: + lines rest high",
+        init_timestamp=start_ns,
+    )
+    outputs = []
+    for channel in trace.channels:
+        *wires, analog = line_names(channel.channel)
+        for name in wires:
+            first = Level(int(edges[name].first))
+            plus = writer.register_var(_SCOPE, f"{name}+", "wire", size=1, init=_PLUS[first]).ident
+            minus = writer.register_var(_SCOPE, f"{name}-", "wire", size=1, init=_MINUS[first]).ident
+            levels = tuple(f"{_PLUS[level]}{plus}\n{_MINUS[level]}{minus}\n" for level in Level)
+            outputs.append(_Output(name=name, levels=levels, ident=plus))
+        volts = writer.register_var(_SCOPE, analog, "real", init=edges[analog].first)
+        outputs.append(_Output(name=analog, levels=(), ident=volts.ident))
+    line = writer.register_var(_SCOPE, _LINE, "integer", size=32, init=int(edges[_LINE].first))
+    outputs.append(_Output(name=_LINE, levels=(), ident=line.ident))
+    writer.flush()
+    return out.getvalue(), outputs
 
-    def __init__(self, out: io.StringIO, trace: Trace, edges: dict[str, Edges], window: Window, version: str) -> None:
-        self.writer = VCDWriter(
-            out,
-            timescale="1 ns",
-            date="",
-            version=f"gusjob {version}",
-            comment="laser outputs by M 1.1 and 1.2: + lines rest high",
-            init_timestamp=window.span_ns[0],
-        )
-        self.wires: dict[str, list[tuple[Variable[Any], dict[Level, str]]]] = {}
-        self.numbers: dict[str, Variable[Any]] = {}
-        for channel in trace.channels:
-            *wires, analog = line_names(channel.channel)
-            for name in wires:
-                level = Level(int(edges[name].first))
-                self.wires[name] = [
-                    (self.writer.register_var(_SCOPE, name + sign, "wire", size=1, init=words[level]), words)
-                    for sign, words in (("+", _PLUS), ("-", _MINUS))
-                ]
-            self.numbers[analog] = self.writer.register_var(_SCOPE, analog, "real", init=edges[analog].first)
-        self.numbers["line"] = self.writer.register_var(
-            _SCOPE, "line", "integer", size=32, init=int(edges["line"].first)
-        )
 
-    def write(self, edges: dict[str, Edges]) -> None:
-        """What changes, in order of time."""
-        names = list(edges)
-        time = np.concatenate([edges[name].time_ns for name in names])
-        order = np.argsort(time, kind="stable")
-        which = np.repeat(np.arange(len(names)), [len(edges[name].time_ns) for name in names])[order]
-        value = np.concatenate([edges[name].value for name in names])[order]
-        change = self.writer.change
-        for at_ns, number, new in zip(time[order].tolist(), which.tolist(), value.tolist(), strict=True):
-            name = names[number]
-            if name in self.wires:
-                for wire, words in self.wires[name]:
-                    change(wire, at_ns, words[new])
-            else:
-                change(self.numbers[name], at_ns, int(new) if name == "line" else new)
+def _changes_text(edges: dict[str, Edges], outputs: list[_Output]) -> str:
+    """What changes, in order of time. Written here, as the library takes a call for every change."""
+    time = np.concatenate([edges[output.name].time_ns for output in outputs])
+    order = np.argsort(time, kind="stable")
+    said = [text for output in outputs for text in output.texts(edges[output.name].value)]
+    time = time[order]
+    fresh = np.ones(len(time), dtype=np.bool_)
+    fresh[1:] = time[1:] != time[:-1]
+    stamps = np.full(len(time), "", dtype=object)
+    stamps[fresh] = list(map("#%d\n".__mod__, time[fresh].tolist()))
+    return "".join(chain.from_iterable(zip(stamps.tolist(), map(said.__getitem__, order.tolist()), strict=True)))

@@ -30,20 +30,24 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
 FIELD_MM = 100.0
 
 
+def near(chance: random.Random, place: list[float], far_mm: float) -> list[float]:
+    """A place not far from another, in the field."""
+    return [min(max(at + chance.gauss(0, far_mm), -FIELD_MM), FIELD_MM) for at in place]
+
+
 def wild_job(count: int) -> Iterator[str]:
-    """`count` segments in which nothing repeats: marks of random length, direction and power, a jump to each third."""
+    """`count` segments in which nothing repeats: marks of random length, direction and power, a jump before every other."""
     chance = random.Random(1)
     place = [0.0, 0.0]
     yield from (*HEAD, "VEL 800", "ACC 1000000", "LASER POWER 50")
     done = 0
     while done < count:
-        target = [chance.uniform(-FIELD_MM, FIELD_MM) for _ in range(2)]
-        yield f"JUMP X {target[0]:.3f} Y {target[1]:.3f}"
+        place = near(chance, place, 2.0)
+        yield f"JUMP X {place[0]:.3f} Y {place[1]:.3f}"
         yield f"LASER POWER {chance.uniform(5, 95):.2f}"
         yield "LASER ON"
-        place = target
-        for _ in range(min(2, count - done - 1)):
-            place = [min(max(at + chance.gauss(0, 1), -FIELD_MM), FIELD_MM) for at in place]
+        for _ in range(2):
+            place = near(chance, place, 0.5)
             yield f"LINE X {place[0]:.3f} Y {place[1]:.3f} VEL {chance.uniform(200, 900):.1f}"
         yield "LASER OFF"
         done += 3
