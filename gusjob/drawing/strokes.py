@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.columns import counted
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.spans import Spans
@@ -157,10 +158,9 @@ def _chords(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
     """Arcs in equal times."""
     laid = clock.laid
     count = np.maximum(np.ceil(np.abs(laid.arcs.sweep) / step_rad), 1).astype(np.intp) - 1
-    which = np.repeat(np.arange(len(count)), count)
-    part = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 1
+    which, part = counted(count)
     cell = laid.arc_at[which]
-    return cell, clock.times[cell] + clock.duration_ms[cell] * (part / (count[which] + 1))
+    return cell, clock.times[cell] + clock.duration_ms[cell] * ((part + 1) / (count[which] + 1))
 
 
 def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.columns import counted
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.scanner import Beam
@@ -115,8 +116,8 @@ def _cut(clock: Clock, stage: Indices, begin: Floats, finish: Floats) -> tuple[I
     first = np.maximum(first, clock.stage_first[stage])
     last = np.minimum(last, clock.stage_first[stage + 1])
     counts = np.where(start < end, np.maximum(last - first, 0), 0)
-    which = np.repeat(np.arange(len(counts)), counts)
-    cell = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts) + first[which]
+    which, number = counted(counts)
+    cell = first[which] + number
     cut_start = np.maximum(start[which], clock.times[cell])
     cut_end = np.minimum(end[which], clock.times[cell + 1])
     real = cut_start < cut_end

@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.columns import counted
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.path import Motion
 from gusjob.machine import Scanner, ScannerModel
@@ -224,8 +225,7 @@ def _cut_arcs(clock: Clock, cut: _Cut) -> _Cut:
     parts = np.ones(len(cut.cell), dtype=np.intp)
     error = size * (angle**3 + 3 * angle * gained) / (72 * np.sqrt(3.0))
     parts[round_] = np.maximum(np.ceil(np.cbrt(error / _ARC_ERROR_PULSE)), 1).astype(np.intp)
-    which = np.repeat(np.arange(len(parts)), parts)
-    part = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
+    which, part = counted(parts)
     length = cut.length[which] / parts[which]
     since, vel, acc = part * length, cut.vel[which], cut.acc[which]
     return _Cut(

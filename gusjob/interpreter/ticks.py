@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.columns import counted
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.scanner import Beam
 from gusjob.interpreter.settings import Setting, limited
@@ -132,8 +133,7 @@ class _Runs:
         period = self.ticks.period_ms
         # A run longer than a chunk is cut.
         parts = np.maximum(-(-self.count // _CHUNK_TICKS), 1)
-        run = np.repeat(np.arange(len(parts)), parts)
-        part = np.arange(len(run)) - np.repeat(np.cumsum(parts) - parts, parts)
+        run, part = counted(parts)
         size = np.minimum(self.count[run] - part * _CHUNK_TICKS, _CHUNK_TICKS)
         begin = self.first[run] + part * _CHUNK_TICKS * period
         final = np.where(part == parts[run] - 1, self.last[run], period)

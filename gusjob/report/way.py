@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.columns import counted
 from gusjob.interpreter import Trace
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.spans import Spans
@@ -106,8 +107,7 @@ def _cut(trace: Trace, machine: Machine, spans: Spans) -> tuple[Indices, Floats,
     parts = np.stack([fine, coarse], axis=1).ravel().astype(np.intp)
     size = np.stack([fading, length - fading], axis=1).ravel() / np.maximum(parts, 1)
     begin = np.stack([start, start + fading], axis=1).ravel()
-    which = np.repeat(np.arange(len(parts)), parts)
-    part = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
+    which, part = counted(parts)
     return mark[which // 2], begin[which] + part * size[which], size[which]
 
 

@@ -21,6 +21,7 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.columns import counted
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.spans import Spans
 from gusjob.interpreter.state import LaserState
@@ -209,9 +210,8 @@ class _Channel:
         phase = total - turned - before + base[steps.which]
         low = np.ceil(phase - _SAME_PHASE)
         count = (np.ceil(phase + turned - _SAME_PHASE) - low).astype(np.intp)
-        step = np.repeat(np.arange(len(count)), count)
-        number = low[step] + np.arange(len(step)) - np.repeat(np.cumsum(count) - count, count)
-        fired = steps.start_ms[step] + np.maximum(number - phase[step], 0.0) / steps.value[step]
+        step, number = counted(count)
+        fired = steps.start_ms[step] + np.maximum(low[step] + number - phase[step], 0.0) / steps.value[step]
         width = np.array([laser.pulse_width_us for laser in self.lasers])[stage[steps.which[step]]] / US_PER_MS
         dark = np.append(fired[1:], np.inf)
         stop = np.minimum(np.minimum(fired + width, finish[steps.which[step]]), dark)
@@ -309,9 +309,8 @@ def _periods(begin: Floats, finish: Floats, khz: Floats, since: float, until: fl
     high = np.ceil((np.minimum(finish, until) - begin) * khz - _SAME_PHASE)
     # A window's end may be a period's start: it belongs to both windows, and is cut off there.
     count = np.maximum(high - low + (finish > until), 0.0).astype(np.intp)
-    which = np.repeat(np.arange(len(count)), count)
-    number = low[which] + np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    return which, begin[which] + number / khz[which]
+    which, number = counted(count)
+    return which, begin[which] + (low[which] + number) / khz[which]
 
 
 def _low_parts(period_start: Floats, finish: Floats, period: Floats, pct: Floats) -> _Pulses:

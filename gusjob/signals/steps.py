@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.columns import counted
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.spans import Spans
 
@@ -57,9 +58,8 @@ def ticks_in(trace: Trace, spans: Spans) -> tuple[Indices, Floats]:
     origin, period = trace.clock.stage_start()[spans.stage], trace.period_ms
     first = np.ceil((spans.start_ms - origin) / period - 1e-9)
     count = np.maximum(np.ceil((spans.end_ms - origin) / period - 1e-9) - first, 0.0).astype(np.intp)
-    which = np.repeat(np.arange(len(count)), count)
-    number = first[which] + np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    return which, origin[which] + number * period
+    which, number = counted(count)
+    return which, origin[which] + (first[which] + number) * period
 
 
 def _calls(trace: Trace, channel: ChannelTrace, spans: Spans) -> tuple[Indices, Floats]:
@@ -69,7 +69,7 @@ def _calls(trace: Trace, channel: ChannelTrace, spans: Spans) -> tuple[Indices, 
     first = np.searchsorted(moments, spans.start_ms, side="right")
     behind = np.searchsorted(moments, spans.end_ms, side="left")
     count = np.maximum(behind - first, 0)
-    which = np.repeat(np.arange(len(count)), count)
-    at = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + first[which]
+    which, number = counted(count)
+    at = first[which] + number
     mine = powers.stage[at] == spans.stage[which]
     return which[mine], moments[at[mine]]
