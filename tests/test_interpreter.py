@@ -13,6 +13,7 @@ from tools import MARK, run_job, run_listing, stream_of
 
 from gusjob.interpreter import interpret
 from gusjob.machine import Machine
+from gusjob.syntax import check_text, read_listing
 
 HEAD = """GT_SetAxisMode(7,1)
 GT_LaserPowerMode(0,100,0,0)
@@ -267,3 +268,33 @@ def test_velocity_follow_over_a_million_ticks_equals_the_sum() -> None:
     held = np.diff(np.append(ticks, duration))
     expected = math.fsum(np.minimum(0.3 * vel + 5, 20) * held)
     assert trace.channels[0].emitted.power_ms[0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_power_held_at_moments() -> None:
+    """Follow 2 * v + 10 up to 100, at 2 pulse/ms2; then direct, which holds behind the end too."""
+    text = HEAD + "GT_BufLaserPrfFollow(1,2,10,100,0,0)\n" + LINE + "GT_BufLaserPrfCmd(1,33,0,0)\nGT_BufDelay(1,5,0)\n"
+    source, _ = check_text((text + "GT_CrdStart(1,0)\n").encode(), "test.gts")
+    assert source is not None
+    trace, _ = interpret(read_listing(source)[0], Machine(), foreign=True)
+    assert trace is not None
+    channel = trace.channels[0]
+    time = np.array([0.0, 0.2499, 0.25, 0.3, 0.5, 22.3, 22.75, 1000, 2024.9, 2025, 2030, 9999])
+    # 2 * 2 pulse/ms2 * 0.25 ms = 1 % a tick; 100 % from v = 45 on, at 22.5 ms; v falls below 45 at 2002.5 ms.
+    held = [10, 10, 11, 11, 12, 10 + 89, 100, 100, 11, 33, 33, 33]
+    assert trace.held_power(channel, np.zeros(len(time), dtype=np.intp), time) == pytest.approx(held)
+
+
+def test_the_switch_and_the_light_with_fpk() -> None:
+    """On at 0 and off at 2025 ms, delays 30 and 40 us: the switch; the light 20 us and 50 us behind it."""
+    text = (
+        HEAD + "GT_SetLevelDelay(40,30,0)\nGT_EnaFPK(10,20,50,0)\nGT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
+    )  # fmt: skip
+    source, _ = check_text(text.encode(), "test.gts")
+    assert source is not None
+    trace, _ = interpret(read_listing(source)[0], Machine(), foreign=True)
+    assert trace is not None
+    shine = trace.channels[0].emission
+    assert (shine.switch.start_ms, shine.switch.end_ms) == (pytest.approx([0.03]), pytest.approx([2025.04]))
+    assert (shine.start_ms, shine.end_ms) == (pytest.approx([0.05]), pytest.approx([2025.09]))
+    assert shine.carried.tolist() == [False]
