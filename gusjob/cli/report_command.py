@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from gusjob.report.rows import Report
 
 _TOLERANCE_PCT = 1.0
+_WITHOUT_RUN = ("markdown", "html")
+"""Of a job with errors these still say which."""
+_WITHOUT_COMPARISON = ("csv", "html", "parquet")
+"""The comparison is told beside these, not in them."""
 _EXTRAS = {"html": ("html", "jinja2"), "parquet": ("parquet", "pyarrow")}
 
 
@@ -102,10 +106,7 @@ def command(
     The calls are interpreted tick by tick, as the controller would run them. A job with errors is not run; a listing
     is, since some program already sends it: what the controller would refuse is reported and has no effect.
     """
-    if marking and form in ("csv", "parquet"):
-        raise click.UsageError(f"--marks is for tables, JSON, markdown and HTML: {form} has segments only")
-    if summary and form in ("html", "parquet"):
-        raise click.UsageError("--summary is for tables, JSON, CSV and markdown")
+    _refuse(form, marking=bool(marking), summary=summary)
     if form in _EXTRAS:
         need(*_EXTRAS[form], to=f"write {form}")
         refuse_terminal(form, output)
@@ -120,19 +121,23 @@ def command(
         from gusjob.report.compare import compare
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
-    if form == "html" and not loaded.unreadable:
-        from gusjob.cli.page import html_page
-
-        write(html_page(loaded, trace, report), output, source=path)
-    elif report is not None or (form == "markdown" and not loaded.unreadable):
-        write(_written(loaded, report, comparison, form=form, summary=summary), output, source=path)
-    if form in ("csv", "html", "parquet") and comparison is not None:
+    if report is not None or (form in _WITHOUT_RUN and not loaded.unreadable):
+        write(_written(loaded, trace, report, comparison, form=form, summary=summary), output, source=path)
+    if form in _WITHOUT_COMPARISON and comparison is not None:
         from gusjob.report.compare import comparison_text
 
         click.echo(comparison_text(comparison), err=True, nl=False)
     if form not in ("json", "markdown") or report is None:
         show(loaded, notes=report is None)
     sys.exit(exit_code(loaded) or int(comparison is not None and not comparison.same))
+
+
+def _refuse(form: str, *, marking: bool, summary: bool) -> None:
+    """What a format can't hold."""
+    if marking and form in ("csv", "parquet"):
+        raise click.UsageError(f"--marks is for tables, JSON, markdown and HTML: {form} has segments only")
+    if summary and form in ("html", "parquet"):
+        raise click.UsageError("--summary is for tables, JSON, CSV and markdown")
 
 
 def _report(loaded: Loaded, trace: Trace, marking: bool | None) -> Report:
@@ -142,9 +147,19 @@ def _report(loaded: Loaded, trace: Trace, marking: bool | None) -> Report:
 
 
 def _written(
-    loaded: Loaded, report: Report | None, comparison: Comparison | None, *, form: str, summary: bool
+    loaded: Loaded,
+    trace: Trace | None,
+    report: Report | None,
+    comparison: Comparison | None,
+    *,
+    form: str,
+    summary: bool,
 ) -> Iterable[bytes]:
-    """The report in a format; of a job that was not run there is one in markdown only."""
+    """The report in a format; of a job that was not run there is one in some only."""
+    if form == "html":
+        from gusjob.cli.page import html_page
+
+        return html_page(loaded, trace, report)
     if form == "markdown":
         from gusjob.report.markdown import report_markdown
 
