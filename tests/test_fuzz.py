@@ -107,14 +107,14 @@ def as_listing(text: str) -> None:
 
 
 @given(st.text(max_size=300))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_random_text(text: str) -> None:
     as_job(text)
     as_listing(text)
 
 
 @given(st.binary(max_size=300))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_random_bytes(data: bytes) -> None:
     source, faults = check_text(data, "x")
     assert (source is None) == bool(faults)
@@ -124,7 +124,7 @@ def test_random_bytes(data: bytes) -> None:
 
 
 @given(st.lists(st.lists(st.sampled_from(KEYWORDS + NUMBERS + ["(", ";", "//", '"']), max_size=9), max_size=25))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_token_soup(lines: list[list[str]]) -> None:
     as_job("\n".join(" ".join(line) for line in lines))
 
@@ -132,13 +132,13 @@ def test_token_soup(lines: list[list[str]]) -> None:
 @given(
     st.lists(st.tuples(st.sampled_from(CALLS), st.lists(st.sampled_from([*NUMBERS[:9], "run", "{1,2}"]), max_size=9)))
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_call_soup(calls: list[tuple[str, list[str]]]) -> None:
     as_listing("\n".join(f"{name}({','.join(args)})" for name, args in calls))
 
 
 @given(st.text(max_size=200))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_random_profiles(text: str) -> None:
     machine, faults = parse_machine(text)
     assert machine == Machine() or not faults

@@ -507,7 +507,7 @@ def difference(text: str, machine: Machine = MACHINE) -> str | None:
 
 
 @given(st.randoms(use_true_random=False))
-@settings(max_examples=EXAMPLES, deadline=None)
+@settings(max_examples=EXAMPLES)
 def test_random_jobs(rng: Random) -> None:
     text = Writer(rng).job()
     note(text)
@@ -515,7 +515,7 @@ def test_random_jobs(rng: Random) -> None:
 
 
 @given(st.randoms(use_true_random=False))
-@settings(max_examples=EXAMPLES // 4, deadline=None)
+@settings(max_examples=EXAMPLES // 4)
 def test_random_jobs_on_unequal_axes(rng: Random) -> None:
     text = Writer(rng, arcs=False).job()
     note(text)

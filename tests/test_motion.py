@@ -50,7 +50,7 @@ def test_no_length_takes_no_time() -> None:
     st.lists(st.tuples(st.floats(1e-3, 1e6), st.floats(1e-2, 1e3), st.floats(0.1, 1e4)), min_size=1, max_size=30),
     st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_trapezoid_covers_its_length(rows: list[tuple[float, float, float]], seed: int) -> None:
     length, acc, vel = (A(c) for c in zip(*rows, strict=True))
     rng = np.random.default_rng(seed)
