@@ -36,10 +36,16 @@ _SLACK = 0.97
 """A sample's size is off by a few per cent: so much of the budget it may take."""
 
 
+_ALIKE = 2e-6
+"""A computed column may differ by so much of a figure: less than the sixth digit."""
+
+
 class Entry(TypedDict):
     """One column in the directory. `same`: the place of the entry whose stored bytes are this column's too, or -1.
 
     `delta`: differences are stored; `scale`: stored is value times scale, 0 for figures stored as they are.
+    `how`: "" for a stored column; a "quotient" or "product" of the columns `of` the same table, times `factor`, is not
+    stored: the page computes it.
     """
 
     table: str
@@ -49,6 +55,9 @@ class Entry(TypedDict):
     delta: bool
     scale: int
     same: int
+    how: str
+    of: list[str]
+    factor: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +89,10 @@ class Encoded:
 
 def encode(tables: Tables, budget_bytes: int) -> Encoded:
     """Columns of tables in at most `budget_bytes` of base64, if 8 bits of mantissa can do that; else the least."""
-    bits = _enough(tables, budget_bytes)
+    rules = _rules(tables)
+    bits = _enough(tables, budget_bytes, rules)
     while True:
-        found = _encode(tables, bits)
+        found = _encode(tables, bits, rules)
         lower = [b for b in MANTISSA_BITS if b < bits]
         if found.size <= budget_bytes or not lower:
             return found
@@ -156,13 +166,62 @@ def _all_columns(tables: Tables) -> Iterator[tuple[str, str, Column]]:
                 yield table, name, column
 
 
-def _encode(tables: Tables, bits: int) -> Encoded:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rule:
+    """How a column follows from columns of its table. `factor`: 0 if it is yet to be found."""
+
+    how: str
+    of: tuple[str, ...]
+    factor: float = 1.0
+
+    def values(self, columns: Mapping[str, Column]) -> npt.NDArray[np.float64]:
+        """The column; where nothing times unknown is asked for (power while the light is off), nothing."""
+        first, *others = (columns[name].astype(np.float64) for name in self.of)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for other in others:
+                first = first / other if self.how == "quotient" else np.where(other == 0, 0.0, first * other)
+            found: npt.NDArray[np.float64] = first * self.factor
+        return found
+
+
+def _rule_of(columns: Mapping[str, Column], name: str) -> _Rule | None:
+    """How a column of rows can be computed; None: not at all, or not so that it is the same."""
+    head = name.partition("_")[0]
+    rules = {
+        "vel_mean_mm_s": _Rule(how="quotient", of=("length_mm", "duration_ms"), factor=1e3),
+        f"{head}_power_ms": _Rule(how="product", of=(f"{head}_power_mean", f"{head}_emission_ms")),
+        f"{head}_joules": _Rule(how="product", of=(f"{head}_power_ms",), factor=0.0),
+    }
+    rule = rules.get(name)
+    if rule is None or not all(part in columns for part in rule.of) or not len(columns[name]):
+        return None
+    column = columns[name]
+    if not rule.factor:
+        power = columns[rule.of[0]]
+        largest = int(np.argmax(power))
+        if not power[largest] > 0 or np.isnan(column[largest]):
+            return None
+        rule = _Rule(how=rule.how, of=rule.of, factor=float(column[largest] / power[largest]))
+    return rule if np.allclose(rule.values(columns), column, rtol=_ALIKE, atol=0, equal_nan=True) else None
+
+
+def _rules(tables: Tables) -> dict[tuple[str, str], _Rule]:
+    rows = tables.get("rows", {})
+    found = {("rows", name): _rule_of(rows, name) for name in rows if name not in DROPPED}
+    return {place: rule for place, rule in found.items() if rule is not None}
+
+
+def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule]) -> Encoded:
     directory: list[Entry] = []
     packed: list[bytes] = []
     seen: dict[int, list[int]] = {}
     kept: dict[int, tuple[str, str]] = {}
     pack = zlib.compressobj(_LEVEL, zlib.DEFLATED, 16 + zlib.MAX_WBITS)
     for table, name, column in _all_columns(tables):
+        rule = rules.get((table, name))
+        if rule is not None:
+            directory.append(_computed(table, name, len(column), rule))
+            continue
         values, scale = stored(table, name, column, bits)
         entry = _entry(table, name, values, scale)
         data = _bytes_of(values, delta=entry["delta"])
@@ -193,24 +252,36 @@ def _entry(table: str, name: str, values: Column, scale: int) -> Entry:
         delta=bool(scale) or (name in DELTA and values.dtype.kind == "i"),
         scale=scale,
         same=-1,
+        how="",
+        of=[],
+        factor=1.0,
     )
 
 
-def _enough(tables: Tables, budget_bytes: int) -> int:
+def _computed(table: str, name: str, count: int, rule: _Rule) -> Entry:
+    return Entry(
+        table=table, name=name, type="f32", count=count, delta=False, scale=0, same=-1,
+        how=rule.how, of=list(rule.of), factor=rule.factor,
+    )  # fmt: skip
+
+
+def _enough(tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _Rule]) -> int:
     """The most bits with which a sample of the columns says that all fit."""
     raw = sum(column.nbytes for _, _, column in _all_columns(tables))
     if raw <= _SAMPLED:
         return MANTISSA_BITS[0]
     for bits in MANTISSA_BITS:
-        if _estimate(tables, bits) <= budget_bytes * _SLACK:
+        if _estimate(tables, bits, rules) <= budget_bytes * _SLACK:
             return bits
     return MANTISSA_BITS[-1]
 
 
-def _estimate(tables: Tables, bits: int) -> float:
+def _estimate(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule]) -> float:
     """Length of the base64 text, by parts of each column."""
     total, seen = 0.0, set()
     for table, name, column in _all_columns(tables):
+        if (table, name) in rules:
+            continue
         part = _sample(column)
         values, scale = stored(table, name, part, bits)
         data = _bytes_of(values, delta=_entry(table, name, values, scale)["delta"])
@@ -235,7 +306,10 @@ def decode(directory: list[Entry], packed: bytes) -> dict[str, dict[str, Column]
     raws: list[Column] = []
     at = 0
     for entry in directory:
-        if entry["same"] >= 0:
+        if entry["how"]:
+            rule = _Rule(how=entry["how"], of=tuple(entry["of"]), factor=entry["factor"])
+            raw = rule.values(tables[entry["table"]]).astype(np.float32)
+        elif entry["same"] >= 0:
             raw = raws[entry["same"]]
         else:
             width, count = int(entry["type"][1:]) // 8, entry["count"]

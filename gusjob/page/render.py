@@ -8,7 +8,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
@@ -65,7 +65,12 @@ def render(page: Page) -> Iterator[bytes]:
     if not _interactive(page):
         yield shell.encode("utf-8", "replace")
         return
-    found = encode(page.tables, MAX_BYTES - len(shell.encode("utf-8", "replace")) - _DIRECTORY_BYTES)
+    budget = MAX_BYTES - len(shell.encode("utf-8", "replace")) - _DIRECTORY_BYTES
+    found = encode(page.tables, budget)
+    if found.size > budget and page.tables.get("marks"):
+        left = {name: part for name, part in page.tables.items() if name != "marks"}
+        page = replace(page, tables=left, facts={**page.facts, "marks_left_out": True})
+        found = encode(page.tables, budget)
     head, _, tail = _shell(page, found).partition(str(_COLUMNS))
     yield head.encode("utf-8", "replace")
     yield from found.text()
@@ -248,8 +253,10 @@ def _remarks(facts: Mapping[str, Any], found: Encoded | None) -> list[str]:
         said.append("So many segments: the curves show each segment's highest velocity and mean power.")
     if found is not None and found.digits < _DIGITS:
         said.append(
-            f"Figures of the drawings and tables are rounded to {found.digits} digits so that the page stays small."
+            f"Figures in drawings and tables are rounded to about {found.digits} digits so that the page stays small."
         )
+    if facts.get("marks_left_out"):
+        said.append("The table of marks is left out so that the page stays small; the JSON report has it.")
     return said
 
 
@@ -301,7 +308,7 @@ def _diagnostic(fault: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _placed(place: Mapping[str, Any]) -> dict[str, Any]:
-    source = printable(str(place.get("source", "")).rstrip("\r\n"))
+    source = printable(str(place.get("source") or "").rstrip("\r\n"))
     start = min(max(int(place["column"]) - 1, 0), len(source))
     end = int(place["end_column"]) - 1 if place["end_line"] == place["line"] else len(source)
     end = min(max(end, start + 1), start + _CUT)

@@ -57,6 +57,18 @@
     return new Type(out.buffer);
   }
 
+  // A column that follows from others; nothing times unknown (power while the light is off) is nothing.
+  function computed(entry, table) {
+    const [a, b] = entry.of.map((name) => table[name].values);
+    const out = new Float32Array(entry.count);
+    for (let i = 0; i < entry.count; i++) {
+      if (!b) out[i] = a[i] * entry.factor;
+      else if (entry.how === "quotient") out[i] = (a[i] / b[i]) * entry.factor;
+      else out[i] = b[i] === 0 ? 0 : a[i] * b[i] * entry.factor;
+    }
+    return out;
+  }
+
   async function unpack(text, directory, told) {
     const gunzip = new DecompressionStream("gzip");
     const writer = gunzip.writable.getWriter();
@@ -72,7 +84,8 @@
     const tables = {};
     for (const entry of directory) {
       let values;
-      if (entry.same >= 0) values = arrays[entry.same];
+      if (entry.how) values = computed(entry, tables[entry.table]);
+      else if (entry.same >= 0) values = arrays[entry.same];
       else {
         const Type = ARRAYS[entry.type];
         values = unshuffled(await take(entry.count * Type.BYTES_PER_ELEMENT), Type, entry.count);
@@ -176,7 +189,11 @@
     if (short === 0) return "0";
     const text = String(short);
     if (!text.includes("e")) return text;
-    if (Math.abs(short) > 1) return BigInt(short).toString();
+    if (Math.abs(short) > 1) {
+      const [mantissa, power] = text.split("e");
+      const after = (mantissa.split(".")[1] || "").length;
+      return mantissa.replace(".", "") + "0".repeat(Number(power) - after);
+    }
     return short.toFixed(Math.min(100, 5 - Math.floor(Math.log10(Math.abs(short))))).replace(/0+$/, "");
   }
 

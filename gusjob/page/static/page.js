@@ -60,8 +60,9 @@
 
   function tell(row) {
     const title = byId("details-title"), body = byId("details-body");
-    byId("previous").disabled = row !== null && row <= 0;
-    byId("next").disabled = row !== null && row >= gusjob.count - 1;
+    // Not really disabled: a button that is would lose the keyboard's focus at the last segment.
+    byId("previous").setAttribute("aria-disabled", String(row === 0));
+    byId("next").setAttribute("aria-disabled", String(row === gusjob.count - 1));
     if (row === null) {
       title.textContent = "No segment selected";
       body.replaceChildren();

@@ -11,7 +11,7 @@
   const U = gusjob.UNITS_PER_MM;
 
   const view = {
-    show: { jumps: true, runs: true, switches: false, command: false }, measure: "power", lightNumber: 0,
+    show: { jumps: true, runs: true, switches: false, command: false }, by: "power", lightNumber: 0, measure: null,
     bins: null, range: null, palette: null, ink: {},
   };
 
@@ -55,7 +55,7 @@
 
   function recolor() {
     const light = view.lights[view.lightNumber] || null;
-    Object.assign(view, gusjob.colors.binsOf(view.strokes, view.lights, light, view.measure));
+    Object.assign(view, gusjob.colors.binsOf(view.strokes, view.lights, light, view.by));
     drawLegend();
   }
 
@@ -257,7 +257,7 @@
     const light = view.lights && view.lights[view.lightNumber];
     const unit = measure ? gusjob.printable(measure.unit) : "";
     const said = (id, text) => { document.getElementById(id).textContent = text; };
-    const channel = light && view.lights.length > 1 && (view.measure === "power" || view.measure === "energy") ? `, channel ${light.channel}` : "";
+    const channel = light && view.lights.length > 1 && (view.by === "power" || view.by === "energy") ? `, channel ${light.channel}` : "";
     said("legend-name", range ? `${measure.word}${channel}, ${unit}` : "no light");
     said("legend-low", range && !one ? figure(range.low) : "");
     said("legend-high", range ? `${range.cut ? "\u2265 " : ""}${figure(range.high)}${one ? " everywhere" : ""}` : "");
@@ -301,7 +301,7 @@
     channel.closest("label").hidden = view.lights.length < 2;
     by.closest("label").hidden = !view.lights.length;
     const changed = () => {
-      view.measure = by.value;
+      view.by = by.value;
       view.lightNumber = Number(channel.value || 0);
       recolor();
       view.layer.redraw();
@@ -326,7 +326,7 @@
 
   function state() {
     const at = view.map.getCenter();
-    return { at: [at.lat, at.lng], zoom: view.map.getZoom(), show: view.show, measure: view.measure, light: view.lightNumber };
+    return { at: [at.lat, at.lng], zoom: view.map.getZoom(), show: view.show, by: view.by, light: view.lightNumber };
   }
 
   function restore(kept) {
@@ -338,7 +338,7 @@
       node.dispatchEvent(new Event("change"));
     };
     for (const [id, name] of [["show-jumps", "jumps"], ["show-runs", "runs"], ["show-switches", "switches"], ["show-command", "command"]]) set(id, kept.show[name]);
-    set("color-by", kept.measure);
+    set("color-by", kept.by);
     if (kept.light < view.lights.length) set("color-channel", String(kept.light));
   }
 

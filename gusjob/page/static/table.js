@@ -63,7 +63,9 @@
       infiniteInitialRowCount: grid.count, blockLoadDebounceMillis: 20, columnDefs: grid.columns.map(definition),
       defaultColDef: { sortable: true, resizable: true, floatingFilter: true, suppressHeaderMenuButton: true, sortingOrder: ["asc", "desc", null] },
       getRowId: (p) => String(p.data.row), rowSelection: { mode: "singleRow", checkboxes: false, enableClickSelection: false },
+      suppressRowTransform: true, // A transform is a float32: a million rows down, cells would be off by a pixel.
       suppressDragLeaveHidesColumns: true, animateRows: false, suppressColumnMoveAnimation: true, tooltipShowDelay: 400,
+      tabToNextCell: () => false, // Out of the grid: arrows go from cell to cell, Tab through a million rows would be a trap.
       onCellFocused: (event) => {
         const row = grid.order && event.rowIndex !== null ? grid.order[event.rowIndex] : undefined;
         if (row === undefined || grid.moving) return;

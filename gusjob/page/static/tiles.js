@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const FEW = 5000; // strokes that a canvas draws in some 10 ms
+  const FEW = 5000; // strokes a tile that a canvas draws in some 10 ms
   const PAD = 10; // px: how far a line's width and a switch point reach out of their tile
   const DASHES = { jump: [5, 4], run_in: [8, 3, 2, 3], run_out: [2, 3], mark: [], dwell: [] };
   const SWITCHES = 3000; // more would hide the path
@@ -75,7 +75,7 @@
     const { strokes, bins, light } = view;
     const levels = new Uint8Array(frame.side * frame.side);
     const side = frame.side;
-    const thick = count < THICK || frame.ratio >= 1.5;
+    const thick = frame.usual < THICK || frame.ratio >= 1.5;
     const plot = (nodes, i, level) => {
       const line = clipped(frame.x(nodes.x[i]), frame.y(nodes.y[i]), frame.x(nodes.x[i + 1]), frame.y(nodes.y[i + 1]), -1, side, side);
       if (line) markLine(levels, side, level, line, thick && level >= LEVELS.light);
@@ -204,6 +204,13 @@
     context.stroke();
   }
 
+  // Strokes in a usual tile at a scale. All tiles are drawn alike by it: a change of style would look like a change of the path.
+  function usualCount(view, size, scale) {
+    const [x0, y0, x1, y1] = view.bounds;
+    const tile = (size / scale) * gusjob.UNITS_PER_MM;
+    return view.strokes.count / (Math.max(1, (x1 - x0) / tile) * Math.max(1, (y1 - y0) / tile));
+  }
+
   // Draws a tile; returns how many strokes are in it.
   function drawTile(view, canvas, coords, size, scale) {
     const ratio = canvas.width / size;
@@ -212,7 +219,8 @@
     const count = ids ? ids.length : view.strokes.count;
     if (!count) return 0;
     const context = canvas.getContext("2d");
-    if (count > FEW) drawPixels(view, frame, context, ids, count);
+    frame.usual = usualCount(view, size, scale);
+    if (frame.usual > FEW || count > 4 * FEW) drawPixels(view, frame, context, ids, count);
     else drawLines(view, frame, context, ids || Array.from({ length: count }, (_, i) => i));
     if (view.show.switches) drawSwitches(view, frame, context, ids, count);
     return count;

@@ -226,12 +226,14 @@
 
   /* Selection: a band over the plot, at least as wide as can be seen. */
 
+  const spanOf = (row) => [gusjob.rows.starts[row], gusjob.rows.starts[row + 1]];
+
   function placeMarker() {
     const marker = view.marker, row = gusjob.selected;
     marker.hidden = row === null;
     if (row === null) return;
-    const { strokes } = gusjob, plot = view.plot;
-    const from = strokes.start[strokes.first[row]], to = strokes.start[strokes.first[row + 1] - 1] + strokes.duration[strokes.first[row + 1] - 1];
+    const plot = view.plot;
+    const [from, to] = spanOf(row);
     marker.hidden = to < view.from || from > view.to;
     const left = clamp(plot.valToPos(from, "x"), -10, plot.over.clientWidth + 10);
     const right = clamp(plot.valToPos(to, "x"), -10, plot.over.clientWidth + 10);
@@ -242,8 +244,7 @@
 
   function show(row) {
     if (row !== null) {
-      const { strokes } = gusjob;
-      const from = strokes.start[strokes.first[row]], to = strokes.start[strokes.first[row + 1]];
+      const [from, to] = spanOf(row);
       if (to < view.from || from > view.to) {
         const long = view.to - view.from;
         return zoomTo((from + to) / 2 - long / 2, (from + to) / 2 + long / 2);
@@ -291,8 +292,7 @@
     on("time-all", reset);
     on("time-chosen", () => {
       if (gusjob.selected === null) return;
-      const { strokes } = gusjob, row = gusjob.selected;
-      const from = strokes.start[strokes.first[row]], to = strokes.start[strokes.first[row + 1]];
+      const [from, to] = spanOf(gusjob.selected);
       const room = Math.max((to - from) * 2, 1e-3);
       zoomTo(from - room, to + room);
     });
