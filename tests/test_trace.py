@@ -103,7 +103,6 @@ def test_windows_leave_no_seam(monkeypatch: pytest.MonkeyPatch, name: str, pulse
     assert off(in_windows(monkeypatch, JOBS[name], pulses, window_ms).splitlines(), job(name).splitlines()) == []
 
 
-@pytest.mark.xfail(reason="what changes exactly where a window begins (each 500 ms) is lost", strict=True)
 @pytest.mark.parametrize("name", JOBS)
 @pytest.mark.parametrize("window_ms", [0.25, 1.0])
 def test_windows_that_begin_with_an_edge(monkeypatch: pytest.MonkeyPatch, name: str, window_ms: float) -> None:
@@ -111,7 +110,6 @@ def test_windows_that_begin_with_an_edge(monkeypatch: pytest.MonkeyPatch, name: 
     assert off(in_windows(monkeypatch, JOBS[name], 10**6, window_ms).splitlines(), job(name).splitlines()) == []
 
 
-@pytest.mark.xfail(reason="the same, with the windows as they are", strict=True)
 def test_light_that_begins_with_a_window() -> None:
     """Wrong: a mark without its edges, since it begins half a second into the job."""
     found = wave(DUTY.format(1) + "LASER POWER 40\nDWELL 500\nLASER ON\nDWELL 1\nLASER OFF\nDWELL 1\n")
@@ -193,23 +191,13 @@ def sigrok(tmp_path: Path, data: bytes) -> dict[str, list[tuple[int, str]]]:
     return {name.removeprefix("libsigrok."): read_back[name].tv for name in read_back.signals}
 
 
-LINE_VARIABLE = re.compile(rb"^(\$var integer 32 \S+ line \$end|b[01]+ \S+)\n", re.MULTILINE)
-
-
 @pytest.mark.parametrize("name", ["duty", "fpk", "both"])
-def test_sigrok_reads_the_lines(tmp_path: Path, name: str) -> None:
-    """Wrong: another reader finds other edges (of the lines; it knows no real and no integer variables)."""
-    data = job(name)
-    found = sigrok(tmp_path, LINE_VARIABLE.sub(b"", data))
+def test_sigrok_reads_the_file(tmp_path: Path, name: str) -> None:
+    """Wrong: a file that PulseView opens with other edges in it, or none (it knows no real variables)."""
+    found = sigrok(tmp_path, job(name))
     assert len(found) in (4, 8)
     for line, changes in found.items():
         assert off(changes, job_wave(name).signals[line]) == [], line
-
-
-@pytest.mark.xfail(reason="libsigrok 0.5.2 stops at the first value of more than one bit: the line variable")
-def test_sigrok_reads_the_file(tmp_path: Path) -> None:
-    """Wrong: a file that PulseView opens without a sample in it."""
-    assert off(sigrok(tmp_path, job("duty"))["PWM0+"], job_wave("duty").signals["PWM0+"]) == []
 
 
 def test_gtkwave_reads_the_file(tmp_path: Path) -> None:
@@ -311,7 +299,6 @@ def test_light_at_its_edges() -> None:
     assert off(found["ch0_emission_us"], 250.0 * lit) == []
 
 
-@pytest.mark.xfail(reason="no ticks in an off delay behind the motion: its light is in no row", strict=True)
 def test_off_delay_in_the_table() -> None:
     """Wrong: light that no row holds: emission_us must sum up to the light's time."""
     found = table(DUTY.format(10) + "LASER DELAY ON 0 OFF 900\nLASER POWER 40\nLASER ON\nDWELL 1\nLASER OFF\n")

@@ -109,12 +109,11 @@ def emission(calls: BufferedCalls, clock: Clock, program: Program, channel: int)
         on_row=opening.row,
         off_row=np.where(has_off, following.row, -1),
     ).merged()
-    stage, carried = spans.stage, spans.carried
-    switch = Spans(
-        stage=stage,
-        start_ms=np.maximum(spans.start, starts[stage]),
-        end_ms=np.where(spans.has_off, spans.end, ends[stage]),
-    )
+    stage = spans.stage
+    begin, finish = np.maximum(spans.start, starts[stage]), np.where(spans.has_off, spans.end, ends[stage])
+    real = begin < finish  # An on edge still under way at its stage's end belongs to the next.
+    switch = Spans(stage=stage[real], start_ms=begin[real], end_ms=finish[real])
+    carried = spans.carried[real]
     spans = replace(
         spans,
         start=np.where(spans.carried, spans.start, spans.start + gap[stage]),

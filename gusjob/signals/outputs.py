@@ -8,8 +8,9 @@ Each channel has an energy line and a switch line, both differential, and an ana
 
 Where M is silent: the first period of the carrier begins with the light; a period keeps the duty that it began with;
 in frequency mode the phase goes on when the frequency changes; light that ends cuts its pulse short; the FPK pulse has
-the level of "on"; in duty mode 2 the + line of the switch is high; the standby pulse begins anew when light ends, and
-goes on over a change of stage; without GT_LaserOutFrq the energy line is unknown while a duty mode shines.
+the level of "on"; in duty mode 2 the + line of the switch is high; the standby pulse begins anew when light ends;
+pulses go on over a change of stage that changes nothing of them; while a duty mode shines without GT_LaserOutFrq, or
+frequency mode without GT_SetPulseWidth, the energy line is unknown.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.spans import Spans
 from gusjob.interpreter.state import LaserState
 from gusjob.limits import PowerMode
+from gusjob.signals.light import Lit, Off, lit_of, off_of, switch_of
 from gusjob.signals.steps import Steps, steps_of
 from gusjob.signals.timeline import Timeline, timeline_of
 from gusjob.units import US_PER_MS
@@ -38,6 +40,7 @@ NS_PER_MS = 1e6
 _WINDOW_PULSES = 50_000
 """Pulses that are worked on at once: bounds the memory."""
 _WINDOW_MS = 500.0
+_MARGIN_MS = 2e-6
 _ROUNDING_MS = 1e-7
 """A period that begins with a power call has that call's power, whatever rounding says."""
 _SAME_PHASE = 1e-9
@@ -54,7 +57,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edges:
-    """A line from a window's start on: its first value, then changes, (n,): moment in ns, new value."""
+    """A line in a window: its value at the start, then changes, (n,): moment in ns, new value."""
 
     first: float
     time_ns: Times
@@ -63,7 +66,10 @@ class Edges:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Some time of the outputs, [start, end) ns. `lines`: + lines and analog outputs by name, in order."""
+    """Some time of the outputs, ns; what happens at its start has happened before, what happens at its end is in it.
+
+    `lines`: + lines and analog outputs by name, in order.
+    """
 
     span_ns: tuple[int, int]
     lines: dict[str, Edges]
@@ -78,17 +84,6 @@ class _Pulses:
     unknown: npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Off:
-    """Time without light, (k,): start and end, ms on the wires; the standby pulse in it (0 kHz: none), volts in it."""
-
-    start: Floats
-    end: Floats
-    khz: Floats
-    pct: Floats
-    volts: Floats
-
-
 def line_names(channel: int) -> tuple[str, str, str]:
     """Energy, switch and analog output of a channel (M 一.1)."""
     return f"PWM{2 * channel}", f"PWM{2 * channel + 1}", f"AO{channel}"
@@ -100,16 +95,15 @@ def windows_of(trace: Trace, start_ms: float = 0.0, end_ms: float | None = None)
     lines = [_Channel(trace=trace, timeline=timeline, channel=channel) for channel in trace.channels]
     stop = timeline.total_ms if end_ms is None else min(end_ms, timeline.total_ms)
     rate = max([sum(line.highest_khz for line in lines), _WINDOW_PULSES / _WINDOW_MS])
-    size, at = _WINDOW_PULSES / rate, start_ms
+    size_ns = max(round(_WINDOW_PULSES / rate * NS_PER_MS), 1)
+    at_ns, stop_ns = round(start_ms * NS_PER_MS), round(stop * NS_PER_MS)
     while True:
-        end = min(at + size, stop)
-        # What happens at the very end is seen.
-        span_ns = round(at * NS_PER_MS), round(end * NS_PER_MS) + int(end >= stop)
-        named = {name: edges for line in lines for name, edges in line.window(at, end, span_ns)}
-        yield Window(span_ns=span_ns, lines=named)
-        if end >= stop:
+        end_ns = min(at_ns + size_ns, stop_ns)
+        named = {name: edges for line in lines for name, edges in line.window(at_ns, end_ns)}
+        yield Window(span_ns=(at_ns, end_ns), lines=named)
+        if end_ns >= stop_ns:
             return
-        at = end
+        at_ns = end_ns
 
 
 @dataclass(slots=True)
@@ -119,23 +113,22 @@ class _Channel:
     trace: Trace
     timeline: Timeline
     channel: ChannelTrace
-    lit: Spans
-    off: _Off
-    switch: tuple[Times, Floats]
     lasers: tuple[LaserState, ...]
+    lit: Lit
+    off: Off
+    switch: tuple[Times, Floats]
+    before: Floats
+    """Periods of light in frequency mode since its train began, (k,)."""
     highest_khz: float
     lead_ms: float
 
     def __init__(self, *, trace: Trace, timeline: Timeline, channel: ChannelTrace) -> None:
         self.trace, self.timeline, self.channel, self.lasers = trace, timeline, channel, channel.lasers
-        shine, shift = channel.emission, timeline.shift_ms
-        self.lit = Spans(
-            stage=shine.stage,
-            start_ms=shine.start_ms + shift[shine.stage],
-            end_ms=shine.end_ms + shift[shine.stage],
-        )
-        self.off = _times_off(self.lit, timeline, channel.lasers)
-        self.switch = _settings(_switch_pulses(channel, timeline))
+        self.lit = lit_of(channel, timeline)
+        self.off = off_of(channel, self.lit, timeline)
+        start, end = switch_of(channel, timeline)
+        self.switch = _settings(_Pulses(start=start, end=end, unknown=np.zeros(len(start), dtype=np.bool_)))
+        self.before = self.periods_before()
         rates = [_highest_khz(laser) for laser in channel.lasers]
         self.highest_khz = max([*rates, float(self.off.khz.max(initial=0.0))])
         slowest = [1 / laser.carrier_khz for laser in channel.lasers if laser.carrier_khz and _is_duty(laser)]
@@ -144,12 +137,25 @@ class _Channel:
         self.lead_ms = max(slowest, default=0.0)
         """A pulse that begins by so much before a window may reach into it."""
 
-    def window(self, start: float, end: float, span_ns: tuple[int, int]) -> Iterator[tuple[str, Edges]]:
-        """Edges of the three outputs in a window, ms and ns."""
+    def periods_before(self) -> Floats:
+        """kHz * ms are periods: those of the lights of a train before each."""
+        lit = self.lit
+        if (lit.first == np.arange(len(lit.first))).all():
+            return np.zeros(len(lit.first))
+        shift = self.timeline.shift_ms[lit.stage]
+        whole = Spans(stage=lit.stage, start_ms=lit.start - shift, end_ms=lit.end - shift)
+        turned = self.trace.power_ms(self.channel, whole)
+        total = np.cumsum(turned) - turned
+        return np.asarray(total - total[lit.first])
+
+    def window(self, start_ns: int, end_ns: int) -> Iterator[tuple[str, Edges]]:
+        """Edges of the three outputs in a window."""
         energy, switch, analog = line_names(self.channel.channel)
-        yield energy, changes(*_settings(self.energy(start, end)), float(Level.HIGH), *span_ns)
-        yield switch, changes(*self.switch, float(Level.HIGH), *span_ns)
-        yield analog, self.analog(start, end, span_ns)
+        # What rounding moves over a window's ends is looked at too.
+        start, end = start_ns / NS_PER_MS - _MARGIN_MS, end_ns / NS_PER_MS + _MARGIN_MS
+        yield energy, changes(*_settings(self.energy(start, end)), float(Level.HIGH), start_ns, end_ns)
+        yield switch, changes(*self.switch, float(Level.HIGH), start_ns, end_ns)
+        yield analog, changes(*self.analog(start, end), 0.0, start_ns, end_ns)
 
     def energy(self, start: float, end: float) -> _Pulses:
         """Low parts of the energy line that lie in a window, or reach into it."""
@@ -165,8 +171,8 @@ class _Channel:
     def in_window(self, start: float, end: float, modes: tuple[PowerMode, ...]) -> Indices:
         """Light of some modes in a window."""
         lit = self.lit
-        first = int(np.searchsorted(lit.end_ms, start - self.lead_ms, side="right"))
-        behind = int(np.searchsorted(lit.start_ms, end, side="right"))
+        first = int(np.searchsorted(lit.end, start - self.lead_ms))
+        behind = int(np.searchsorted(lit.start, end, side="right"))
         of_mode = np.array([laser.power_mode in modes for laser in self.lasers], dtype=np.bool_)
         at = np.arange(first, max(first, behind))
         return at[of_mode[lit.stage[at]]]
@@ -182,59 +188,57 @@ class _Channel:
 
     def duty(self, start: float, end: float) -> Iterator[_Pulses]:
         """Light in a duty mode: periods of the carrier from its start on."""
-        at = self.in_window(start, end, (PowerMode.DUTY, PowerMode.DUTY2))
-        stage = self.lit.stage[at]
-        khz = np.array([laser.carrier_khz or 0.0 for laser in self.lasers])[stage] if len(at) else np.empty(0)
-        begin, finish = self.lit.start_ms[at], self.lit.end_ms[at]
-        known = khz > 0
-        yield _Pulses(start=begin[~known], end=finish[~known], unknown=np.ones(int((~known).sum()), dtype=np.bool_))
-        at, begin, finish, khz, stage = at[known], begin[known], finish[known], khz[known], stage[known]
+        lit, at = self.lit, self.in_window(start, end, (PowerMode.DUTY, PowerMode.DUTY2))
+        at = np.unique(lit.first[at])  # A train's periods go on over a change of stage.
+        khz = np.array([laser.carrier_khz or 0.0 for laser in self.lasers])[lit.stage[at]]
+        begin, finish, known = lit.start[at], lit.end[lit.last[at]], khz > 0
+        yield _unknown(begin[~known], finish[~known])
+        begin, finish, khz = begin[known], finish[known], khz[known]
         which, period_start = _periods(begin, finish, khz, start - self.lead_ms, end)
-        pct = self.held(stage[which], period_start)
+        moment = period_start + _ROUNDING_MS
+        stage = self.timeline.stage_at(moment)
+        pct = self.trace.held_power(self.channel, stage, moment - self.timeline.shift_ms[stage])
         yield _low_parts(period_start, finish[which], 1 / khz[which], pct)
 
     def frequency(self, start: float, end: float) -> Iterator[_Pulses]:
         """Light in frequency mode: a pulse of fixed width whenever the phase comes round."""
-        at = self.in_window(start, end, (PowerMode.FREQUENCY,))
-        begin, finish, stage = self.lit.start_ms[at], self.lit.end_ms[at], self.lit.stage[at]
+        lit, at = self.lit, self.in_window(start, end, (PowerMode.FREQUENCY,))
+        widths = np.array([laser.pulse_width_us for laser in self.lasers]) / US_PER_MS
+        known = widths[lit.stage[at]] > 0
+        yield _unknown(lit.start[at[~known]], lit.end[at[~known]])
+        at = at[known]
+        begin, stage = lit.start[at], lit.stage[at]
         since = np.maximum(begin, start - self.lead_ms)
-        steps = self.steps(stage, since, np.minimum(finish, end))
+        steps = self.steps(stage, since, np.minimum(lit.end[at], end))
         if not len(steps.value):
             return
         shift = self.timeline.shift_ms[stage]
-        cycles = Spans(stage=stage, start_ms=begin - shift, end_ms=since - shift)
         turned = steps.value * steps.length_ms
-        total = np.cumsum(turned)
-        before = (total - turned)[np.searchsorted(steps.which, steps.which)]
-        base = self.trace.power_ms(self.channel, cycles)  # kHz * ms: periods since the light came on.
-        phase = total - turned - before + base[steps.which]
+        total = np.cumsum(turned) - turned
+        since_train = self.before[at] + self.trace.power_ms(
+            self.channel, Spans(stage=stage, start_ms=begin - shift, end_ms=since - shift)
+        )
+        phase = total - total[np.searchsorted(steps.which, steps.which)] + since_train[steps.which]
         low = np.ceil(phase - _SAME_PHASE)
-        count = (np.ceil(phase + turned - _SAME_PHASE) - low).astype(np.intp)
-        step, number = counted(count)
+        step, number = counted((np.ceil(phase + turned - _SAME_PHASE) - low).astype(np.intp))
         fired = steps.start_ms[step] + np.maximum(low[step] + number - phase[step], 0.0) / steps.value[step]
-        width = np.array([laser.pulse_width_us for laser in self.lasers])[stage[steps.which[step]]] / US_PER_MS
-        dark = np.append(fired[1:], np.inf)
-        stop = np.minimum(np.minimum(fired + width, finish[steps.which[step]]), dark)
+        light = at[steps.which[step]]
+        stop = np.minimum(fired + widths[lit.stage[light]], lit.end[lit.last[light]])
+        stop = np.minimum(stop, np.append(fired[1:], np.inf))
         yield _Pulses(start=fired, end=stop, unknown=np.zeros(len(fired), dtype=np.bool_))
 
-    def analog(self, start: float, end: float, span_ns: tuple[int, int]) -> Edges:
-        """Volts: held power under light, the pre-voltage without, in analog mode (M 二.2); else 0."""
-        at = self.in_window(start, end, (PowerMode.ANALOG,))
-        first = int(np.searchsorted(self.off.end, start, side="right"))
+    def analog(self, start: float, end: float) -> tuple[Times, Floats]:
+        """Volts from moments on: held power under light, the pre-voltage without, in analog mode (M 二.2); else 0."""
+        lit, at = self.lit, self.in_window(start, end, (PowerMode.ANALOG,))
+        first = int(np.searchsorted(self.off.end, start))
         behind = int(np.searchsorted(self.off.start, end, side="right"))
         dark = np.arange(first, max(first, behind))
-        steps = self.steps(
-            self.lit.stage[at], np.maximum(self.lit.start_ms[at], start), np.minimum(self.lit.end_ms[at], end)
-        )
+        steps = self.steps(lit.stage[at], np.maximum(lit.start[at], start), np.minimum(lit.end[at], end))
         other = self.in_window(start, end, tuple(mode for mode in PowerMode if mode is not PowerMode.ANALOG))
-        time = np.concatenate([steps.start_ms, self.off.start[dark], self.lit.start_ms[other]])
+        time = np.concatenate([steps.start_ms, self.off.start[dark], lit.start[other]])
         volts = np.concatenate([steps.value, self.off.volts[dark], np.zeros(len(other))])
         order = np.argsort(time, kind="stable")
-        return changes(np.rint(time[order] * NS_PER_MS).astype(np.int64), volts[order], 0.0, *span_ns)
-
-    def held(self, stage: Indices, time: Floats) -> Floats:
-        """Held power at moments on the wires."""
-        return self.trace.held_power(self.channel, stage, time - self.timeline.shift_ms[stage] + _ROUNDING_MS)
+        return _ns(time[order]), volts[order]
 
     def steps(self, stage: Indices, start: Floats, end: Floats) -> Steps:
         """Held power over spans on the wires."""
@@ -254,55 +258,6 @@ def _highest_khz(laser: LaserState) -> float:
     return laser.high if laser.mode is PowerMode.FREQUENCY else 0.0
 
 
-def _times_off(lit: Spans, timeline: Timeline, lasers: tuple[LaserState, ...]) -> _Off:
-    """The time between light, cut where the standby pulse or pre-voltage changes."""
-    stages = np.arange(len(timeline.start_ms))
-    # The time before each light of a stage, and behind its last.
-    stage = np.concatenate([lit.stage, stages])
-    order = np.lexsort((np.concatenate([np.zeros(len(lit.stage)), np.ones(len(stages))]), stage))
-    stage = stage[order]
-    end = np.concatenate([lit.start_ms, timeline.end_ms])[order]
-    begin = np.concatenate([timeline.start_ms[:1], np.concatenate([lit.end_ms, timeline.end_ms])[order][:-1]])
-    khz, pct, volts = (np.array(values) for values in zip(*map(_off_output, lasers), strict=True)) if lasers else _NONE
-    real = begin < end
-    begin, end, stage = begin[real], end[real], stage[real]
-    khz, pct, volts = khz[stage], pct[stage], volts[stage]
-    fresh = np.ones(len(begin), dtype=np.bool_)
-    for values in (khz, pct, volts):
-        fresh[1:] &= values[1:] == values[:-1]
-    fresh[1:] = ~(fresh[1:] & (begin[1:] == end[:-1]))
-    first = np.flatnonzero(fresh)
-    last = np.append(first[1:], len(fresh)) - 1 if len(first) else first
-    return _Off(start=begin[first], end=end[last], khz=khz[first], pct=pct[first], volts=volts[first])
-
-
-_NONE = (np.empty(0), np.empty(0), np.empty(0))
-
-
-def _off_output(laser: LaserState) -> tuple[float, float, float]:
-    """Standby pulse (kHz, %) and volts while a laser is off."""
-    if laser.power_mode.is_pwm:
-        return (*(laser.standby or (0.0, 0.0)), 0.0)
-    return 0.0, 0.0, laser.prevoltage_v or 0.0
-
-
-def _switch_pulses(channel: ChannelTrace, timeline: Timeline) -> _Pulses:
-    """When the switch's + line is low."""
-    switch = channel.emission.switch
-    stage, shift = switch.stage, timeline.shift_ms[switch.stage]
-    start, end = switch.start_ms + shift, switch.end_ms + shift
-    if len(stage):
-        width = np.array([laser.fpk_us[0] if laser.fpk_us else 0.0 for laser in channel.lasers])[stage] / US_PER_MS
-        fpk = np.array([laser.fpk_us is not None for laser in channel.lasers])[stage]
-        end = np.where(fpk, start + width, end)
-        # One that began at rest is past when the motion starts.
-        shown = ~(fpk & channel.emission.carried)
-        shown &= np.array([laser.power_mode is not PowerMode.DUTY2 for laser in channel.lasers])[stage]
-        start, end = start[shown], end[shown]
-        end = np.minimum(end, np.append(start[1:], np.inf))
-    return _Pulses(start=start, end=end, unknown=np.zeros(len(start), dtype=np.bool_))
-
-
 def _periods(begin: Floats, finish: Floats, khz: Floats, since: float, until: float) -> tuple[Indices, Floats]:
     """Starts of a carrier's periods in spans, cut to a window: (span, ms)."""
     low = np.maximum(np.floor((since - begin) * khz), 0.0)
@@ -311,6 +266,11 @@ def _periods(begin: Floats, finish: Floats, khz: Floats, since: float, until: fl
     count = np.maximum(high - low + (finish > until), 0.0).astype(np.intp)
     which, number = counted(count)
     return which, begin[which] + (low[which] + number) / khz[which]
+
+
+def _unknown(start: Floats, end: Floats) -> _Pulses:
+    """Light of which nobody knows the pulses."""
+    return _Pulses(start=start, end=end, unknown=np.ones(len(start), dtype=np.bool_))
 
 
 def _low_parts(period_start: Floats, finish: Floats, period: Floats, pct: Floats) -> _Pulses:
@@ -330,13 +290,20 @@ def _settings(pulses: _Pulses) -> tuple[Times, Floats]:
     low = np.where(pulses.unknown, float(Level.UNKNOWN), float(Level.LOW))
     time = np.stack([pulses.start, pulses.end], axis=1).ravel()
     level = np.stack([low, np.full(len(low), float(Level.HIGH))], axis=1).ravel()
-    return np.rint(time * NS_PER_MS).astype(np.int64), level
+    return _ns(time), level
+
+
+def _ns(time_ms: Floats) -> Times:
+    """Moments to the nanosecond; half of one goes the same way, whatever rounding there was before."""
+    return np.rint(np.round(time_ms * NS_PER_MS, 3)).astype(np.int64)
 
 
 def changes(time: Times, value: Floats, rest: float, start_ns: int, end_ns: int) -> Edges:
-    """Settings in order as changes in [start, end) ns: of several at one moment the last counts, of equal ones the
-    first. `rest`: before all."""
-    first, behind = np.searchsorted(time, start_ns, side="right"), np.searchsorted(time, end_ns, side="left")
+    """Settings in order as changes in a window: of several at one moment the last counts, of equal ones the first.
+
+    `rest`: before all.
+    """
+    first, behind = np.searchsorted(time, [start_ns, end_ns], side="right")
     before = float(value[first - 1]) if first else rest
     time, value = time[first:behind], value[first:behind]
     settled = np.ones(len(time), dtype=np.bool_)

@@ -54,11 +54,10 @@ def samples(
 
 
 def _tick_ranges(trace: Trace, timeline: Timeline, start_ms: float, end_ms: float) -> tuple[list[int], list[int]]:
-    """First tick and number of ticks of each stage that lie in a time, the end of motion included."""
+    """First tick and number of ticks of each stage that lie in a time, its end (of motion and light) included."""
     period = trace.period_ms
-    motion_ms = trace.clock.stage_end() - trace.clock.stage_start()
     first = np.maximum(np.ceil((start_ms - timeline.start_ms) / period - _ON_TICK), 0.0)
-    last = np.floor(np.minimum(motion_ms, end_ms - timeline.start_ms) / period + _ON_TICK)
+    last = np.floor((np.minimum(timeline.end_ms, end_ms) - timeline.start_ms) / period + _ON_TICK)
     return first.astype(np.intp).tolist(), np.maximum(last - first + 1, 0.0).astype(np.intp).tolist()
 
 
@@ -73,7 +72,8 @@ def _rows(
 ) -> Columns:
     clock, (px, py) = trace.clock, machine.pulses_per_mm
     time = clock.stage_start()[stage] + tick * trace.period_ms
-    time = np.minimum(time, clock.stage_end()[stage])
+    end = clock.stage_end()[stage]
+    time = np.where(np.abs(time - end) < _ON_TICK * trace.period_ms, end, time)
     cell = clock.cell_at(stage, time)
     x, y = trace.motion.position(cell, time)
     table: Columns = {

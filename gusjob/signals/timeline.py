@@ -1,4 +1,4 @@
-"""The time of signals: stages one behind the other, each waiting until the light of the one before is out.
+"""The time of signals: stages one behind the other, each waiting until light and switch of the one before are done.
 
 A report counts its stages back to back. On a wire the off delay of a stage's last mark is seen before the next stage's
 setup and motion, so a stage that ends in a delay moves what follows it by that delay.

@@ -30,7 +30,6 @@ def vcd_pieces(
     """
     runs = _running_lines(trace, lines)
     outputs: list[_Output] = []
-    end_ns = 0
     for window in windows_of(trace, start_ms, end_ms):
         edges = {**window.lines, _LINE: changes(*runs, 0.0, *window.span_ns)}
         if not outputs:
@@ -38,7 +37,9 @@ def vcd_pieces(
             yield head.encode()
         yield _changes_text(edges, outputs).encode()
         end_ns = window.span_ns[1]
-    yield f"#{end_ns}\n".encode()
+        ended = end_ns == window.span_ns[0] or any(one.time_ns[-1:].tolist() == [end_ns] for one in edges.values())
+    if not ended:
+        yield f"#{end_ns}\n".encode()
 
 
 def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
@@ -60,8 +61,6 @@ class _Output:
         """What is said of values."""
         if self.levels:
             return list(map(self.levels.__getitem__, values.astype(np.intp).tolist()))
-        if self.name == _LINE:
-            return [f"b{value:b} {self.ident}\n" for value in values.astype(np.intp).tolist()]
         return [f"r{value:.16g} {self.ident}\n" for value in values.tolist()]
 
 
@@ -87,7 +86,8 @@ def _head(trace: Trace, edges: dict[str, Edges], version: str, start_ns: int) ->
             outputs.append(_Output(name=name, levels=levels, ident=plus))
         volts = writer.register_var(_SCOPE, analog, "real", init=edges[analog].first)
         outputs.append(_Output(name=analog, levels=(), ident=volts.ident))
-    line = writer.register_var(_SCOPE, _LINE, "integer", size=32, init=int(edges[_LINE].first))
+    # A number as a vector would keep libsigrok 0.5.2 from reading on.
+    line = writer.register_var(_SCOPE, _LINE, "real", init=edges[_LINE].first)
     outputs.append(_Output(name=_LINE, levels=(), ident=line.ident))
     writer.flush()
     return out.getvalue(), outputs
