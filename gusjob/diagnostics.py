@@ -108,6 +108,11 @@ def number(value: float) -> str:
     return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else f"{value:.10g}"
 
 
+def figure(value: float | None, digits: int = 6) -> str:
+    """A figure as people compare it, in so many digits; -0 is 0, and what is not known is a dash."""
+    return "-" if value is None or value != value else number(float(f"{value:.{digits}g}") + 0.0)
+
+
 def printable(text: str) -> str:
     """A user's text without control characters: a job must not steer the terminal that shows it."""
     return "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)

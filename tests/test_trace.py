@@ -337,19 +337,6 @@ def test_formats_hold_the_same(tmp_path: Path) -> None:
         assert frame[name].to_numpy().dtype == values.dtype, name
 
 
-@pytest.mark.parametrize("module", ["duckdb", "fastparquet"])
-def test_parquet_for_others(tmp_path: Path, module: str) -> None:
-    """Wrong: a file that only the library that wrote it can read."""
-    reader: Any = pytest.importorskip(module)
-    path, found = tmp_path / "x.parquet", table(TICKED)
-    path.write_bytes(whole(TICKED, "--format", "parquet"))
-    if module == "duckdb":
-        columns = reader.sql(f"SELECT * FROM read_parquet('{path}')").fetchnumpy()
-    else:
-        columns = {name: reader.ParquetFile(str(path)).to_pandas()[name].to_numpy() for name in found}
-    assert all(np.array_equal(columns[name], values) for name, values in found.items())
-
-
 @pytest.mark.parametrize(
     ("options", "name", "start"),
     [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gusjob.cli.common import file_argument, in_order, load, machine_option, scanner_option, show, stop
-from gusjob.diagnostics import has_errors
+from gusjob.diagnostics import figure, has_errors
 from gusjob.machine import Scanner
 
 if TYPE_CHECKING:
@@ -79,18 +79,15 @@ def command(
 
 def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
     """Worst and typical figures of a channel's marks, before and after."""
-    from gusjob.diagnostics import number
     from gusjob.report.marks import MARKING_WORDS, marking_unit
-
-    def figure(entry: dict[str, Any] | None, which: str, name: str) -> str:
-        value = entry[which][name] if entry else None
-        return "-" if value is None else number(float(f"{value:.4g}") + 0.0)
 
     one, other = (next((e for e in entries if e["channel"] == channel), None) for entries in (before, after))
     unit = (one or other or {"unit": "%"})["unit"]
     rows = [["", "", "worst", "", "typical", ""], ["", "", "before", "after", "before", "after"]]
     for name, word in MARKING_WORDS.items():
-        figures = [figure(entry, which, name) for which in ("worst", "typical") for entry in (one, other)]
+        figures = [
+            figure(entry[which][name] if entry else None, 4) for which in ("worst", "typical") for entry in (one, other)
+        ]
         rows.append([word, marking_unit(name, unit), *figures])
     rows.insert(2, ["marks", "", *[str(e["marks"]) if e else "0" for e in (one, other)], "", ""])
     widths = [max(len(row[i]) for row in rows) for i in range(6)]

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from gusjob.diagnostics import number, printable
+from gusjob.diagnostics import figure, printable
 from gusjob.page.encode import Encoded, encode
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 
@@ -187,28 +187,21 @@ def _plain(value: object) -> object:
 # Figures.
 
 
-def _figure(value: float | None) -> str:
-    """Six digits are what people compare."""
-    if value is None or value != value:
-        return "-"
-    return number(float(f"{value:.{_DIGITS}g}") + 0.0)
-
-
 def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure]:
     runs = (("run-ins", "run_in_mm"), ("run-outs", "run_out_mm"))
     found = [
         ("segments", f"{totals['segments']:,}", ""),
         ("stages", f"{totals['stages']:,}", ""),
-        ("duration", _figure(totals["duration_ms"]), "ms"),
-        ("marks", _figure(totals["mark_mm"]), "mm"),
-        ("jumps", _figure(totals["jump_mm"]), "mm"),
-        *((word, _figure(totals[name]), "mm") for word, name in runs if totals.get(name)),
+        ("duration", figure(totals["duration_ms"]), "ms"),
+        ("marks", figure(totals["mark_mm"]), "mm"),
+        ("jumps", figure(totals["jump_mm"]), "mm"),
+        *((word, figure(totals[name]), "mm") for word, name in runs if totals.get(name)),
     ]
     if facts.get("period_us"):
-        found.append(("period", _figure(facts["period_us"]), "us"))
+        found.append(("period", figure(facts["period_us"]), "us"))
     scanner = (facts.get("notes") or {}).get("scanner")
     if scanner:
-        lag = _figure(scanner.get("tracking_error_us"))
+        lag = figure(scanner.get("tracking_error_us"))
         found.append(("scanner", printable(str(scanner.get("model", ""))), f"{lag} us"))
     return found
 
@@ -224,19 +217,19 @@ def _channel(entry: Mapping[str, Any]) -> _Channel:
     """The figures of a channel and power unit."""
     unit = printable(str(entry["unit"]))
     found = [
-        ("on", _figure(entry["emission_ms"]), "ms"),
-        ("energy", _figure(entry["power_ms"]), f"{unit}*ms"),
-        ("highest power", _figure(entry["power_max"]), unit),
+        ("on", figure(entry["emission_ms"]), "ms"),
+        ("energy", figure(entry["power_ms"]), f"{unit}*ms"),
+        ("highest power", figure(entry["power_max"]), unit),
     ]
     if entry["joules"] is not None:
-        found.append(("joules", _figure(entry["joules"]), "J"))
+        found.append(("joules", figure(entry["joules"]), "J"))
     if entry["clamped_ms"]:
-        found.append(("held by a limit", _figure(entry["clamped_ms"]), "ms"))
+        found.append(("held by a limit", figure(entry["clamped_ms"]), "ms"))
     if entry.get("before_motion_power_ms"):
-        found.append(("before the first motion", _figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
+        found.append(("before the first motion", figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
     for name, value in (entry["off_output"] or {}).items():
         word, _, its = name.rpartition("_")
-        found.append((f"while off: {word}", _figure(value), {"khz": "kHz", "pct": "%", "v": "V"}.get(its, its)))
+        found.append((f"while off: {word}", figure(value), {"khz": "kHz", "pct": "%", "v": "V"}.get(its, its)))
     return _Channel(name=f"Channel {entry['channel']}", figures=found, lit_at_end=bool(entry["lit_at_end"]))
 
 
@@ -268,8 +261,8 @@ def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
             "word": word,
             "unit": printable(marking_unit(name, entry["unit"])),
             "marks": f"{entry['marks']:,}",
-            "worst": _figure(entry["worst"][name]),
-            "typical": _figure(entry["typical"][name]),
+            "worst": figure(entry["worst"][name]),
+            "typical": figure(entry["typical"][name]),
         }
         for entry in entries
         for name, word in MARKING_WORDS.items()

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from gusjob.diagnostics import number
+from gusjob.diagnostics import figure, number
 from gusjob.report.earlier import (
     ANY_UNIT,
     CHANNELS,
@@ -256,13 +256,6 @@ def _word(kind: int) -> str:
     return SegmentKind(kind).word
 
 
-def figure(value: float | str | None) -> str:
-    """A figure in six digits, as people compare it; a word as it is; null is a dash."""
-    if isinstance(value, str):
-        return value
-    return "-" if value is None or value != value else number(float(f"{value:.6g}") + 0.0)
-
-
 def _count(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
@@ -307,6 +300,8 @@ def totals_rows(comparison: Comparison) -> list[list[str]]:
 
 
 def _total_figure(what: str, value: float | str | None) -> str:
+    if isinstance(value, str):
+        return value
     return number(value) if what in COUNTS and isinstance(value, float) else figure(value)
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.diagnostics import Diagnostic, printable
-from gusjob.report.compare import Comparison, figure, segment_rows, totals_rows, verdict
+from gusjob.diagnostics import Diagnostic, figure, printable
+from gusjob.report.compare import Comparison, segment_rows, totals_rows, verdict
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.match import Rows
 from gusjob.report.rows import Report, SegmentKind

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.diagnostics import number, printable
+from gusjob.diagnostics import figure, printable
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.rows import Report, SegmentKind
 
@@ -48,32 +48,25 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
 
 
-def _figure(value: float | None, digits: int = 6) -> str:
-    """Six digits are what people compare; -0 and nothing are shown as they are meant."""
-    if value is None or value != value:
-        return "-"
-    return number(float(f"{value:.{digits}g}") + 0.0)
-
-
 def _summary(report: Report) -> Text:
     totals = report.totals
     lines = [
         printable(report.job),
         f"  {totals['segments']} segments in {totals['stages']} stage{'s' if totals['stages'] != 1 else ''}, "
-        f"{_figure(totals['duration_ms'])} ms; marks {_figure(totals['mark_mm'])} mm, jumps "
-        f"{_figure(totals['jump_mm'])} mm{_runs(totals)}; "
-        f"period {_figure(report.period_us)} us{_scanner(report)}",
+        f"{figure(totals['duration_ms'])} ms; marks {figure(totals['mark_mm'])} mm, jumps "
+        f"{figure(totals['jump_mm'])} mm{_runs(totals)}; "
+        f"period {figure(report.period_us)} us{_scanner(report)}",
     ]
     for entry in totals["channels"]:
         unit = entry["unit"]
-        joules = f", {_figure(entry['joules'])} J" if entry["joules"] is not None else ""
-        held = f", held by a limit {_figure(entry['clamped_ms'])} ms" if entry["clamped_ms"] else ""
+        joules = f", {figure(entry['joules'])} J" if entry["joules"] is not None else ""
+        held = f", held by a limit {figure(entry['clamped_ms'])} ms" if entry["clamped_ms"] else ""
         off = entry["off_output"]
-        rest = "; while off " + ", ".join(f"{k} {_figure(v)}" for k, v in off.items()) if off else ""
+        rest = "; while off " + ", ".join(f"{k} {figure(v)}" for k, v in off.items()) if off else ""
         lines.append(
-            f"  channel {entry['channel']}: on {_figure(entry['emission_ms'])} ms, {_figure(entry['power_ms'])} "
+            f"  channel {entry['channel']}: on {figure(entry['emission_ms'])} ms, {figure(entry['power_ms'])} "
             f"{unit}*ms, "
-            f"highest {_figure(entry['power_max'])} {unit}{joules}{held}{rest}"
+            f"highest {figure(entry['power_max'])} {unit}{joules}{held}{rest}"
         )
         if entry["lit_at_end"]:
             lines.append(f"  channel {entry['channel']} is left ON")
@@ -90,19 +83,19 @@ def _summary(report: Report) -> Text:
 def _scanner(report: Report) -> str:
     """How the beam follows, where that is known."""
     scanner = report.notes["scanner"]
-    return f", scanner {scanner['model']} {_figure(scanner['tracking_error_us'])} us" if scanner else ""
+    return f", scanner {scanner['model']} {figure(scanner['tracking_error_us'])} us" if scanner else ""
 
 
 def _runs(totals: dict[str, Any]) -> str:
     """Run-ins and run-outs, where there are any."""
     words = {"run_in_mm": "run-ins", "run_out_mm": "run-outs"}
-    return "".join(f", {word} {_figure(totals[name])} mm" for name, word in words.items() if totals.get(name))
+    return "".join(f", {word} {figure(totals[name])} mm" for name, word in words.items() if totals.get(name))
 
 
 def _marking(entry: dict[str, Any]) -> str:
     """Worst and typical of each figure that is not 0."""
     said = [
-        f"{word} {_figure(value)} ({_figure(entry['typical'][name])}) {marking_unit(name, entry['unit'])}"
+        f"{word} {figure(value)} ({figure(entry['typical'][name])}) {marking_unit(name, entry['unit'])}"
         for name, word in MARKING_WORDS.items()
         if (value := entry["worst"][name])
     ]
@@ -144,5 +137,5 @@ def _fill(table: Table, columns: dict[str, npt.NDArray[Any]]) -> None:
         cells = []
         for name, column in columns.items():
             value = column[i]
-            cells.append(SegmentKind(int(value)).word if name == "kind" else _figure(float(value)))
+            cells.append(SegmentKind(int(value)).word if name == "kind" else figure(float(value)))
         table.add_row(*cells)
