@@ -1,0 +1,169 @@
+"""`gusjob plot`: pictures of the path."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gusjob.cli.common import (
+    Loaded,
+    exit_code,
+    file_argument,
+    interpreted,
+    load,
+    machine_option,
+    need,
+    scanner_option,
+    show,
+    write,
+)
+from gusjob.diagnostics import printable
+
+if TYPE_CHECKING:
+    from gusjob.drawing.plot import View
+    from gusjob.interpreter import Trace
+    from gusjob.machine import Scanner
+
+_FORMATS = ("png", "svg", "pdf")
+_COLOURS = ("power", "energy", "velocity", "order")
+_MM_PER_INCH = 25.4
+_SIZE_MM = (297.0, 210.0)
+_LEAST_MM, _MOST_MM = (160.0, 120.0), 2000.0
+_DPI = 200
+_PIXELS = 80_000_000
+"""A picture of more takes more memory than a path of a million segments."""
+_LEAST_ZOOM_MM, _FARTHEST_MM = 1e-3, 1e5
+
+Box = tuple[float, float, float, float]
+
+
+def _size_mm(_context: click.Context, _parameter: click.Parameter, text: str | None) -> tuple[float, float]:
+    """Width and height: 297x210, 297x210mm, 11.5x8in."""
+    if text is None:
+        return _SIZE_MM
+    found = re.fullmatch(r"(\d{1,4}(?:\.\d{1,6})?)x(\d{1,4}(?:\.\d{1,6})?) ?(mm|in|)", text.strip(), re.ASCII)
+    if not found:
+        raise click.BadParameter(f"{printable(text)[:40]} is not a size: write 297x210 (mm) or 11.5x8in")
+    factor = _MM_PER_INCH if found[3] == "in" else 1.0
+    size = float(found[1]) * factor, float(found[2]) * factor
+    if size[0] < _LEAST_MM[0] or size[1] < _LEAST_MM[1] or max(size) > _MOST_MM:
+        raise click.BadParameter("a picture is from 160 mm x 120 mm to 2000 mm x 2000 mm large")
+    return size
+
+
+def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None) -> Box | None:
+    """A box with some area."""
+    if box is None:
+        return None
+    x0, y0, x1, y1 = min(box[0], box[2]), min(box[1], box[3]), max(box[0], box[2]), max(box[1], box[3])
+    if not all(abs(value) <= _FARTHEST_MM for value in box):  # Also what is not a number.
+        raise click.BadParameter("coordinates are numbers of mm, up to 100000")
+    if min(x1 - x0, y1 - y0) < _LEAST_ZOOM_MM:
+        raise click.BadParameter("the box is at least 0.001 mm wide and high")
+    return x0, y0, x1, y1
+
+
+@click.command(name="plot")
+@file_argument
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Write to this file: .png, .svg or .pdf.",
+)
+@machine_option
+@scanner_option
+@click.option(
+    "--by",
+    type=click.Choice(_COLOURS),
+    default=_COLOURS[0],
+    show_default=True,
+    help="What colours tell: emitted power, energy per mm, velocity, or time.",
+)
+@click.option("--channel", type=click.IntRange(0, 1), help="Draw this laser channel only. Default: all that shine.")
+@click.option("--no-jumps", is_flag=True, help="Leave motion without light out: jumps, run-ins and run-outs.")
+@click.option("--zoom", type=float, nargs=4, callback=_zoom, metavar="X0 Y0 X1 Y1", help="Show this box, mm.")
+@click.option("--field", is_flag=True, help="Show the machine's whole field. Default: the path.")
+@click.option(
+    "--size",
+    "size_mm",
+    callback=_size_mm,
+    metavar="WxH",
+    show_default="297x210 mm",
+    help="Size of the picture in mm, or in inches: 11.5x8in.",
+)
+@click.option(
+    "--dpi",
+    type=click.IntRange(50, 1200),
+    default=_DPI,
+    show_default=True,
+    help="Pixels per inch. The more, the thinner the lines of a dense path may be, in SVG and PDF too.",
+)
+def command(
+    path: Path,
+    output: Path,
+    machine_path: Path | None,
+    scanner: Scanner | None,
+    by: str,
+    channel: int | None,
+    no_jumps: bool,
+    zoom: Box | None,
+    field: bool,
+    size_mm: tuple[float, float],
+    dpi: int,
+) -> None:
+    """Draw the path: where light falls and how much, jumps, run-ins and run-outs, switch points, the field.
+
+    With a scanner light is drawn where the beam is. A job with errors is not drawn; a listing is.
+    """
+    form = output.suffix.lower().removeprefix(".")
+    if form not in _FORMATS:
+        raise click.UsageError("the output file's name ends in .png, .svg or .pdf, which is its format")
+    if zoom is not None and field:
+        raise click.UsageError("--zoom and --field exclude each other")
+    size_in = size_mm[0] / _MM_PER_INCH, size_mm[1] / _MM_PER_INCH
+    if size_in[0] * size_in[1] * dpi**2 > _PIXELS:
+        raise click.UsageError(f"--size and --dpi make more than {_PIXELS // 1_000_000} million pixels")
+    need("plot", "matplotlib", to="draw a picture")
+    from gusjob.drawing.plot import View
+
+    loaded = load(path, machine_path, scanner=scanner)
+    trace = interpreted(loaded)
+    if trace is not None:
+        view = View(box_mm=zoom, field=field)
+        write([_drawn(loaded, trace, form, by, channel, view, size_in, dpi, jumps=not no_jumps)], output, source=path)
+    show(loaded, notes=trace is None)
+    sys.exit(exit_code(loaded))
+
+
+def _drawn(
+    loaded: Loaded,
+    trace: Trace,
+    form: str,
+    by: str,
+    channel: int | None,
+    view: View,
+    size_in: tuple[float, float],
+    dpi: int,
+    *,
+    jumps: bool,
+) -> bytes:
+    """The picture in a format."""
+    from gusjob.drawing.plot import Colour, figure_of, picture
+
+    figure = figure_of(
+        trace,
+        loaded.machine,
+        by=Colour(by),
+        channel=channel,
+        view=view,
+        jumps=jumps,
+        size_in=size_in,
+        dpi=dpi,
+    )
+    return picture(figure, form)
