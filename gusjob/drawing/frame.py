@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
-from gusjob.drawing.lettering import FAINT, INK, figure_text, line_in, put, width_in
+from gusjob.diagnostics import figure as figure_text
+from gusjob.drawing.lettering import FAINT, INK, line_in, put, width_in
 from gusjob.drawing.pens import PT_PER_INCH, Sight, colours, norm
 from gusjob.drawing.shades import Shade
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager, get_font
 from matplotlib.textpath import text_to_path
 
-from gusjob.diagnostics import number, printable
+from gusjob.diagnostics import printable
 
 INK, FAINT = "#1f2328", "#57606a"
 LINE_SPACING = 1.35
@@ -52,11 +52,6 @@ def showable(text: str) -> str:
         return clean
     covered = {code for name in families() for code in get_font(fontManager.findfont(name)).get_charmap()}
     return "".join(c if ord(c) in covered else c.encode("ascii", "backslashreplace").decode() for c in clean)
-
-
-def figure_text(value: float, digits: int = 6) -> str:
-    """A figure with so many digits, without trailing noughts."""
-    return number(float(f"{value:.{digits}g}") + 0.0)
 
 
 def width_in(text: str, size_pt: float, weight: str = "normal") -> float:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gusjob.drawing.lettering import figure_text
+from gusjob.diagnostics import figure as figure_text
 from gusjob.drawing.shades import Shade
 from gusjob.drawing.strokes import FINE_STROKES, Light, Strokes
 from gusjob.report.rows import Report
