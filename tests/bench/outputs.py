@@ -36,7 +36,7 @@ def near(chance: random.Random, place: list[float], far_mm: float) -> list[float
 
 
 def wild_job(count: int) -> Iterator[str]:
-    """`count` segments in which nothing repeats: marks of random length, direction and power, a jump before every other."""
+    """`count` segments in which nothing repeats: random lengths, directions, powers; a jump before each two."""
     chance = random.Random(1)
     place = [0.0, 0.0]
     yield from (*HEAD, "VEL 800", "ACC 1000000", "LASER POWER 50")
