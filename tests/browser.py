@@ -23,6 +23,15 @@ READY_MS = 60_000
 """A page of a million segments is read in seconds; a loaded machine takes its time."""
 
 
+def rest(page: Page, ms: int) -> None:
+    """Wait by the page's own clock, and for what it draws then: its timers come in order, however busy the machine."""
+    page.evaluate(
+        """(ms) => new Promise((done) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(
+        () => setTimeout(done, 0))), ms))""",
+        ms,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Tab:
     """A page in the browser. `complaints`: errors and warnings of its console and scripts; `requests`: other files."""
@@ -43,7 +52,7 @@ class Tab:
             "() => gusjob.path.isIdle() && !document.querySelector('.leaflet-zoom-anim, .leaflet-pan-anim')",
             timeout=READY_MS,
         )
-        self.page.wait_for_timeout(150)
+        rest(self.page, 150)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ import pytest
 
 pytest.importorskip("jinja2", reason="jinja2 is not installed")
 
-from browser import Chromium, Tab, chromium
+from browser import Chromium, Tab, chromium, rest
 from tools import ROOT
 
 from gusjob.diagnostics import number as as_text
@@ -497,7 +497,7 @@ def click_path(tab: Tab, x: float, y: float) -> None:
         [x, y],
     )
     tab.page.mouse.click(*at)
-    tab.page.wait_for_timeout(100)
+    rest(tab.page, 100)
 
 
 def click_time(tab: Tab, ms: float) -> None:
@@ -508,12 +508,12 @@ def click_time(tab: Tab, ms: float) -> None:
         ms,
     )
     tab.page.mouse.click(*at)
-    tab.page.wait_for_timeout(100)
+    rest(tab.page, 100)
 
 
 def selected(tab: Tab) -> dict[str, Any]:
     """What each view says is selected."""
-    tab.page.wait_for_timeout(150)
+    rest(tab.page, 150)
     found: dict[str, Any] = tab.page.evaluate(
         """() => ({ row: gusjob.selected, hash: location.hash,
         grid: gusjob.table.grids.segments.api.getSelectedRows().map((r) => r.row),
@@ -592,7 +592,7 @@ def test_the_scale_bar_is_true(square_tab: Tab) -> None:
         assert found == pytest.approx(mm, rel=1e-3)
         for _ in range(4):
             square_tab.page.click(".leaflet-control-zoom-in")
-            square_tab.page.wait_for_timeout(350)
+            rest(square_tab.page, 350)
         square_tab.drawn()
 
 
@@ -626,7 +626,7 @@ def test_the_time_view_zooms_and_comes_back(square_tab: Tab) -> None:
     page = square_tab.page
 
     def window() -> tuple[float, float]:
-        page.wait_for_timeout(120)
+        rest(page, 120)
         found = page.evaluate("[gusjob.time.view.plot.scales.x.min, gusjob.time.view.plot.scales.x.max]")
         return found[0], found[1]
 
@@ -707,13 +707,13 @@ def test_a_selection_out_of_sight_is_brought_into_it(square_tab: Tab) -> None:
     page.click("#next")
     page.click("#next")
     page.click("#next")
-    page.wait_for_timeout(600)
+    rest(page, 600)
     assert page.evaluate("gusjob.path.view.map.getBounds().contains([10, 60])")
     page.evaluate("gusjob.time.zoomTo(0, 10)")
-    page.wait_for_timeout(100)
+    rest(page, 100)
     click_path(square_tab, 60, 10)
     page.click("#next")
-    page.wait_for_timeout(100)
+    rest(page, 100)
     assert selected(square_tab)["marker"] == 3
 
 
@@ -726,7 +726,7 @@ def order(tab: Tab, sort: list[tuple[str, str]], filters: dict[str, Any]) -> lis
         api.setFilterModel(filters); }""",
         [sort, filters],
     )
-    tab.page.wait_for_timeout(300)
+    rest(tab.page, 300)
     found: list[int] = tab.page.evaluate("[...gusjob.table.grids.segments.order]")
     return found
 
@@ -776,7 +776,7 @@ def test_order_and_filters_give_the_rows_that_numpy_gives(chromium: Chromium, tm
         tab.page.evaluate("gusjob.select(0, 'hash')")
         assert "leaves the selected segment out" in tab.page.inner_text("#segments-panel")
         tab.page.click("#segments-clear")
-        tab.page.wait_for_timeout(300)
+        rest(tab.page, 300)
         assert tab.page.inner_text("#segments-count") == "3,000 of 3,000 rows"
         assert tab.page.is_hidden("#segments-hidden")
         assert tab.complaints == []
@@ -786,11 +786,11 @@ def test_order_and_filter_by_hand(square_tab: Tab) -> None:
     page = square_tab.page
     page.locator("#segments-grid").scroll_into_view_if_needed()
     page.click('#segments-grid .ag-header-cell[col-id="length_mm"] .ag-header-cell-text')
-    page.wait_for_timeout(300)
+    rest(page, 300)
     first = page.locator('#segments-grid [row-index="0"] [col-id="kind"]')
     assert first.inner_text() == "dwell"
     page.fill('#segments-grid .ag-floating-filter[col-id="kind"] input >> visible=true', "mark")
-    page.wait_for_timeout(700)
+    rest(page, 700)
     assert page.inner_text("#segments-count") == "4 of 7 rows"
     with page.expect_download() as download:
         page.click("#segments-csv")
@@ -812,7 +812,7 @@ def test_columns_that_say_nothing_are_hidden(square_tab: Tab, rich_tab: Tab) -> 
 
 def test_a_mark_selects_its_first_segment(rich_tab: Tab) -> None:
     rich_tab.page.click("#tab-marks")
-    rich_tab.page.wait_for_timeout(300)
+    rest(rich_tab.page, 300)
     assert rich_tab.page.inner_text("#marks-count") == "7 of 7 rows"
     rich_tab.page.click('#marks-grid [row-index="3"] [col-id="line"]')
     assert selected(rich_tab)["row"] == 14
@@ -863,11 +863,11 @@ def test_zoom_by_keyboard_and_buttons(square_tab: Tab) -> None:
     page.focus("#map")
     page.keyboard.press("+")
     square_tab.drawn()
-    page.wait_for_timeout(400)
+    rest(page, 400)
     assert page.evaluate(zoom) > before
     middle = page.evaluate("gusjob.path.view.map.getCenter().lng")
     page.keyboard.press("ArrowRight")
-    page.wait_for_timeout(500)
+    rest(page, 500)
     assert page.evaluate("gusjob.path.view.map.getCenter().lng") > middle
     page.click("#fit-field")
     square_tab.drawn()
@@ -884,13 +884,13 @@ def test_hover_tells_line_kind_power_and_velocity(square_tab: Tab) -> None:
         const r = m.getContainer().getBoundingClientRect(); return [r.left + p.x, r.top + p.y]; }"""
     )
     page.mouse.move(*at)
-    page.wait_for_timeout(200)
+    rest(page, 200)
     assert page.inner_text(".tip").split("\n") == ["line 7: mark (segment 4)", "200 mm/s, ch0 30 %"]
     page.locator("#time").scroll_into_view_if_needed()
     box = page.locator("#time .u-over").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + 20)
-    page.wait_for_timeout(200)
+    rest(page, 200)
     assert "line 6: mark" in page.inner_text("#time-hover")
 
 
@@ -923,7 +923,7 @@ def test_no_horizontal_scrolling(chromium: Chromium, tmp_path: Path, width: int)
         tab.ready()
         assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
         tab.page.click("#tab-marks")
-        tab.page.wait_for_timeout(200)
+        rest(tab.page, 200)
         assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
         assert tab.complaints == []
 
@@ -954,7 +954,7 @@ def test_all_can_be_reached_by_keyboard(rich_tab: Tab) -> None:
             break
     for _ in range(4):
         page.keyboard.press("ArrowDown")
-    page.wait_for_timeout(200)
+    rest(page, 200)
     assert selected(rich_tab)["row"] is not None, "down from the head into the rows, without a mouse"
     assert page.get_attribute("#details-title", "aria-live") == "polite"
 
@@ -999,7 +999,7 @@ def test_hostile_texts_are_shown_and_do_nothing(chromium: Chromium, tmp_path: Pa
             assert (shown if row == 2 else IMAGE) in page.inner_text("#details-title")
         assert IMAGE in page.inner_text('#segments-grid [row-id="25"] [col-id="file"]')
         click_path(tab, -15, 0)
-        page.wait_for_timeout(200)
+        rest(page, 200)
         assert shown in page.inner_text(".tip") and shown in page.inner_text("#legend-name")
         click_time(tab, 100)
         assert shown in page.inner_text("#time-hover")
@@ -1149,11 +1149,11 @@ def test_a_million_segments(chromium: Chromium, tmp_path: Path) -> None:
             g.select(765432, ""); return performance.now() - from; }"""
         )
         assert took < 3000
-        page.wait_for_timeout(800)
+        rest(page, 800)
         check_selected(tab, 765_432)
         assert page.evaluate("gusjob.time.view.plot.data[0].length") < 20_000
         page.evaluate("gusjob.time.zoomTo(1000, 1010)")
-        page.wait_for_timeout(200)
+        rest(page, 200)
         starts = tables["rows"]["start_ms"]
         inside = int(((starts > 1000) & (starts < 1010)).sum())
         assert abs(page.evaluate("gusjob.time.view.plot.data[0].length") / 2 - inside) <= 2
@@ -1204,7 +1204,7 @@ def test_a_watched_page_is_loaded_anew_and_stays_where_it_was(chromium: Chromium
             Watched.change.set()
             page.wait_for_selector("html:not([data-old])", state="attached")
             tab.ready()
-            page.wait_for_timeout(500)
+            rest(page, 500)
             assert page.evaluate("gusjob.count") == 14
             check_selected(tab, 2)
             assert page.evaluate(

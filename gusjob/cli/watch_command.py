@@ -33,7 +33,7 @@ Stamp = dict[Path, tuple[int, int] | None]
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
 @click.option("--page", is_flag=True, help="Serve the report as a page to browsers on this computer; it follows too.")
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page. Default: any that is free.", metavar="N"
+    "--port", type=click.IntRange(0, 2**16 - 1), default=0, help="Port of the page. Default: any that is free.", metavar="N"
 )
 def command(
     path: Path, machine_path: Path | None, scanner: Scanner | None, summary: bool, page: bool, port: int
