@@ -7,17 +7,19 @@ controller's ticks where power follows something or the beam lags behind. Arcs a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.columns import counted
+from gusjob.diagnostics import figure
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine
-from gusjob.report.rows import scale_mm
+from gusjob.report.rows import Report, scale_mm
 from gusjob.signals.steps import follows, ticks_in
 from gusjob.signals.timeline import timeline_of
 from gusjob.units import MS_PER_S
@@ -220,3 +222,23 @@ def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) 
         unit=unit[spans.stage] if len(spans.stage) else np.empty(0, dtype=np.uint8),
         joules_per_unit_ms=channel.watts_per_unit(spans.stage, machine) / MS_PER_S,
     )
+
+
+_SAME = 1e-6
+"""Part of the light that rounding may lose."""
+
+
+def left_out(report: Report, strokes: Strokes, light: Light) -> Iterator[str]:
+    """What is to be said of light that belongs to no stroke."""
+    energy = light.power * strokes.duration_ms
+    entries = [entry for entry in report.totals["channels"] if entry["channel"] == light.channel]
+    for entry in entries:
+        drawn = float(energy[light.unit == light.units.index(entry["unit"])].sum())
+        rest = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
+        if rest > _SAME * entry["power_ms"]:
+            yield (
+                f"Not drawn: {figure(rest, 4)} {entry['unit']}*ms of light of channel {light.channel} before the "
+                "motion or behind the end of a stage."
+            )
+    if entries and entries[-1]["lit_at_end"]:
+        yield f"Channel {light.channel} is left ON."

@@ -8,10 +8,9 @@ import numpy as np
 
 from gusjob.diagnostics import figure as figure_text
 from gusjob.drawing.shades import Shade
-from gusjob.drawing.strokes import FINE_STROKES, Light, Strokes
+from gusjob.drawing.strokes import FINE_STROKES, Strokes, left_out
 from gusjob.report.rows import Report
 
-_SAME = 1e-6
 _WAYS = (("mark_mm", "marks"), ("jump_mm", "jumps"), ("run_in_mm", "run-ins"), ("run_out_mm", "run-outs"))
 
 
@@ -48,7 +47,7 @@ def notes(report: Report, strokes: Strokes, shades: Sequence[Shade], channel: in
     )
     said += [text for shade in shades for text in _above(shade)]
     drawn = {shade.channel for shade in shades}
-    said += [text for light in strokes.lights if light.channel in drawn for text in _beside(report, strokes, light)]
+    said += [text for light in strokes.lights if light.channel in drawn for text in left_out(report, strokes, light)]
     if not strokes.exact:
         said.append(f"More than {FINE_STROKES:,} strokes: velocity is each segment's highest, power its mean.")
     return said
@@ -64,19 +63,3 @@ def _above(shade: Shade) -> Iterator[str]:
         )
     elif shade.beyond:
         yield f"The beam stands wherever there is light: {shade.word} has no value."
-
-
-def _beside(report: Report, strokes: Strokes, light: Light) -> Iterator[str]:
-    """Light that belongs to no stroke."""
-    energy = light.power * strokes.duration_ms
-    entries = [entry for entry in report.totals["channels"] if entry["channel"] == light.channel]
-    for entry in entries:
-        drawn = float(energy[light.unit == light.units.index(entry["unit"])].sum())
-        rest = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
-        if rest > _SAME * entry["power_ms"]:
-            yield (
-                f"Not drawn: {figure_text(rest, 4)} {entry['unit']}*ms of light of channel {light.channel} before the "
-                "motion or behind the end of a stage."
-            )
-    if entries and entries[-1]["lit_at_end"]:
-        yield f"Channel {light.channel} is left ON."

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from math import ceil, floor, log10
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob import __version__
-from gusjob.drawing.strokes import Light, Strokes
+from gusjob.drawing.strokes import Light, Strokes, left_out
 from gusjob.machine import Machine
 from gusjob.page.render import Page
 from gusjob.report.rows import Report, SegmentKind
@@ -40,6 +41,8 @@ def page_of(
         "kinds": [kind.word for kind in SegmentKind],
         "channels": [_channel_facts(light) for light in strokes.lights],
         "exact": strokes.exact,
+        "units_per_mm": _units_per_mm(strokes, machine),
+        "remarks": [text for light in strokes.lights for text in left_out(report, strokes, light)],
     }
     if strokes.beam is not None:
         facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
@@ -50,6 +53,16 @@ def page_without_run(job: str, diagnostics: list[dict[str, Any]], watched: str =
     """The page of a job that was not run."""
     facts = {"schema": PAGE_SCHEMA, "job": job, "version": __version__}
     return Page(facts=facts, tables={}, diagnostics=diagnostics, marking=None, watched=watched)
+
+
+def _units_per_mm(strokes: Strokes, machine: Machine) -> float:
+    """Units of the coordinates: as fine as 32 bits allow, since energy per mm hangs on lengths below a um; in long
+    runs, which end at pulses, as fine as a pulse."""
+    lines = [strokes.path] if strokes.beam is None else [strokes.path, strokes.beam]
+    ends = [np.abs(end).max(initial=1.0) for line in lines for end in (line.x0, line.y0, line.x1, line.y1)]
+    finest = floor(log10(np.iinfo(np.int32).max / max(ends)))
+    coarse = max(4, ceil(log10(max(machine.pulses_per_mm))))
+    return float(10.0 ** min(finest, 7 if strokes.exact else coarse))
 
 
 def _strokes_table(strokes: Strokes) -> Table:

@@ -15,8 +15,8 @@ Column = npt.NDArray[Any]
 Tables = Mapping[str, Mapping[str, Column]]
 
 COORDINATES = ("x_mm", "y_mm", "beam_x_mm", "beam_y_mm")
-UNITS_PER_MM = 10_000
-"""Coordinates are stored in units of 0.1 um: a galvo resolves some um, and whole numbers' differences pack well."""
+UNITS_PER_MM = 10_000.0
+"""Coordinates are stored in whole units, whose differences pack well: of 0.1 um, if nothing else is said."""
 DELTA = ("line", "row", "stage")
 """Whole numbers that mostly grow by little from one row to the next."""
 DROPPED = ("start_ms",)
@@ -53,7 +53,7 @@ class Entry(TypedDict):
     type: str
     count: int
     delta: bool
-    scale: int
+    scale: float
     same: int
     how: str
     of: list[str]
@@ -87,22 +87,25 @@ class Encoded:
             yield base64.b64encode(left)
 
 
-def encode(tables: Tables, budget_bytes: int) -> Encoded:
-    """Columns of tables in at most `budget_bytes` of base64, if 8 bits of mantissa can do that; else the least."""
+def encode(tables: Tables, budget_bytes: int, units_per_mm: float = UNITS_PER_MM) -> Encoded:
+    """Columns of tables in at most `budget_bytes` of base64, if 8 bits of mantissa can do that; else the least.
+
+    `units_per_mm`: of coordinates, which must fit into 32 bits.
+    """
     rules = _rules(tables)
-    bits = _enough(tables, budget_bytes, rules)
+    bits = _enough(tables, budget_bytes, rules, units_per_mm)
     while True:
-        found = _encode(tables, bits, rules)
+        found = _encode(tables, bits, rules, units_per_mm)
         lower = [b for b in MANTISSA_BITS if b < bits]
         if found.size <= budget_bytes or not lower:
             return found
         bits = lower[0]
 
 
-def stored(table: str, name: str, column: Column, bits: int = MANTISSA_BITS[0]) -> tuple[Column, int]:
+def stored(table: str, name: str, column: Column, bits: int, units_per_mm: float) -> tuple[Column, float]:
     """A column's values as they are stored, before differences are taken, and their scale."""
     if name in COORDINATES and table in ("rows", "strokes"):
-        return _in_units(column), UNITS_PER_MM
+        return _in_units(column, units_per_mm), units_per_mm
     if column.dtype.kind == "f":
         return rounded(column, _kept(name, bits)), 0
     if column.dtype.kind in "iub":
@@ -133,9 +136,9 @@ def rounded(column: Column, bits: int) -> npt.NDArray[np.float32]:
     return kept.view("<f4")
 
 
-def _in_units(column: Column) -> npt.NDArray[np.int32]:
+def _in_units(column: Column, units_per_mm: float) -> npt.NDArray[np.int32]:
     most = float(np.iinfo(np.int32).max)
-    units: npt.NDArray[np.int32] = np.nan_to_num(np.clip(np.rint(column * UNITS_PER_MM), -most, most)).astype("<i4")
+    units: npt.NDArray[np.int32] = np.nan_to_num(np.clip(np.rint(column * units_per_mm), -most, most)).astype("<i4")
     return units
 
 
@@ -211,7 +214,7 @@ def _rules(tables: Tables) -> dict[tuple[str, str], _Rule]:
     return {place: rule for place, rule in found.items() if rule is not None}
 
 
-def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule]) -> Encoded:
+def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> Encoded:
     directory: list[Entry] = []
     packed: list[bytes] = []
     seen: dict[int, list[int]] = {}
@@ -222,7 +225,7 @@ def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule]) -
         if rule is not None:
             directory.append(_computed(table, name, len(column), rule))
             continue
-        values, scale = stored(table, name, column, bits)
+        values, scale = stored(table, name, column, bits, units_per_mm)
         entry = _entry(table, name, values, scale)
         data = _bytes_of(values, delta=entry["delta"])
         # The packer sees 32 KiB back only; equal columns (a constant power's least and highest) it would store twice.
@@ -230,7 +233,7 @@ def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule]) -
         for place in seen.get(mark, ()):
             other = directory[place]
             if (other["type"], other["count"], other["delta"]) == (entry["type"], entry["count"], entry["delta"]):
-                theirs, _ = stored(*kept[place], tables[kept[place][0]][kept[place][1]], bits)
+                theirs, _ = stored(*kept[place], tables[kept[place][0]][kept[place][1]], bits, units_per_mm)
                 if _bytes_of(theirs, delta=other["delta"]) == data:
                     entry["same"] = place
                     break
@@ -243,7 +246,7 @@ def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule]) -
     return Encoded(directory=directory, packed=[p for p in packed if p], bits=bits, digits=_DIGITS[bits])
 
 
-def _entry(table: str, name: str, values: Column, scale: int) -> Entry:
+def _entry(table: str, name: str, values: Column, scale: float) -> Entry:
     return Entry(
         table=table,
         name=name,
@@ -265,25 +268,25 @@ def _computed(table: str, name: str, count: int, rule: _Rule) -> Entry:
     )  # fmt: skip
 
 
-def _enough(tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _Rule]) -> int:
+def _enough(tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> int:
     """The most bits with which a sample of the columns says that all fit."""
     raw = sum(column.nbytes for _, _, column in _all_columns(tables))
     if raw <= _SAMPLED:
         return MANTISSA_BITS[0]
     for bits in MANTISSA_BITS:
-        if _estimate(tables, bits, rules) <= budget_bytes * _SLACK:
+        if _estimate(tables, bits, rules, units_per_mm) <= budget_bytes * _SLACK:
             return bits
     return MANTISSA_BITS[-1]
 
 
-def _estimate(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule]) -> float:
+def _estimate(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> float:
     """Length of the base64 text, by parts of each column."""
     total, seen = 0.0, set()
     for table, name, column in _all_columns(tables):
         if (table, name) in rules:
             continue
         part = _sample(column)
-        values, scale = stored(table, name, part, bits)
+        values, scale = stored(table, name, part, bits, units_per_mm)
         data = _bytes_of(values, delta=_entry(table, name, values, scale)["delta"])
         if (len(column), data) not in seen:
             seen.add((len(column), data))

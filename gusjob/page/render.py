@@ -18,7 +18,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from gusjob.diagnostics import figure, printable
-from gusjob.page.encode import Encoded, encode
+from gusjob.page.encode import UNITS_PER_MM, Encoded, encode
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 
 MAX_BYTES = 30_000_000
@@ -66,11 +66,11 @@ def render(page: Page) -> Iterator[bytes]:
         yield shell.encode("utf-8", "replace")
         return
     budget = MAX_BYTES - len(shell.encode("utf-8", "replace")) - _DIRECTORY_BYTES
-    found = encode(page.tables, budget)
+    found = encode(page.tables, budget, page.facts.get("units_per_mm", UNITS_PER_MM))
     if found.size > budget and page.tables.get("marks"):
         left = {name: part for name, part in page.tables.items() if name != "marks"}
         page = replace(page, tables=left, facts={**page.facts, "marks_left_out": True})
-        found = encode(page.tables, budget)
+        found = encode(page.tables, budget, page.facts.get("units_per_mm", UNITS_PER_MM))
     head, _, tail = _shell(page, found).partition(str(_COLUMNS))
     yield head.encode("utf-8", "replace")
     yield from found.text()
@@ -248,6 +248,7 @@ def _remarks(facts: Mapping[str, Any], found: Encoded | None) -> list[str]:
         said.append(
             f"Figures in drawings and tables are rounded to about {found.digits} digits so that the page stays small."
         )
+    said += facts.get("remarks", [])
     if facts.get("marks_left_out"):
         said.append("The table of marks is left out so that the page stays small; the JSON report has it.")
     return said

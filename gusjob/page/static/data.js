@@ -3,13 +3,15 @@
   "use strict";
   const gusjob = (window.gusjob = window.gusjob || {});
   const ARRAYS = { f32: Float32Array, i8: Int8Array, i16: Int16Array, i32: Int32Array };
-  const UNITS_PER_MM = 10000;
   const PIECE = 1 << 20; // characters of base64 at a time; a multiple of four
 
   function readJson(id) {
     const node = document.getElementById(id);
     return node ? JSON.parse(node.textContent) : null;
   }
+
+  gusjob.facts = readJson("gusjob-facts");
+  const UNITS_PER_MM = (gusjob.facts || {}).units_per_mm || 10000;
 
   // Lets the browser paint and answer between long steps.
   function breathe() {
@@ -114,7 +116,7 @@
     return nodes;
   }
 
-  // Strokes as arrays: node i is where stroke i starts, node i + 1 where it ends, in units of 0.1 um.
+  // Strokes as arrays: node i is where stroke i starts, node i + 1 where it ends, in units.
   function strokesOf(facts, rows, found, count) {
     const values = (name) => found[name] && found[name].values;
     const row = values("row");
@@ -408,7 +410,6 @@
     return node;
   }
 
-  gusjob.facts = readJson("gusjob-facts");
   Object.assign(gusjob, {
     UNITS_PER_MM, breathe, load, figure, printable, kindOf, kindWord, fileOf, placeOf, headOf, columnsOf, shown, chosen,
     csvOf, element, isLit,

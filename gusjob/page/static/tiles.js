@@ -20,7 +20,7 @@
     return from > to ? null : [x0 + from * dx, y0 + from * dy, x0 + to * dx, y0 + to * dy];
   }
 
-  // Geometry of one tile: units of 0.1 um to its own pixels.
+  // Geometry of one tile: units to its own pixels.
   function frameOf(coords, size, scale, ratio) {
     const k = (scale * ratio) / gusjob.UNITS_PER_MM;
     const ox = coords.x * size * ratio, oy = coords.y * size * ratio;
