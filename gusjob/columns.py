@@ -102,7 +102,7 @@ def _arrow(column: Column) -> Any:
     import pyarrow
 
     if isinstance(column, Words):
-        return pyarrow.DictionaryArray.from_arrays(column.codes.astype(np.int8), list(column.words))
+        return pyarrow.DictionaryArray.from_arrays(column.codes.astype(np.int32), list(column.words))
     return pyarrow.array(column, from_pandas=True)
 
 

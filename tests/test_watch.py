@@ -5,7 +5,10 @@ from __future__ import annotations
 import http.client
 import os
 import queue
+import re
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -16,7 +19,7 @@ from pathlib import Path
 import pytest
 from test_cli import GOOD, gusjob, write
 
-from gusjob.cli.serve import EVENTS, PageServer
+from gusjob.cli.serve import PageServer
 
 PATIENCE_S = 20.0
 
@@ -111,14 +114,16 @@ def test_ctrl_c_ends_it(watched: Watched) -> None:
 
 
 def test_profile_and_includes_are_watched(folder: Path) -> None:
-    """A profile that comes, an included file that comes and that changes."""
-    write(folder, GOOD.replace("LINE X 10", 'INCLUDE "part.job"'))
+    """A profile that comes, an included file that comes and that changes, a file that is none of the job's."""
+    (folder / "parts").mkdir()
+    write(folder, GOOD.replace("LINE X 10", 'INCLUDE "parts/part.job"'))
     found = Watched(folder, "--summary")
     try:
         found.until("there is no such file")
-        write(folder, "LINE X 10\n", "part.job")
+        write(folder, "LINE X 20\n", "other.job")
+        write(folder / "parts", "LINE X 10\n", "part.job")
         assert "marks 5 mm" in found.until("segments in")
-        write(folder, "LINE X 30\n", "part.job")
+        write(folder / "parts", "LINE X 30\n", "part.job")
         assert "marks 25 mm" in found.until("segments in")
         write(folder, "field_x_mm = [-8, 8]\n", "gusjob.toml")
         found.until("error[GJ503]")
@@ -132,16 +137,25 @@ def test_the_page_follows(folder: Path) -> None:
     try:
         host = found.until("http://").split("http://")[1].split("/")[0]
         found.until("no faults")
-        assert b"x.job" in got(host, "/")[1]
+        old = events_of(got(host, "/")[1])
         events = http.client.HTTPConnection(host, timeout=PATIENCE_S)
-        events.request("GET", EVENTS)
+        events.request("GET", old)
         stream = events.getresponse()
         saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE Q 10"))
         assert stream.readline() == b"data: changed\n"
-        assert b"GJ101" in got(host, "/")[1]
+        page = got(host, "/")[1]
+        assert b"GJ101" in page
+        assert events_of(page) != old
         events.close()
     finally:
         found.end()
+
+
+def events_of(page: bytes) -> str:
+    """Where a page listens."""
+    found = re.search(rb'"watched":"(/events/[0-9a-f]{16})"', page)
+    assert found is not None
+    return found[1].decode()
 
 
 def got(host: str, path: str, **headers: str) -> tuple[int, bytes]:
@@ -158,19 +172,51 @@ def test_only_this_computer_is_served() -> None:
     """Another name for this address (DNS rebinding) gets nothing, nor is there anything but the page."""
     server = PageServer()
     try:
-        server.show(b"<p>1")
+        events = server.new_events()
+        server.show(b"<p>1", events)
         host = server.url.split("/")[2]
         port = host.split(":")[1]
         assert got(host, "/") == (200, b"<p>1")
         assert got(host, "/", Host=f"localhost:{port}")[0] == 200
         assert got(host, "/", Host="evil.example")[0] == 403
-        assert got(host, EVENTS, Host=f"evil.example:{port}")[0] == 403
+        assert got(host, events, Host=f"evil.example:{port}")[0] == 403
         assert got(host, "/x.job")[0] == 404
         assert got(host, "/../x.job")[0] == 404
         with pytest.raises(OSError, match=r"in use|only one usage"):
             PageServer(int(port))
     finally:
         server.close()
+
+
+def test_a_page_that_is_old_is_told_at_once() -> None:
+    """Saved while the page was on its way; or the page of another run of watch at the same port."""
+    server = PageServer()
+    try:
+        host = server.url.split("/")[2]
+        first, second = server.new_events(), server.new_events()
+        server.show(b"<p>1", first)
+        server.show(b"<p>2", second)
+        for old in (first, "/events/0123456789abcdef"):
+            assert got(host, old) == (200, b"data: changed\n\n")
+    finally:
+        server.close()
+
+
+def test_a_browser_that_goes_away(capfd: pytest.CaptureFixture[str]) -> None:
+    """In the middle of a page: nothing of it is said, and others are served."""
+    server = PageServer()
+    try:
+        server.show(b"x" * 10_000_000, server.new_events())
+        host, port = server.url.split("/")[2].split(":")
+        for _ in range(3):
+            with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as browser:
+                browser.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+                assert browser.recv(100)
+                browser.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        assert len(got(f"{host}:{port}", "/")[1]) == 10_000_000
+    finally:
+        server.close()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_port_that_is_taken(folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -15,7 +16,7 @@ import click
 from gusjob import rules
 from gusjob.backend import JOURNAL_START
 from gusjob.checks import check as check_job
-from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors
+from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors, printable
 from gusjob.job import Job
 from gusjob.machine import SCANNER_FORM, Machine, Scanner, parse_scanner
 from gusjob.profile import find_profile, read_machine
@@ -67,9 +68,15 @@ class Loaded:
     stream: Stream | None = None
     faults: list[Diagnostic] = field(default_factory=list)
     unreadable: bool = False
+    profile: Path | None = None
     journal: bool = False
     """It is the journal of a run."""
     sources: dict[str, Source] = field(default_factory=dict)
+
+    @property
+    def inputs(self) -> list[Path]:
+        """Every file that was read."""
+        return [self.path, *(Path(name) for name, _ in self.files), *([self.profile] if self.profile else [])]
 
     @property
     def foreign(self) -> bool:
@@ -101,7 +108,7 @@ def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = Non
         return loaded
     loaded.journal = source.data.startswith(JOURNAL_START)
     loaded.source, loaded.sources[source.name] = source, source
-    profile = machine_path or find_profile(path)
+    profile = loaded.profile = machine_path or find_profile(path)
     if profile is not None:
         loaded.machine, loaded.faults = read_machine(profile)
         if loaded.faults:
@@ -201,24 +208,50 @@ def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
             click.echo(diagnostic_text(fault, loaded.text_of, color=color), err=err, color=color)
 
 
-def write(pieces: Iterable[bytes], output: Path | None, *, source: Path | None = None) -> None:
+def write(pieces: Iterable[bytes], output: Path | None, *, sources: Iterable[Path] = ()) -> None:
     """Write bytes to a file or to standard output; exits with 2 if they can't be written.
 
-    `source` is never written over.
+    A file is there whole or not at all: until it is, an older one stays. `sources` are never written over.
     """
     try:
         if output is None:
             if sys.stdout is not None:
                 _write_all(pieces, sys.stdout.buffer)
-        elif source is not None and output.exists() and output.samefile(source):
-            stop(f"{output}: this is the file that was read; name another one with -o")
-        else:
-            with output.open("wb") as file:
+        elif output.exists() and any(source.exists() and output.samefile(source) for source in sources):
+            stop(f"{output}: this is a file that was read; name another one with -o")
+        elif output.exists() and not output.is_file():
+            with output.open("wb") as file:  # A device or a pipe.
                 _write_all(pieces, file)
+        else:
+            _replace(output.resolve(), pieces)
     except BrokenPipeError:  # Whoever reads has seen enough.
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123  (for the interpreter's own flush)
     except OSError as error:
         stop(f"{output or 'standard output'}: can't write: {(error.strerror or 'unknown error').lower()}")
+
+
+def _replace(output: Path, pieces: Iterable[bytes]) -> None:
+    """Write beside a file, then put it in its place."""
+    if output.exists():
+        output.open("ab").close()  # What may not be written over is not replaced either.
+    handle, name = tempfile.mkstemp(prefix=".gusjob-", dir=output.parent)
+    beside = Path(name)
+    try:
+        with open(handle, "wb") as file:  # noqa: PTH123  (a handle has no path)
+            _write_all(pieces, file)
+        beside.chmod(output.stat().st_mode & 0o7777 if output.exists() else 0o666 & ~_umask())
+        beside.replace(output)
+    except KeyboardInterrupt:
+        stop(f"{output}: interrupted; nothing was written")
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """What new files may not have; it can't be asked for without being set."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
 
 
 def need(extra: str, module: str, *, to: str) -> None:
@@ -237,7 +270,7 @@ def refuse_terminal(form: str, output: Path | None) -> None:
 
 def stop(message: str) -> NoReturn:
     """Say why, and leave with 2."""
-    click.echo(f"gusjob: {message}", err=True)
+    click.echo(f"gusjob: {printable(message)}", err=True)
     sys.exit(2)
 
 

@@ -27,10 +27,10 @@ def command(path: Path, machine_path: Path | None, form: str, output: Path | Non
     show(loaded, notes=False)
     if stream is not None:
         if form == "json":
-            write(listing_json(stream), output, source=path)
+            write(listing_json(stream), output, sources=loaded.inputs)
         else:
             text_of = listing
             if form == "c":
                 from gusjob.c_program import c_program as text_of
-            write((text.encode() for text in text_of(stream)), output, source=path)
+            write((text.encode() for text in text_of(stream)), output, sources=loaded.inputs)
     sys.exit(exit_code(loaded))

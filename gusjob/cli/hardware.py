@@ -168,7 +168,7 @@ def row_of_line(stream: Stream, loaded: Loaded, place: str) -> int:
 
     rows = [(span.line, int(row)) for span, row in zip(spans, first, strict=True) if meant(span)]
     if not rows or line < 1:
-        stop(f"--from-line {printable(place)}: the job has no motion or laser call at or behind this line")
+        stop(f"--from-line {place}: the job has no motion or laser call at or behind this line")
     return min(rows)[1]
 
 

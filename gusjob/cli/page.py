@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from gusjob.cli.common import Loaded, stop
+from gusjob.cli.common import Loaded
 from gusjob.diagnostics import Diagnostic
 from gusjob.report.files import diagnostic_object
 
@@ -14,20 +14,28 @@ if TYPE_CHECKING:
     from gusjob.report.rows import Report
 
 
+def too_long(report: Report | None) -> str:
+    """Why there can be no page of a run; "" if there can."""
+    from gusjob.page.content import MAX_SEGMENTS
+
+    if report is None or len(report) <= MAX_SEGMENTS:
+        return ""
+    return (
+        f"a page holds up to {MAX_SEGMENTS:,} segments, and these are {len(report):,}: "
+        "use gusjob plot, or report --format parquet"
+    )
+
+
 def html_page(loaded: Loaded, trace: Trace | None, report: Report | None, *, watched: str = "") -> Iterator[bytes]:
-    """The page in pieces; of a job that was not run, its diagnostics. Exits with 2 if the run is too long for one."""
+    """The page in pieces; of a job that was not run, or is too long for a page, what is to be said of it."""
     from gusjob.drawing.strokes import strokes_of
-    from gusjob.page.content import MAX_SEGMENTS, page_of, page_without_run
+    from gusjob.page.content import page_of, page_without_run
     from gusjob.page.render import render
 
     faults = [_with_source(loaded, fault) for fault in loaded.faults]
-    if trace is None or report is None:
-        return render(page_without_run(loaded.path.name, faults, watched))
-    if len(report) > MAX_SEGMENTS:
-        stop(
-            f"{loaded.path}: a page holds up to {MAX_SEGMENTS:,} segments, and these are {len(report):,}: "
-            "use gusjob plot, or --format parquet"
-        )
+    reason = too_long(report)
+    if trace is None or report is None or reason:
+        return render(page_without_run(loaded.path.name, faults, watched, reason))
     return render(page_of(report, strokes_of(trace, loaded.machine), loaded.machine, faults, watched))
 
 

@@ -136,7 +136,11 @@ def command(
     trace = interpreted(loaded)
     if trace is not None:
         view = View(box_mm=zoom, field=field)
-        write([_drawn(loaded, trace, form, by, channel, view, size_in, dpi, jumps=not no_jumps)], output, source=path)
+        write(
+            [_drawn(loaded, trace, form, by, channel, view, size_in, dpi, jumps=not no_jumps)],
+            output,
+            sources=loaded.inputs,
+        )
     show(loaded, notes=trace is None)
     sys.exit(exit_code(loaded))
 

@@ -22,6 +22,7 @@ from gusjob.cli.common import (
     refuse_terminal,
     scanner_option,
     show,
+    stop,
     write,
 )
 from gusjob.diagnostics import printable
@@ -122,7 +123,7 @@ def command(
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
     if report is not None or (form in _WITHOUT_RUN and not loaded.unreadable):
-        write(_written(loaded, trace, report, comparison, form=form, summary=summary), output, source=path)
+        write(_written(loaded, trace, report, comparison, form=form, summary=summary), output, sources=loaded.inputs)
     if form in _WITHOUT_COMPARISON and comparison is not None:
         from gusjob.report.compare import comparison_text
 
@@ -157,8 +158,10 @@ def _written(
 ) -> Iterable[bytes]:
     """The report in a format; of a job that was not run there is one in some only."""
     if form == "html":
-        from gusjob.cli.page import html_page
+        from gusjob.cli.page import html_page, too_long
 
+        if reason := too_long(report):
+            stop(f"{loaded.path}: {reason}")
         return html_page(loaded, trace, report)
     if form == "markdown":
         from gusjob.report.markdown import report_markdown

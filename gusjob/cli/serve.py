@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import secrets
+import sys
 import threading
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
-EVENTS = "/events"
+_EVENTS = "/events/"
 _HEARTBEAT_S = 10.0
 """A browser that is gone is noticed by a line that can't be sent."""
 
 _WAITING = b"<!DOCTYPE html><meta charset=utf-8><title>gusjob</title><p>The page is not ready yet; load it again."
+
+
+class _Server(ThreadingHTTPServer):
+    """Says nothing of a browser that goes away in the middle: the terminal is for the report."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
 
 
 class PageServer:
@@ -22,10 +36,9 @@ class PageServer:
     def __init__(self, port: int = 0) -> None:
         """Listen; port 0 takes any that is free. Raises OSError."""
         self._page = _WAITING
-        self._version = 0
+        self._shown = ""
         self._changed = threading.Condition()
-        self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
-        self._server.daemon_threads = True
+        self._server = _Server(("127.0.0.1", port), self._handler())
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
@@ -33,11 +46,14 @@ class PageServer:
         """Where the page is."""
         return f"http://127.0.0.1:{self._server.server_port}/"
 
-    def show(self, page: bytes) -> None:
+    def new_events(self) -> str:
+        """The path at which the next page is told that it is old. No other page, nor one served before, has it."""
+        return _EVENTS + secrets.token_hex(8)
+
+    def show(self, page: bytes, events: str) -> None:
         """Serve another page from now on, and tell browsers."""
         with self._changed:
-            self._page = page
-            self._version += 1
+            self._page, self._shown = page, events
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -45,11 +61,10 @@ class PageServer:
         self._server.shutdown()
         self._server.server_close()
 
-    def _wait(self, seen: int) -> int:
-        """The page's version, as soon as it is another than the one that was seen, or some time later."""
+    def _is_old(self, events: str) -> bool:
+        """Whether a page is another than the one that is served: as soon as it is, or after some time."""
         with self._changed:
-            self._changed.wait_for(lambda: self._version != seen, timeout=_HEARTBEAT_S)
-            return self._version
+            return self._changed.wait_for(lambda: self._shown != events, timeout=_HEARTBEAT_S)
 
     def _handler(self) -> type[BaseHTTPRequestHandler]:
         served = self
@@ -61,7 +76,7 @@ class PageServer:
                     self.send_error(HTTPStatus.FORBIDDEN)
                 elif self.path == "/":
                     self._send_page(served._page)
-                elif self.path == EVENTS:
+                elif self.path.startswith(_EVENTS):
                     self._send_events()
                 else:
                     self.send_error(HTTPStatus.NOT_FOUND)
@@ -73,22 +88,19 @@ class PageServer:
                 self.send_header("Cache-Control", "no-store")
                 self.send_header("X-Content-Type-Options", "nosniff")
                 self.end_headers()
-                self.wfile.write(page)
+                with suppress(OSError):  # The browser is gone.
+                    self.wfile.write(page)
 
             def _send_events(self) -> None:
                 self.send_response(HTTPStatus.OK)
                 self.send_header("Content-Type", "text/event-stream")
                 self.send_header("Cache-Control", "no-store")
                 self.end_headers()
-                seen = served._version
-                try:
-                    while True:
-                        version = served._wait(seen)
-                        self.wfile.write(b"data: changed\n\n" if version != seen else b":\n\n")
+                with suppress(OSError):  # The browser is gone.
+                    while not served._is_old(self.path):
+                        self.wfile.write(b":\n\n")
                         self.wfile.flush()
-                        seen = version
-                except OSError:  # The browser is gone.
-                    return
+                    self.wfile.write(b"data: changed\n\n")
 
             def log_message(self, *_said: object) -> None:
                 """The terminal is for the report."""

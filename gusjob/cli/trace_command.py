@@ -96,7 +96,7 @@ def command(
     loaded = load(path, machine_path, scanner=scanner)
     trace = interpreted(loaded)
     if trace is not None:
-        write(_written(loaded, trace, form, first, last), output, source=path)
+        write(_written(loaded, trace, form, first, last), output, sources=loaded.inputs)
     show(loaded, notes=trace is None)
     sys.exit(exit_code(loaded))
 

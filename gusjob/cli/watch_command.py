@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from gusjob import rules
 from gusjob.cli.common import Loaded, file_argument, interpreted, load, machine_option, need, scanner_option, show, stop
 from gusjob.diagnostics import printable
 from gusjob.profile import find_profile
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 _LOOK_S = 0.25
 """Files are looked at so often. Looking works everywhere, on network drives too, and a change is seen as people see."""
+
+_PATIENCE_S = 2.0
+"""A file that is changed all the time is worked on so often."""
 
 Stamp = dict[Path, tuple[int, int] | None]
 """When each file was changed, ns, and its size in bytes; None where there is none."""
@@ -33,7 +36,11 @@ Stamp = dict[Path, tuple[int, int] | None]
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
 @click.option("--page", is_flag=True, help="Serve the report as a page to browsers on this computer; it follows too.")
 @click.option(
-    "--port", type=click.IntRange(0, 2**16 - 1), default=0, help="Port of the page. Default: any that is free.", metavar="N"
+    "--port",
+    type=click.IntRange(0, 2**16 - 1),
+    default=0,
+    metavar="N",
+    help="Port of the page. Default: any that is free.",
 )
 def command(
     path: Path, machine_path: Path | None, scanner: Scanner | None, summary: bool, page: bool, port: int
@@ -45,12 +52,12 @@ def command(
         stop(f"{path}: no such file")
     server = _served(port) if page else None
     try:
-        included: set[Path] = set()
+        needed: set[Path] = set()
         while True:
-            seen = _stamp(path, machine_path, included)  # What is saved from here on is worked on once more.
+            seen = _stamp(path, machine_path, needed)  # What is saved from here on is worked on once more.
             loaded = _report(path, machine_path, scanner, server, summary=summary)
-            included = {Path(name) for name, _ in loaded.files}
-            _wait_for_change(path, machine_path, included, _stamps(included) | seen)
+            needed = _needed(loaded)
+            _wait_for_change(path, machine_path, needed, _stamps(needed) | seen)
     except KeyboardInterrupt:
         click.echo()
     finally:
@@ -82,9 +89,9 @@ def _report(
         report = make_report(trace, loaded.machine, loaded.files)
     if server is not None:
         from gusjob.cli.page import html_page
-        from gusjob.cli.serve import EVENTS
 
-        server.show(b"".join(html_page(loaded, trace, report, watched=EVENTS)))
+        events = server.new_events()
+        server.show(b"".join(html_page(loaded, trace, report, watched=events)), events)
     if sys.stdout is not None and sys.stdout.isatty():
         click.clear()
     click.echo(f"{datetime.now():%H:%M:%S}  {printable(str(path))}{f'  {server.url}' if server else ''}  Ctrl-C ends")
@@ -98,14 +105,19 @@ def _report(
     return loaded
 
 
-def _stamp(path: Path, machine_path: Path | None, included: set[Path]) -> Stamp:
-    """Stamps of what the report hangs on: the job, what it includes, jobs beside it (one may be missing yet), the
-    profile."""
-    files = {path, *included}
-    with suppress(OSError):  # The folder is gone, or on a drive that is not there now.
-        files.update(path.parent.glob("*.job"))
+def _needed(loaded: Loaded) -> set[Path]:
+    """What a job includes, and what it would if it were there."""
+    missing = (fault for fault in loaded.faults if fault.rule is rules.INCLUDE)
+    return {
+        *(Path(name) for name, _ in loaded.files),
+        *(Path(fault.file).parent / str(fault.fields["file"]) for fault in missing),
+    }
+
+
+def _stamp(path: Path, machine_path: Path | None, needed: set[Path]) -> Stamp:
+    """Stamps of what the report hangs on: the job, what it includes, the profile."""
     profile = machine_path or find_profile(path)
-    return _stamps({*files, profile} if profile is not None else files)
+    return _stamps({path, *needed} if profile is None else {path, *needed, profile})
 
 
 def _stamps(files: set[Path]) -> Stamp:
@@ -119,12 +131,14 @@ def _stamps(files: set[Path]) -> Stamp:
     return stamp
 
 
-def _wait_for_change(path: Path, machine_path: Path | None, included: set[Path], seen: Stamp) -> None:
-    """Until a file is another than the one that was seen, and has been left alone for a moment."""
-    now = seen
+def _wait_for_change(path: Path, machine_path: Path | None, needed: set[Path], seen: Stamp) -> None:
+    """Until a file is another than the one that was seen, and has been left alone for a moment (or changes all the
+    time)."""
+    now, changing = seen, 0
     while True:
         time.sleep(_LOOK_S)
-        before, now = now, _stamp(path, machine_path, included)
+        before, now = now, _stamp(path, machine_path, needed)
+        changing = changing + 1 if now != seen else 0
         # An editor may take a file away for a moment before it puts the new one there.
-        if now != seen and now == before and now[path] is not None:
+        if changing and now[path] is not None and (now == before or changing * _LOOK_S > _PATIENCE_S):
             return

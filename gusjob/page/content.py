@@ -49,9 +49,9 @@ def page_of(
     return Page(facts=facts, tables=tables, diagnostics=diagnostics, marking=report.totals["marking"], watched=watched)
 
 
-def page_without_run(job: str, diagnostics: list[dict[str, Any]], watched: str = "") -> Page:
-    """The page of a job that was not run."""
-    facts = {"schema": PAGE_SCHEMA, "job": job, "version": __version__}
+def page_without_run(job: str, diagnostics: list[dict[str, Any]], watched: str = "", reason: str = "") -> Page:
+    """The page of a job that was not run, or of which nothing can be shown for a reason."""
+    facts = {"schema": PAGE_SCHEMA, "job": job, "version": __version__, "reason": reason}
     return Page(facts=facts, tables={}, diagnostics=diagnostics, marking=None, watched=watched)
 
 

@@ -106,7 +106,7 @@ def _shell(page: Page, found: Encoded | None) -> str:
         channels=[_channel(entry) for entry in totals["channels"]] if totals else [],
         readings=_readings(page.facts),
         remarks=_remarks(page.facts, found),
-        why_no_report=_why_no_report(page.diagnostics),
+        why_no_report=page.facts.get("reason") or _why_no_report(page.diagnostics),
         diagnostics=[_diagnostic(fault) for fault in page.diagnostics],
         counts=_counts(page.diagnostics),
         shown=_SHOWN,
