@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 from tools import MARK, ROOT
 
-from gusjob.cli import cli
+from gusjob.cli import cli, common
 
 GOOD = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
 
@@ -330,3 +332,83 @@ def test_as_a_module_and_into_a_closed_pipe() -> None:
         assert process.stdout.readline().startswith(b"GT_SetAxisMode")
         process.stdout.close()
         assert b"Traceback" not in process.stderr.read()
+
+
+def test_no_input_is_written_over(tmp_path: Path) -> None:
+    """Neither the job, nor what it includes, nor the profile; by whatever name."""
+    part = write(tmp_path, "LINE X 1\n", "part.job")
+    top = write(tmp_path, 'VEL 100\nACC 100\nINCLUDE "part.job"\n', "top.job")
+    profile = write(tmp_path, "period_us = 100\n", "gusjob.toml")
+    link = tmp_path / "link.gts"
+    link.hardlink_to(part)
+    for path in (top, part, profile, link):
+        before = path.read_bytes()
+        for words in (["compile"], ["report", "--format", "json"], ["trace", "--format", "csv"]):
+            done = gusjob(words[0], top, *words[1:], "-o", path)
+            assert (done.exit_code, "name another one with -o" in done.output) == (2, True)
+            assert path.read_bytes() == before
+
+
+def test_an_output_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interrupted or out of room in the middle: the older file stays, and nothing is left beside it."""
+    output = write(tmp_path, "old", "out.txt")
+
+    def pieces(error: BaseException) -> Iterator[bytes]:
+        yield b"new"
+        raise error
+
+    for error in (KeyboardInterrupt(), OSError(28, "No space left on device")):
+        with pytest.raises(SystemExit) as left:
+            common.write(pieces(error), output)
+        assert left.value.code == 2
+        with pytest.raises(SystemExit):
+            common.write(pieces(error), tmp_path / "other.txt")
+    with pytest.raises(ZeroDivisionError):
+        common.write(pieces(ZeroDivisionError()), output)
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"out.txt": "old"}
+    output.chmod(0o640)
+    common.write([b"new"], output)
+    assert output.read_text() == "new"
+    assert os.name != "posix" or output.stat().st_mode & 0o777 == 0o640
+
+
+def test_the_form_of_a_report_by_its_name(good: Path, tmp_path: Path) -> None:
+    starts = {
+        "a.json": b'{"schema"',
+        "a.csv": b"line,kind",
+        "a.MD": b"## ",
+        "a.html": b"<!DOCTYPE html>",
+        "a.parquet": b"PAR1",
+    }
+    for name, start in starts.items():
+        assert gusjob("report", good, "-o", tmp_path / name).exit_code == 0
+        assert (tmp_path / name).read_bytes().startswith(start), name
+    assert gusjob("report", good, "--format", "csv", "-o", tmp_path / "b.json").exit_code == 0
+    assert (tmp_path / "b.json").read_bytes().startswith(b"line,kind")
+
+
+def test_a_name_does_not_steer_the_terminal(tmp_path: Path, good: Path) -> None:
+    for words in (["watch", tmp_path / "no\x1b[31m"], ["trace", good, "-o", tmp_path / "no" / "x\x1b[31m"]):
+        done = gusjob(*words)
+        assert done.exit_code == 2
+        assert "\x1b" not in done.output
+
+
+@pytest.mark.parametrize(
+    "text", ['{"schema":"gusjob-journal/1","job":"a.j', '{"schema":"gusjob-journal/1","job":"x"}\n{"t":0.1,"part":1}\n']
+)
+def test_a_damaged_journal(tmp_path: Path, text: str) -> None:
+    done = gusjob("report", write(tmp_path, text, "x.journal"))
+    assert done.exit_code == 2
+    assert "it is damaged" in done.output
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\xfe.job"))
+    path.write_text(GOOD, encoding="utf-8")
+    for form in ("table", "json", "csv", "markdown", "html", "parquet"):
+        assert gusjob("report", path, "--format", form, "-o", tmp_path / "out").exit_code == 0
+    for form in ("vcd", "csv", "parquet", "npz"):
+        assert gusjob("trace", path, "--format", form, "-o", tmp_path / "out").exit_code == 0
+    assert json.loads(gusjob("report", path, "--format", "json").stdout)["job"].endswith("\\udcff\\udcfe.job")

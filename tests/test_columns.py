@@ -95,6 +95,17 @@ def test_rows_name_their_file(tmp_path: Path) -> None:
     assert frame["line"].to_list() == [3, 1]
 
 
+def test_many_files_in_parquet(tmp_path: Path) -> None:
+    """More than a byte counts."""
+    for number in range(200):
+        write(tmp_path, f"LINE X {number % 100 + 1}\n", f"p{number}.job")
+    includes = "".join(f'INCLUDE "p{number}.job"\n' for number in range(200))
+    path = write(tmp_path, "VEL 100\nACC 1000\n" + includes)
+    out = tmp_path / "x.parquet"
+    assert gusjob("report", path, "-o", out).exit_code == 0
+    assert [Path(name).name for name in polars.read_parquet(out)["file"]] == [f"p{n}.job" for n in range(200)]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

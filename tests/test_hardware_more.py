@@ -60,7 +60,7 @@ def listed(text: str) -> Stream:
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
     stream, faults = read_listing(source)
-    assert faults == []
+    assert faults == [] and sent is not None
     return stream
 
 
@@ -711,7 +711,7 @@ def test_the_report_of_a_journal_is_what_was_run(gus: Bench, how: str) -> None:
     source, _ = check_text(ran.journal.read_bytes(), "x.journal")
     assert source is not None
     sent, faults = sent_calls(source)
-    assert faults == []
+    assert faults == [] and sent is not None
     trace, found = interpret(sent, machine, foreign=True)
     assert trace is not None
     assert {fault.rule.severity.name for fault in found} <= {"WARNING", "NOTE"}
@@ -727,7 +727,7 @@ def reported(ran: Ran, machine: Machine) -> tuple[Stream, float]:
     source, _ = check_text(ran.journal.read_bytes(), "x.journal")
     assert source is not None
     sent, faults = sent_calls(source)
-    assert faults == []
+    assert faults == [] and sent is not None
     trace, _ = interpret(sent, machine, foreign=True)
     assert trace is not None
     return sent, float(trace.clock.laid.length.sum())

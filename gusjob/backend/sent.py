@@ -10,9 +10,10 @@ import numpy as np
 import orjson
 
 from gusjob import rules
+from gusjob.backend import JOURNAL_SCHEMA
 from gusjob.backend.place import Place
 from gusjob.backend.rest import about_centre, point
-from gusjob.diagnostics import Diagnostic, Span
+from gusjob.diagnostics import NOWHERE, Diagnostic, Span
 from gusjob.limits import FIFO_SLOTS
 from gusjob.stream import HOST_CALLS, Buffered, BufferedCalls, Stream
 from gusjob.syntax import Source, read_listing
@@ -27,18 +28,23 @@ _WAITED = b"GT_CrdStatus(%d,run,segment,%d)"
 _NOT_OF_THE_JOB = {*HOST_CALLS, "GT_CrdStatus", "GT_GetHSIOOpt"}
 
 
-def sent_calls(source: Source) -> tuple[Stream, list[Diagnostic]]:
-    """The calls of a journal that returned 0, with the job's lines.
+def sent_calls(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
+    """The calls of a journal that returned 0, with the job's lines; None if it is damaged.
 
     Polls are left out, and so is what was sent but not run since the run was stopped or paused before: what the last
     call did of it ends where the light went off. GT_CrdStatus stands where the motion was at rest.
     """
-    collected, name = _Collected(), _job(source)
-    for row, line, call, args, mark in _LINE.findall(source.data):
-        if mark:
-            collected.mark(orjson.loads(b"{" + mark))
-        else:
-            collected.call(int(row) if row else None, int(line), call.decode(), args.translate(_BRACES))
+    collected = _Collected()
+    try:
+        name = _job(source)
+        for row, line, call, args, mark in _LINE.findall(source.data):
+            if mark:
+                collected.mark(orjson.loads(b"{" + mark))
+            else:
+                collected.call(int(row) if row else None, int(line), call.decode(), args.translate(_BRACES))
+    except (ValueError, KeyError, IndexError, TypeError):
+        reason = f"it begins as a journal, but can't be read as {JOURNAL_SCHEMA}: it is damaged"
+        return None, [Diagnostic(rule=rules.NOT_TEXT, span=NOWHERE, fields={"reason": reason}, path=source.name)]
     text = b"\n".join(collected.texts)
     stream, faults = read_listing(Source(name=name, data=text + b"\n"))
     lines = np.array([0, *collected.lines], dtype=np.int32)

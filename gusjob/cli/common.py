@@ -123,6 +123,7 @@ def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = Non
         from gusjob.backend.sent import sent_calls
 
         loaded.stream, loaded.faults = sent_calls(source)
+        loaded.unreadable = loaded.stream is None
         return loaded
     if is_listing(source):
         loaded.stream, loaded.faults = read_listing(source)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from gusjob.report.rows import Report
 
 _TOLERANCE_PCT = 1.0
+_ENDINGS = {".json": "json", ".csv": "csv", ".md": "markdown", ".html": "html", ".parquet": "parquet"}
 _WITHOUT_RUN = ("markdown", "html")
 """Of a job with errors these still say which."""
 _WITHOUT_COMPARISON = ("csv", "html", "parquet")
@@ -63,9 +64,8 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     "--format",
     "form",
     type=click.Choice(["table", "json", "csv", "markdown", "html", "parquet"]),
-    default="table",
-    show_default=True,
-    help="html: one page to look at in a browser, which needs nothing else.",
+    help="Default: by the ending of the output file's name, else table. html: one page to look at in a browser, which "
+    "needs nothing else.",
 )
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
 @click.option(
@@ -95,7 +95,7 @@ def command(
     path: Path,
     machine_path: Path | None,
     scanner: Scanner | None,
-    form: str,
+    form: str | None,
     summary: bool,
     marking: bool | None,
     earlier_path: Path | None,
@@ -107,6 +107,7 @@ def command(
     The calls are interpreted tick by tick, as the controller would run them. A job with errors is not run; a listing
     is, since some program already sends it: what the controller would refuse is reported and has no effect.
     """
+    form = form or _ENDINGS.get(output.suffix.lower() if output is not None else "", "table")
     _refuse(form, marking=bool(marking), summary=summary)
     if form in _EXTRAS:
         need(*_EXTRAS[form], to=f"write {form}")

@@ -46,7 +46,8 @@ class Source:
 
 def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnostic]]:
     """The text of a file, or why it is none."""
-    name = name or str(path)
+    # A name that is no text (POSIX allows any bytes) is written so that it can be shown and stored.
+    name = name or str(path).encode("utf-8", "backslashreplace").decode()
     try:
         limit = int(MAX_FILE_MB * 1_000_000)
         with path.open("rb") as file:
