@@ -95,6 +95,25 @@ def test_rows_name_their_file(tmp_path: Path) -> None:
     assert frame["line"].to_list() == [3, 1]
 
 
+def test_units_of_a_channel_whose_mode_changes(tmp_path: Path) -> None:
+    """Each row says what its power is in: 40 %, then 3 V."""
+    path = write(
+        tmp_path,
+        MARK + "LASER POWER 40\nLASER ON\nLINE X 10\nLASER OFF\n"
+        "LASER MODE ANALOG\nLASER POWER 3\nLASER ON\nLINE X 0\nLASER OFF\n",
+    )
+    rows = list(csv.DictReader(io.StringIO(gusjob("report", path, "--format", "csv").stdout)))
+    assert [(row["ch0_power_max"], row["ch0_unit"]) for row in rows] == [("40.0", "%"), ("3.0", "V")]
+    segments = json.loads(gusjob("report", path, "--format", "json").stdout)["segments"]
+    assert (segments["ch0_unit"], segments["kind"]) == (["%", "V"], ["mark", "mark"])
+    out = tmp_path / "x.parquet"
+    assert gusjob("report", path, "-o", out).exit_code == 0
+    assert polars.read_parquet(out)["ch0_unit"].to_list() == ["%", "V"]
+    ticks = list(csv.DictReader(io.StringIO(gusjob("trace", path, "--format", "csv").stdout)))
+    assert {(tick["ch0_power"], tick["ch0_unit"]) for tick in ticks} == {("40.0", "%"), ("3.0", "V")}
+    assert "ch0 unit" in gusjob("report", path).stdout
+
+
 def test_many_files_in_parquet(tmp_path: Path) -> None:
     """More than a byte counts."""
     for number in range(200):

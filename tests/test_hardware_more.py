@@ -60,7 +60,7 @@ def listed(text: str) -> Stream:
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
     stream, faults = read_listing(source)
-    assert faults == [] and sent is not None
+    assert faults == []
     return stream
 
 

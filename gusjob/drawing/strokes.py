@@ -212,14 +212,12 @@ def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) 
     power = np.zeros(len(on))
     part = Spans(stage=spans.stage[lit], start_ms=spans.start_ms[lit], end_ms=spans.end_ms[lit])
     power[lit] = trace.power_ms(channel, part) / (part.end_ms - part.start_ms)
-    units = tuple(dict.fromkeys(laser.power_mode.unit for laser in channel.lasers)) or ("%",)
-    unit = np.array([units.index(laser.power_mode.unit) for laser in channel.lasers] or [0], dtype=np.uint8)
     return Light(
         channel=channel.channel,
         on=on,
         power=power,
-        units=units,
-        unit=unit[spans.stage] if len(spans.stage) else np.empty(0, dtype=np.uint8),
+        units=channel.units,
+        unit=channel.unit_at(spans.stage),
         joules_per_unit_ms=channel.watts_per_unit(spans.stage, machine) / MS_PER_S,
     )
 

@@ -37,6 +37,17 @@ class ChannelTrace:
     lost_power_ms: float
     lit_at_end: bool
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of its power, in the order in which its modes come."""
+        states = self.lasers or (self.at_end,)
+        return tuple(dict.fromkeys(state.power_mode.unit for state in states))
+
+    def unit_at(self, stages: npt.NDArray[np.intp]) -> npt.NDArray[np.uint8]:
+        """Place of the unit among `units` in stages."""
+        table = [self.units.index(state.power_mode.unit) for state in self.lasers] or [0]
+        return np.array(table, dtype=np.uint8)[stages]
+
     def watts_per_unit(self, stages: npt.NDArray[np.intp], machine: Machine) -> npt.NDArray[np.float64]:
         """Watts per unit of power in segments of these stages; NaN where the rated power is unknown."""
         laser = machine.laser(self.channel)

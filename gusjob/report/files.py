@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import orjson
 
-from gusjob.columns import Columns, Words, csv_bytes, parquet_bytes, pieces
+from gusjob.columns import Column, Columns, Words, csv_bytes, parquet_bytes, pieces
 from gusjob.diagnostics import Diagnostic
-from gusjob.report.rows import REPORT_SCHEMA, Report, SegmentKind
+from gusjob.report.rows import REPORT_SCHEMA, Report
 
 _NUMPY = orjson.OPT_SERIALIZE_NUMPY
-_KINDS = [b'"' + kind.word.encode() + b'"' for kind in SegmentKind]
 _NOT_IN_CSV = {"channels", "marking", "run_in_mm", "run_out_mm"}
 _GROUP_ROWS = 1 << 17
 """Rows of a Parquet row group."""
@@ -67,30 +65,30 @@ def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) 
     for name, value in report.notes.items():
         yield b", " + orjson.dumps(name) + b": " + orjson.dumps(value)
     if not summary:
-        yield from _columns("segments", report.columns)
+        yield from _columns("segments", rows_of(report))
         yield from [b', "marks": null'] if report.marks is None else _columns("marks", report.marks)
     yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(f) for f in faults]) + b"}\n"
 
 
-def _columns(name: str, columns: dict[str, npt.NDArray[Any]]) -> Iterator[bytes]:
+def _columns(name: str, columns: Mapping[str, Column]) -> Iterator[bytes]:
     yield b", " + orjson.dumps(name) + b": {"
     for number, (column, values) in enumerate(columns.items()):
         yield (b", " if number else b"") + orjson.dumps(column) + b": "
-        yield _column(column, values)
+        yield _column(values)
     yield b"}"
 
 
-def _column(name: str, column: npt.NDArray[Any]) -> bytes:
-    if name == "kind":
-        return b"[" + b",".join(map(_KINDS.__getitem__, column.tolist())) + b"]"
+def _column(column: Column) -> bytes:
+    if isinstance(column, Words):
+        words = [orjson.dumps(word) for word in column.words]
+        return b"[" + b",".join(map(words.__getitem__, column.codes.tolist())) + b"]"
     return orjson.dumps(np.ascontiguousarray(column), option=_NUMPY)
 
 
 def rows_of(report: Report) -> Columns:
-    """The rows as a table; kinds, and the files of a job that includes others, by name."""
-    named: Columns = dict(report.columns)
-    named["kind"] = Words(codes=report.columns["kind"], words=tuple(kind.word for kind in SegmentKind))
-    return named
+    """The rows as a table, with words where they are meant."""
+    table: Columns = dict(report.columns)
+    return table | {name: Words(codes=report.columns[name], words=words) for name, words in report.words.items()}
 
 
 def report_csv(report: Report) -> Iterator[bytes]:

@@ -53,6 +53,16 @@ class Report:
     notes: dict[str, Any]
     marks: dict[str, npt.NDArray[Any]] | None = None
 
+    @property
+    def words(self) -> dict[str, tuple[str, ...]]:
+        """Columns that hold places among words: kinds, and the units of a channel whose mode changes."""
+        named = {"kind": tuple(kind.word for kind in SegmentKind)}
+        for name in self.columns:
+            if name.endswith("_unit"):
+                entries = (entry for entry in self.totals["channels"] if f"ch{entry['channel']}_unit" == name)
+                named[name] = tuple(entry["unit"] for entry in entries)
+        return named
+
     def __len__(self) -> int:
         return len(self.columns["line"])
 
@@ -188,18 +198,17 @@ def _channel_columns(
         f"{name}power_ms": done.power_ms,
         f"{name}joules": done.power_ms * channel.watts_per_unit(stages, machine) / 1e3,
         f"{name}clamped_ms": done.clamped_ms,
+        **({f"{name}unit": channel.unit_at(stages)} if len(channel.units) > 1 else {}),
     }
 
 
 def _channel_totals(channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine) -> list[dict[str, Any]]:
     """One entry a power unit: a job that changes from duty to analog has two for that channel."""
     done = channel.emitted
-    units = [state.power_mode.unit for state in channel.lasers]
-    in_order = list(dict.fromkeys(units or [channel.at_end.power_mode.unit]))
-    unit_of = np.array([in_order.index(u) for u in units] or [0])[stages] if len(stages) else np.empty(0)
+    unit_of = channel.unit_at(stages)
     joules = done.power_ms * channel.watts_per_unit(stages, machine) / 1e3
     entries = []
-    for number, unit in enumerate(in_order):
+    for number, unit in enumerate(channel.units):
         mine = unit_of == number
         last = next((s for s in reversed(channel.lasers) if s.power_mode.unit == unit), channel.at_end)
         emission = done.emission_ms[mine]

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from gusjob.diagnostics import figure, printable
 from gusjob.report.marks import MARKING_WORDS, marking_unit
-from gusjob.report.rows import Report, SegmentKind
+from gusjob.report.rows import Report
 
 MAX_ROWS = 40
 _WIDTH = 400
@@ -21,7 +21,7 @@ _WIDTH = 400
 _HEADS = {"line": "line", "kind": "kind", "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm", "start_ms": "start ms",
           "duration_ms": "ms", "vel_mean_mm_s": "mm/s", "vel_max_mm_s": "max mm/s"}  # fmt: skip
 _CHANNEL_HEADS = {"emission_ms": "on ms", "power_min": "min", "power_mean": "mean", "power_max": "max",
-                  "joules": "J", "clamped_ms": "held ms"}  # fmt: skip
+                  "joules": "J", "clamped_ms": "held ms", "unit": "unit"}  # fmt: skip
 _MARK_HEADS = {"line": "line", "channel": "ch", "start_ms": "start ms", "length_mm": "mm", "on_error_um": "on err um",
                "off_error_um": "off err um", "on_miss_um": "on miss um", "off_miss_um": "off miss um",
                "outside_power_ms": "outside", "power_per_mm_mid": "per mm", "power_per_mm_peak": "peak",
@@ -114,7 +114,7 @@ def _segments(report: Report) -> Table:
     for name in channels:
         channel, _, what = name.partition("_")
         table.add_column(f"{channel} {_CHANNEL_HEADS[what]}", justify="right", no_wrap=True)
-    _fill(table, {name: report.columns[name] for name in (*names, *channels)})
+    _fill(table, {name: report.columns[name] for name in (*names, *channels)}, report.words)
     return table
 
 
@@ -122,11 +122,11 @@ def _marks(marks: dict[str, npt.NDArray[Any]]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in _MARK_HEADS:
         table.add_column(_MARK_HEADS[name], justify="right", no_wrap=True)
-    _fill(table, {name: marks[name] for name in _MARK_HEADS})
+    _fill(table, {name: marks[name] for name in _MARK_HEADS}, {})
     return table
 
 
-def _fill(table: Table, columns: dict[str, npt.NDArray[Any]]) -> None:
+def _fill(table: Table, columns: dict[str, npt.NDArray[Any]], words: dict[str, tuple[str, ...]]) -> None:
     """All rows of a few, first and last of many."""
     rows = len(columns["line"])
     shown = range(rows) if rows <= MAX_ROWS else [*range(MAX_ROWS // 2), -1, *range(rows - MAX_ROWS // 2, rows)]
@@ -137,5 +137,5 @@ def _fill(table: Table, columns: dict[str, npt.NDArray[Any]]) -> None:
         cells = []
         for name, column in columns.items():
             value = column[i]
-            cells.append(SegmentKind(int(value)).word if name == "kind" else figure(float(value)))
+            cells.append(words[name][int(value)] if name in words else figure(float(value)))
         table.add_row(*cells)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.columns import Columns
+from gusjob.columns import Columns, Words
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.machine import Machine
 from gusjob.report.rows import scale_mm
@@ -34,7 +34,8 @@ def samples(
     time_ms counts as in the VCD file (see timeline); stage from 1; segment: row of the report, from 0; line: its
     source line (`lines` as they are to be shown); x_mm, y_mm the commanded position; vel_mm_s along the path; with a
     scanner beam_x_mm, beam_y_mm, where the beam really is; of each channel: power held from this tick on (in the mode's
-    unit, whether there is light or not), on (1: light at this moment) and emission_us, light until the next tick.
+    unit, whether there is light or not), on (1: light at this moment) and emission_us, light until the next tick; where
+    the mode changes, the unit.
     """
     timeline = timeline_of(trace)
     scale = np.append(scale_mm(trace, machine), 0.0)
@@ -94,6 +95,8 @@ def _rows(
         table[f"{name}power"] = trace.held_power(channel, stage, time)
         table[f"{name}on"] = on.astype(np.int8)
         table[f"{name}emission_us"] = light_ms * US_PER_MS
+        if len(channel.units) > 1:
+            table[f"{name}unit"] = Words(codes=channel.unit_at(stage), words=channel.units)
     return table
 
 

@@ -248,6 +248,12 @@
     return [`ch${parts[1]} ${known[0].replace("U", () => printable(unit))}`, `channel ${parts[1]}: ${known[1]}`];
   }
 
+  // The units of a channel whose mode changes, in the order of its unit column.
+  function unitsOf(name) {
+    const channel = (gusjob.facts.channels || []).find((one) => `ch${one.channel}_unit` === name);
+    return ((channel && channel.units) || []).map(printable);
+  }
+
   // A column of a table as the grid, the order and the CSV need it.
   function columnOf(name, get, rest) {
     const [head, title] = headOf(name);
@@ -266,6 +272,7 @@
       }
       const own = { source: column, whole: !column.scale && !(column.values instanceof Float32Array) };
       if (table === "rows" && name === "kind") own.words = gusjob.facts.kinds.map(kindWord);
+      if (/^ch\d+_unit$/.test(name)) own.words = unitsOf(name);
       if (name === "file") own.words = ((gusjob.facts.notes || {}).files || []).map(printable);
       if (column.values instanceof Float32Array && count && column.values.every(Number.isNaN)) continue;
       if (/_clamped_ms$/.test(name) && !column.values.some((v) => v > 0)) continue;
