@@ -119,6 +119,43 @@ class Controller:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """What a process may come to at most; None: anything. Energy per mm is the peak of a mark (report/marks.py).
+
+    Power and energy per mm count in the unit of the mode; watts and joules where the laser's rated power is known.
+    """
+
+    duration_s: float | None = None
+    power_pct: float | None = None
+    power_khz: float | None = None
+    power_v: float | None = None
+    power_w: float | None = None
+    energy_pct_ms_per_mm: float | None = None
+    energy_khz_ms_per_mm: float | None = None
+    energy_v_ms_per_mm: float | None = None
+    energy_j_per_mm: float | None = None
+    clamped_ms: float | None = None
+    """Of a segment."""
+    on_error_um: float | None = None
+    """How far the beam may be off when the light comes, to either side."""
+
+    def power(self, unit: str) -> float | None:
+        """Highest power in the unit of a mode."""
+        return {"%": self.power_pct, "kHz": self.power_khz, "V": self.power_v}[unit]
+
+    def energy_per_mm(self, unit: str) -> float | None:
+        """Highest energy per mm, unit*ms/mm."""
+        energies = {"%": self.energy_pct_ms_per_mm, "kHz": self.energy_khz_ms_per_mm, "V": self.energy_v_ms_per_mm}
+        return energies[unit]
+
+    @property
+    def judges_marks(self) -> bool:
+        """Whether marks have to be looked at, which takes its time."""
+        energies = (self.energy_pct_ms_per_mm, self.energy_khz_ms_per_mm, self.energy_v_ms_per_mm)
+        return any(limit is not None for limit in (*energies, self.energy_j_per_mm, self.on_error_um))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
     """What a job runs on. The defaults are the documented ones of the job language."""
 
@@ -140,6 +177,7 @@ class Machine:
     """None: the beam is where the command is."""
     lasers: tuple[Laser, ...] = field(default=())
     controller: Controller = Controller()
+    budget: Budget = Budget()
 
     @property
     def equal_axes(self) -> bool:

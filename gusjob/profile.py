@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS,
 from gusjob.machine import (
     SCANNER_FORM,
     Abi,
+    Budget,
     Controller,
     Interlock,
     Laser,
@@ -60,6 +61,9 @@ _LASER_KEYS: dict[str, Wanted] = {
     "channel": CHANNEL,
     "rated_w": _positive("rated power", "W", 1e6),
     "max_frequency_khz": CARRIER_KHZ,
+}
+_BUDGET_KEYS: dict[str, Wanted] = {
+    entry.name: Range(name=entry.name, unit="", low=0, high=1e12, section="profile") for entry in fields(Budget)
 }
 _CONTROLLER_KEYS: dict[str, Wanted] = {
     "library": str,
@@ -126,7 +130,7 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
         return Machine(), [Diagnostic(rule=rules.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
     reader = _Reader(text=text, path=path)
     machine = Machine()
-    tables = ("lookahead", "expansion", "laser", "controller")
+    tables = ("lookahead", "expansion", "laser", "controller", "budget")
     apart = (*tables, "scanner")
     top = {k: v for k, v in data.items() if k not in apart}
     values = reader.table(top, _MACHINE_KEYS, "", extra=apart)
@@ -136,6 +140,7 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
     values.update({f"lookahead_{k}": v for k, v in ahead.items()})
     limits = reader.table(reader.as_table(data.get("expansion", {}), "expansion"), _EXPANSION_KEYS, "expansion")
     values.update({f"expansion_{k}": int(v) for k, v in limits.items()})
+    values["budget"] = Budget(**reader.table(reader.as_table(data.get("budget", {}), "budget"), _BUDGET_KEYS, "budget"))
     values["controller"] = reader.controller(data.get("controller", {}))
     lasers = data.get("laser", [])
     if not isinstance(lasers, list):

@@ -551,6 +551,31 @@ PROFILE_RANGE = _rule(
     "Beyond what the controller can do a limit protects nothing.",
 )  # fmt: skip
 
+# The profile's [budget]: a gate for a process.
+BUDGET_DURATION = _rule(
+    "GJ605", _E, "longer than the budget", "the run takes {value} s; the budget is {limit} s, and it is over here",
+    "The machine's time is planned with this limit (machine profile, [budget]).",
+)  # fmt: skip
+BUDGET_POWER = _rule(
+    "GJ606", _E, "power above the budget", "channel {channel} emits {value} {unit}; the budget is {limit} {unit}",
+    "More than the process was proved with burns the part (machine profile, [budget]).",
+)  # fmt: skip
+BUDGET_ENERGY = _rule(
+    "GJ607", _E, "energy per mm above the budget",
+    "this mark of channel {channel} comes to {value} {unit}; the budget is {limit} {unit}",
+    "Where the beam is slow at the same power it burns deeper (machine profile, [budget]).",
+)  # fmt: skip
+BUDGET_HELD = _rule(
+    "GJ608", _E, "power held by a limit longer than the budget",
+    "a limit holds the power of channel {channel} for {value} ms; the budget is {limit} ms",
+    "Power that is held does not follow: what was proved elsewhere is not what burns here (machine profile, [budget]).",
+)  # fmt: skip
+BUDGET_ON_ERROR = _rule(
+    "GJ609", _E, "light comes too far off",
+    "the light of channel {channel} comes {value} um off; the budget is {limit} um",
+    "A mark that begins too early or too late does not join the others (machine profile, [budget]).",
+)  # fmt: skip
+
 # GJ7: what the controller would say to a call (interpreter).
 _CALLS = (
     "GT_SetAxisMode(7,1)\nGT_LaserPowerMode(0,100,0,0)\nGT_LaserOutFrq(10,0)\n"

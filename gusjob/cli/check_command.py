@@ -13,6 +13,7 @@ from gusjob.cli.common import (
     Loaded,
     Verdict,
     compiled,
+    interpreted,
     interpreted_faults,
     load,
     machine_option,
@@ -21,6 +22,7 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.diagnostics import Diagnostic
+from gusjob.machine import Budget
 from gusjob.rules import RULES
 
 _CHECKED = {".job", ".gts"}
@@ -133,10 +135,12 @@ def _print_statistics(counts: Counter[str]) -> None:
 def judged(path: Path, machine_path: Path | None) -> Loaded:
     """A file with all its diagnostics: for a listing, what the controller would say too."""
     loaded = load(path, machine_path)
-    if loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
-        compiled(loaded)
-    if loaded.stream is not None:
+    if loaded.machine.budget != Budget():
+        interpreted(loaded)
+    elif loaded.stream is not None:
         from gusjob.interpreter import find_faults
 
         interpreted_faults(loaded, find_faults(loaded.stream, loaded.machine))
+    elif loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
+        compiled(loaded)
     return loaded

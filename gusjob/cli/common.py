@@ -18,7 +18,7 @@ from gusjob.backend import JOURNAL_START
 from gusjob.checks import check as check_job
 from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors, printable
 from gusjob.job import Job
-from gusjob.machine import SCANNER_FORM, Machine, Scanner, parse_scanner
+from gusjob.machine import SCANNER_FORM, Budget, Machine, Scanner, parse_scanner
 from gusjob.profile import find_profile, read_machine
 from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
 
@@ -158,8 +158,17 @@ def interpreted(loaded: Loaded) -> Trace | None:
     from gusjob.interpreter import interpret
 
     trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
-    interpreted_faults(loaded, faults)
+    interpreted_faults(loaded, [*faults, *budget_faults(loaded, trace)])
     return trace
+
+
+def budget_faults(loaded: Loaded, trace: Trace | None) -> list[Diagnostic]:
+    """What of a run is above the profile's budget."""
+    if trace is None or loaded.machine.budget == Budget():
+        return []
+    from gusjob.report.budget import over_budget
+
+    return over_budget(trace, loaded.machine)
 
 
 def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:

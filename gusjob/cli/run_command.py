@@ -12,6 +12,7 @@ import click
 
 from gusjob.cli.common import (
     Loaded,
+    budget_faults,
     compiled,
     exit_code,
     interpreted_faults,
@@ -143,7 +144,7 @@ def _interpreted(
 
             say(f"interpreting {len(stream.buffered):,} buffered calls")
             trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
-            interpreted_faults(loaded, faults)
+            interpreted_faults(loaded, [*faults, *budget_faults(loaded, trace)])
     return loaded, stream, trace
 
 
