@@ -21,7 +21,7 @@ JOB = (
 MACHINE = Machine(lasers=(Laser(channel=0, rated_w=50.0),))
 
 
-def broken(budget: Budget) -> list[tuple[str, int, float]]:
+def broken(budget: Budget) -> list[tuple[object, ...]]:
     """(code, line, value) of what is above a budget."""
     trace, _ = interpret(stream_of(JOB, MACHINE), MACHINE)
     assert trace is not None
@@ -35,7 +35,7 @@ def broken(budget: Budget) -> list[tuple[str, int, float]]:
         ("duration_s", "GJ605", 12, 0.22),
         ("power_pct", "GJ606", 12, 60.0),
         ("power_w", "GJ606", 12, 30.0),
-        # 75 mm/s and more ask for 60 % and more: from 7.75 ms on (the tick behind 7.5 ms) to 102.5 ms, less the last tick.
+        # Above 75 mm/s more than 60 % is asked for: from the tick at 7.75 ms to 102.5 ms.
         ("clamped_ms", "GJ608", 12, 94.75),
         # 5 ms behind a start with 10000 mm/s2: 125 um.
         ("on_error_um", "GJ609", 12, 125.0),

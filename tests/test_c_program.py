@@ -17,8 +17,8 @@ from tools import MARK, ROOT, stream_of
 
 from gusjob.c_program import c_program
 from gusjob.cli.check_command import judged
-from gusjob.cli.common import compiled
 from gusjob.listing import listing
+from gusjob.loading import compiled
 from gusjob.stream import BUFFERED, SIGNATURES, Stream
 from gusjob.syntax import check_text, read_listing
 

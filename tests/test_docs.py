@@ -11,10 +11,10 @@ import pytest
 from tools import ROOT, calls_of, faults_in
 
 from gusjob.cli.check_command import judged
-from gusjob.cli.common import compiled
 from gusjob.diagnostics import Severity
 from gusjob.interpreter import interpret
 from gusjob.limits import CONTRADICTIONS, TABLE, Range
+from gusjob.loading import compiled
 from gusjob.rules import RULES
 from gusjob.stream import SIGNATURES
 

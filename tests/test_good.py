@@ -8,10 +8,10 @@ import pytest
 from tools import ROOT
 
 from gusjob.cli.check_command import judged
-from gusjob.cli.common import compiled
 from gusjob.diagnostics import Diagnostic, Severity
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
+from gusjob.loading import compiled
 from gusjob.machine import Machine
 from gusjob.stream import Stream
 from gusjob.syntax import check_text, read_listing

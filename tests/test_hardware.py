@@ -23,9 +23,9 @@ from gusjob.backend.gts.library import load_library
 from gusjob.backend.gts.session import needed_calls
 from gusjob.backend.journal import Journal
 from gusjob.cli.check_command import judged
-from gusjob.cli.common import compiled
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
+from gusjob.loading import compiled
 from gusjob.machine import Abi, Interlock, Machine
 from gusjob.stream import CRD_FIELDS, HOST_CALLS, SIGNATURES, Stream
 

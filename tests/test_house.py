@@ -12,7 +12,7 @@ from tools import ROOT
 
 ORDER = (
     "limits", "diagnostics", "rules", "units", "columns", "machine", "profile", "motion", "geometry", "job", "stream",
-    "listing", "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "signals",
+    "listing", "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "loading", "signals",
     "drawing", "page", "tune", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gusjob.cli.check_command import judged
-from gusjob.cli.common import compiled
 from gusjob.interpreter import interpret
+from gusjob.loading import compiled
 from gusjob.report.rows import make_report
 
 HEAD = "LASER MODE DUTY CARRIER 10\nVEL 100\nACC 5000\nLASER POWER 30\n"

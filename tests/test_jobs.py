@@ -10,10 +10,10 @@ import pytest
 from tools import ROOT
 
 from gusjob.cli.check_command import judged
-from gusjob.cli.common import compiled
 from gusjob.diagnostics import Severity
 from gusjob.interpreter import interpret
 from gusjob.listing import listing
+from gusjob.loading import compiled
 from gusjob.machine import Machine
 from gusjob.report.rows import Report, make_report
 from gusjob.report.table import report_table

@@ -9,19 +9,9 @@ from pathlib import Path
 
 import click
 
-from gusjob.cli.common import (
-    Loaded,
-    Verdict,
-    compiled,
-    interpreted,
-    interpreted_faults,
-    load,
-    machine_option,
-    show,
-    stop,
-    write,
-)
+from gusjob.cli.common import Verdict, machine_option, show, stop, write
 from gusjob.diagnostics import Diagnostic
+from gusjob.loading import Loaded, compiled, interpreted, interpreted_faults, load
 from gusjob.machine import Budget
 from gusjob.rules import RULES
 

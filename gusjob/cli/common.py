@@ -1,4 +1,4 @@
-"""What the commands share: reading a file on its machine, showing diagnostics, writing results."""
+"""What the commands share: options, showing diagnostics, writing results."""
 
 from __future__ import annotations
 
@@ -6,25 +6,16 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NoReturn
+from typing import BinaryIO, NoReturn
 
 import click
 
-from gusjob import rules
-from gusjob.backend import JOURNAL_START
-from gusjob.checks import check as check_job
-from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors, printable
-from gusjob.job import Job
-from gusjob.machine import SCANNER_FORM, Budget, Machine, Scanner, parse_scanner
-from gusjob.profile import find_profile, read_machine
-from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
-
-if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
-    from gusjob.interpreter import Trace
-    from gusjob.stream import Stream
+from gusjob.diagnostics import Severity, has_errors, printable
+from gusjob.loading import Loaded
+from gusjob.machine import SCANNER_FORM, Scanner, parse_scanner
 
 machine_option = click.option(
     "--machine",
@@ -55,135 +46,6 @@ file_argument = click.argument("path", metavar="FILE", type=click.Path(path_type
 output_option = click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Write to this file instead of standard output."
 )
-
-
-@dataclass(slots=True, kw_only=True)
-class Loaded:
-    """A file that was read and judged. `unreadable`: it (or its profile) could not be read at all."""
-
-    path: Path
-    machine: Machine = field(default_factory=Machine)
-    source: Source | None = None
-    job: Job | None = None
-    stream: Stream | None = None
-    faults: list[Diagnostic] = field(default_factory=list)
-    unreadable: bool = False
-    profile: Path | None = None
-    journal: bool = False
-    """It is the journal of a run."""
-    sources: dict[str, Source] = field(default_factory=dict)
-
-    @property
-    def inputs(self) -> list[Path]:
-        """Every file that was read."""
-        return [self.path, *(Path(name) for name, _ in self.files), *([self.profile] if self.profile else [])]
-
-    @property
-    def foreign(self) -> bool:
-        """Whether the calls come from a listing."""
-        return self.stream is not None and self.job is None
-
-    @property
-    def files(self) -> tuple[tuple[str, int], ...]:
-        """The files that a job is made of, if they are more than one."""
-        return self.job.files if self.job is not None else ()
-
-    def text_of(self, span: Span, path: str) -> str:
-        """The source line of a span in this file, in its profile, or in a file that it includes."""
-        if span.path and self.job is not None:
-            return self.job.text_of(span)
-        source = self.sources.get(path)
-        return source.line(span.line) if source is not None else ""
-
-
-def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = None) -> Loaded:
-    """Read a job or listing with its machine profile; a job is checked, a listing is read.
-
-    `scanner`: in place of the profile's.
-    """
-    loaded = Loaded(path=path)
-    source, faults = read_source(path)
-    if source is None:
-        loaded.faults, loaded.unreadable = faults, True
-        return loaded
-    loaded.journal = source.data.startswith(JOURNAL_START)
-    loaded.source, loaded.sources[source.name] = source, source
-    profile = loaded.profile = machine_path or find_profile(path)
-    if profile is not None:
-        loaded.machine, loaded.faults = read_machine(profile)
-        if loaded.faults:
-            text, _ = read_source(profile)
-            loaded.unreadable = text is None
-            if text is not None:
-                loaded.sources[text.name] = text
-            return loaded
-    if scanner is not None:
-        loaded.machine = replace(loaded.machine, scanner=scanner)
-    if loaded.journal:
-        from gusjob.backend.sent import sent_calls
-
-        loaded.stream, loaded.faults = sent_calls(source)
-        loaded.unreadable = loaded.stream is None
-        return loaded
-    if is_listing(source):
-        loaded.stream, loaded.faults = read_listing(source)
-        return loaded
-    loaded.job, loaded.faults = read_job(source, loaded.machine)
-    # After a line that can't be read the state of what follows is unknown, but most of it can still be judged.
-    loaded.faults = in_order([*loaded.faults, *check_job(loaded.job, loaded.machine)])
-    return loaded
-
-
-def in_order(faults: list[Diagnostic]) -> list[Diagnostic]:
-    """By place: the file's own first, then those of the files that it includes."""
-    return sorted(faults, key=lambda f: (f.span.path, f.span.line, f.span.column))
-
-
-def compiled(loaded: Loaded) -> Stream | None:
-    """The calls of a loaded file; None if an error forbids it. Faults that only the planner sees are added."""
-    if loaded.stream is not None or loaded.job is None or has_errors(loaded.faults):
-        return None if has_errors(loaded.faults) else loaded.stream
-    from gusjob.planner import compile_job
-
-    stream, faults = compile_job(loaded.job, loaded.machine)
-    loaded.faults = in_order([*loaded.faults, *faults])
-    return None if has_errors(faults) else stream
-
-
-def interpreted(loaded: Loaded) -> Trace | None:
-    """The run of a loaded file; None if an error forbids it. What the run finds is added to its faults."""
-    stream = compiled(loaded)
-    if stream is None:
-        return None
-    from gusjob.interpreter import interpret
-
-    trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
-    interpreted_faults(loaded, [*faults, *budget_faults(loaded, trace)])
-    return trace
-
-
-def budget_faults(loaded: Loaded, trace: Trace | None) -> list[Diagnostic]:
-    """What of a run is above the profile's budget."""
-    if trace is None or loaded.machine.budget == Budget():
-        return []
-    from gusjob.report.budget import over_budget
-
-    return over_budget(trace, loaded.machine)
-
-
-def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
-    """Add what the interpreter found, with spans."""
-    if loaded.source is not None:
-        if loaded.journal:  # Their lines are the job's; what ends within a segment was stopped there.
-            found = [f for f in faults if f.rule is not rules.STOPS_HARD]
-        elif loaded.job is None:
-            found = locate_calls(faults, loaded.source)
-        else:
-            # What the check has said of a line already is not said again of the line's calls.
-            found = [replace(f, span=loaded.job.locate(f.span.line, "")) for f in faults]
-            said = {(f.rule.code, f.file, f.span.line) for f in loaded.faults}
-            found = [f for f in found if (f.rule.code, f.file, f.span.line) not in said]
-        loaded.faults = in_order([*loaded.faults, *found])
 
 
 @dataclass(slots=True, kw_only=True)

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from gusjob.cli.common import compiled, exit_code, file_argument, load, machine_option, output_option, show, write
+from gusjob.cli.common import exit_code, file_argument, machine_option, output_option, show, write
+from gusjob.loading import compiled, load
 
 
 @click.command(name="compile")

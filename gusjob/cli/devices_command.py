@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gusjob.cli.common import Loaded, exit_code, machine_option, show, write
+from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.diagnostics import printable
+from gusjob.loading import Loaded
 from gusjob.machine import Abi
 from gusjob.profile import find_profile, read_machine
 from gusjob.syntax import read_source

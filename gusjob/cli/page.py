@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from gusjob.cli.common import Loaded
 from gusjob.diagnostics import Diagnostic
+from gusjob.loading import Loaded
 from gusjob.report.files import diagnostic_object
 
 if TYPE_CHECKING:

@@ -9,19 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob.cli.common import (
-    Loaded,
-    exit_code,
-    file_argument,
-    interpreted,
-    load,
-    machine_option,
-    need,
-    scanner_option,
-    show,
-    write,
-)
+from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
 from gusjob.diagnostics import printable
+from gusjob.loading import Loaded, interpreted, load
 
 if TYPE_CHECKING:
     from gusjob.drawing.plot import View

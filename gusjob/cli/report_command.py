@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob.cli.common import (
-    Loaded,
     exit_code,
     file_argument,
-    interpreted,
-    load,
     machine_option,
     need,
     output_option,
@@ -26,6 +23,7 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.diagnostics import printable
+from gusjob.loading import Loaded, interpreted, load
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -10,20 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob.cli.common import (
-    Loaded,
-    budget_faults,
-    compiled,
-    exit_code,
-    interpreted_faults,
-    load,
-    machine_option,
-    scanner_option,
-    show,
-    stop,
-    write,
-)
+from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
 from gusjob.diagnostics import has_errors
+from gusjob.loading import Loaded, budget_faults, compiled, interpreted_faults, load
 from gusjob.machine import Abi, Scanner
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.

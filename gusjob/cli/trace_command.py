@@ -17,8 +17,6 @@ from gusjob import __version__
 from gusjob.cli.common import (
     exit_code,
     file_argument,
-    interpreted,
-    load,
     machine_option,
     need,
     output_option,
@@ -28,10 +26,11 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.diagnostics import printable
+from gusjob.loading import interpreted, load
 
 if TYPE_CHECKING:
-    from gusjob.cli.common import Loaded
     from gusjob.interpreter import Trace
+    from gusjob.loading import Loaded
     from gusjob.machine import Scanner
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gusjob.cli.common import file_argument, in_order, load, machine_option, scanner_option, show, stop
+from gusjob.cli.common import file_argument, machine_option, scanner_option, show, stop
 from gusjob.diagnostics import figure, has_errors
+from gusjob.loading import in_order, load
 from gusjob.machine import Scanner
 
 if TYPE_CHECKING:

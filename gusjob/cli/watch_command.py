@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob import rules
-from gusjob.cli.common import Loaded, file_argument, interpreted, load, machine_option, need, scanner_option, show, stop
+from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
 from gusjob.diagnostics import printable
+from gusjob.loading import Loaded, interpreted, load
 from gusjob.profile import find_profile
 
 if TYPE_CHECKING:
