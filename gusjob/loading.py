@@ -110,7 +110,8 @@ def compiled(loaded: Loaded) -> Stream | None:
 
     stream, faults = compile_job(loaded.job, loaded.machine)
     loaded.faults = in_order([*loaded.faults, *faults])
-    return None if has_errors(faults) else stream
+    loaded.stream = None if has_errors(faults) else stream
+    return loaded.stream
 
 
 def interpreted(loaded: Loaded) -> Trace | None:
