@@ -12,8 +12,8 @@ from tools import ROOT
 
 ORDER = (
     "limits", "diagnostics", "rules", "units", "columns", "machine", "profile", "motion", "geometry", "job", "stream",
-    "listing", "c_program", "syntax", "checks", "planner", "interpreter", "backend", "report", "loading", "signals",
-    "drawing", "page", "tune", "api", "cli",
+    "listing", "c_program", "syntax", "layout", "checks", "planner", "interpreter", "backend", "report",
+    "loading", "signals", "drawing", "page", "tune", "api", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""
 

@@ -102,6 +102,32 @@ def write(pieces: Iterable[bytes], output: Path | None, *, sources: Iterable[Pat
         stop(f"{output or 'standard output'}: can't write: {(error.strerror or 'unknown error').lower()}")
 
 
+BOM = b"\xef\xbb\xbf"
+"""What some editors begin a UTF-8 file with; it is no part of a job, and stays."""
+
+
+def bom_of(path: Path) -> bytes:
+    """The BOM that a file begins with, if it does. Raises OSError."""
+    with path.open("rb") as file:
+        return BOM * (file.read(len(BOM)) == BOM)
+
+
+def rewrite(path: Path, before: bytes, after: bytes) -> str:
+    """Put a changed text in the place of a file that was read, or say why that can't be. A link to it stays."""
+    try:
+        target = path.resolve(strict=True)
+        if not target.is_file():
+            return "this is no file"
+        if not os.access(target, os.W_OK):
+            return "permission denied"
+        if target.read_bytes() != before:
+            return "the file has changed in the meantime"
+        _replace(target, [after])
+    except OSError as error:
+        return (error.strerror or "unknown error").lower()
+    return ""
+
+
 def _replace(output: Path, pieces: Iterable[bytes]) -> None:
     """Write beside a file, then put it in its place."""
     if output.exists():

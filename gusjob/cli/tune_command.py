@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gusjob.cli.common import file_argument, machine_option, scanner_option, show, stop
+from gusjob.cli.common import bom_of, file_argument, machine_option, rewrite, scanner_option, show, stop
 from gusjob.diagnostics import figure, has_errors
 from gusjob.loading import in_order, load
 from gusjob.machine import Scanner
@@ -101,28 +101,11 @@ def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel
 
 
 def _write_job(path: Path, before: Source, source: Source) -> None:
-    """In one step, so that a job is never half written; a BOM stays, and so does a link to the job."""
-    import os
-    import tempfile
-
-    bom = b"\xef\xbb\xbf"
+    """In the place of the one that was read."""
     try:
-        target = path.resolve(strict=True)
-        if not target.is_file():
-            stop(f"{path}: can't write: this is no file")
-        if not os.access(target, os.W_OK):
-            stop(f"{path}: can't write: permission denied")
-        data = target.read_bytes()
-        if data.removeprefix(bom) != before.data:
-            stop(f"{path}: can't write: the file has changed in the meantime")
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".gusjob-")
-        try:
-            with open(handle, "wb") as file:  # noqa: PTH123  (a handle has no Path)
-                file.write((bom if data.startswith(bom) else b"") + source.data)
-            Path(name).chmod(target.stat().st_mode & 0o7777)
-            Path(name).replace(target)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        bom = bom_of(path)
     except OSError as error:
         stop(f"{path}: can't write: {(error.strerror or 'unknown error').lower()}")
+    reason = rewrite(path, bom + before.data, bom + source.data)
+    if reason:
+        stop(f"{path}: can't write: {reason}")

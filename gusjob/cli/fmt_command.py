@@ -1,0 +1,138 @@
+"""gusjob fmt."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import click
+
+from gusjob.cli.common import BOM, bom_of, rewrite, show, stop, write
+from gusjob.diagnostics import Diagnostic
+from gusjob.loading import Loaded
+from gusjob.syntax import Source, check_text, is_listing, read_source
+
+_STANDARD_INPUT = Path("-")
+_CHANGED, _RIGHT, _FAILED, _LISTING = "changed", "right", "failed", "left alone"
+
+
+@click.command(name="fmt")
+@click.argument("paths", metavar="FILE|FOLDER...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--check", "checks", is_flag=True, help="Write nothing; name the files that would change.")
+@click.option("--diff", "diffs", is_flag=True, help="Write nothing; show what would change.")
+def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
+    """Bring jobs into one layout: words, spaces, indents, comments; what they do stays the same.
+
+    In a FOLDER all .job files are formatted; listings are left alone. - is standard input, to standard output. A job
+    with lines that can't be read stays as it is. Exit status: 0 done, 1 a job with errors (with --check or --diff also
+    one that would change), 2 a file that can't be read or written.
+    """
+    files = _files(paths)
+    run = _Run(checks=checks, diffs=diffs)
+    for path in files:
+        run.file(path)
+    click.echo(run.said(), err=True)
+    sys.exit(run.exit_code)
+
+
+def _files(paths: tuple[Path, ...]) -> list[Path]:
+    """Files as given; of folders the jobs in them, in order, hidden folders left out."""
+    files: list[Path] = []
+    for path in paths:
+        if path == _STANDARD_INPUT or not path.is_dir():
+            files.append(path)
+            continue
+        inside = (p for p in path.rglob("*") if p.suffix.lower() == ".job" and p.is_file())
+        found = sorted(p for p in inside if not any(part.startswith(".") for part in p.relative_to(path).parts))
+        if not found:  # Before anything is written.
+            stop(f"{path}: there is no .job file in this folder")
+        files += found
+    return files
+
+
+@dataclass(slots=True, kw_only=True)
+class _Run:
+    """What files come to together."""
+
+    checks: bool
+    diffs: bool
+    counts: Counter[str] = field(default_factory=Counter)
+    exit_code: int = 0
+
+    @property
+    def writes(self) -> bool:
+        return not (self.checks or self.diffs)
+
+    def file(self, path: Path) -> None:
+        """One more file."""
+        bom, source, faults = _read(path)
+        if source is None:
+            show(Loaded(path=path, faults=faults))
+            self.fail(2)
+        elif is_listing(source):
+            click.echo(f"{source.name}: a listing is left alone", err=True)
+            self.counts[_LISTING] += 1
+            if path == _STANDARD_INPUT and self.writes:
+                write([bom, source.data], None)
+        else:
+            self.job(path, bom, source)
+
+    def job(self, path: Path, bom: bytes, source: Source) -> None:
+        """A job that was read."""
+        from gusjob.layout import laid_out
+
+        data, faults = laid_out(source)
+        if data is None:
+            show(Loaded(path=path, source=source, faults=faults, sources={source.name: source}))
+            self.fail(1)
+            return
+        changed = data != source.data
+        if self.writes and path == _STANDARD_INPUT:
+            write([bom, data], None)
+        elif self.writes and changed:
+            reason = rewrite(path, bom + source.data, bom + data)
+            if reason:
+                click.echo(f"gusjob: {source.name}: can't write: {reason}", err=True)
+                self.fail(2)
+                return
+        elif changed:
+            self.exit_code = max(self.exit_code, 1)
+            self.show_change(source.name, bom + source.data, bom + data)
+        self.counts[_CHANGED if changed else _RIGHT] += 1
+
+    def show_change(self, name: str, before: bytes, after: bytes) -> None:
+        """The diff, or else the name."""
+        from gusjob.layout.difference import difference
+
+        named = [f"{name}\n".encode(errors="backslashreplace")]
+        write(difference(name, before, after) if self.diffs else named, None)
+
+    def fail(self, exit_code: int) -> None:
+        self.counts[_FAILED] += 1
+        self.exit_code = max(self.exit_code, exit_code)
+
+    def said(self) -> str:
+        """'3 files: 1 changed, 2 right'."""
+        files = self.counts.total()
+        words = {_CHANGED: "changed" if self.writes else "would change", _RIGHT: "right", _FAILED: "failed"}
+        said = [f"{self.counts[kind]} {word}" for kind, word in words.items() if self.counts[kind]]
+        listings = self.counts[_LISTING]
+        said += [f"{listings} listing{'s' if listings != 1 else ''} left alone"] if listings else []
+        return f"{files} file{'s' if files != 1 else ''}: {', '.join(said)}"
+
+
+def _read(path: Path) -> tuple[bytes, Source | None, list[Diagnostic]]:
+    """A file's BOM, if it has one, and its text; or why it is none."""
+    if path == _STANDARD_INPUT:
+        data = sys.stdin.buffer.read() if sys.stdin is not None else b""
+        source, faults = check_text(data, "<stdin>")
+        return BOM * data.startswith(BOM), source, faults
+    source, faults = read_source(path)
+    if source is None:
+        return b"", None, faults
+    try:
+        return bom_of(path), source, faults
+    except OSError:  # It is gone again: it won't be written either.
+        return b"", source, faults
