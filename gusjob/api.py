@@ -137,12 +137,15 @@ class Job:
             raise JobError(str(self.path), self.faults)
         return "".join(listing(self._stream)).splitlines()
 
+    @cached_property
+    def _trace(self) -> Trace | None:
+        return interpreted(self._loaded)
+
     def simulate(self) -> Run:
         """Run it on the built-in interpreter. Raises JobError."""
-        trace = interpreted(self._loaded)
-        if trace is None:
+        if self._trace is None:
             raise JobError(str(self.path), self.faults)
-        return Run(self._loaded, trace)
+        return Run(self._loaded, self._trace)
 
 
 class Run:

@@ -63,6 +63,10 @@ def test_faults_are_data_and_told_once(tmp_path: Path) -> None:
         warned.calls()
         warned.simulate()
     assert [f.code for f in warned.faults] == ["GJ202"]
+    write(tmp_path, "[budget]\npower_pct = 30\n", "gusjob.toml")
+    dear = gusjob.read(write(tmp_path, JOB))
+    assert [dear.simulate().totals["segments"] for _ in range(2)] == [2, 2]
+    assert [f.code for f in dear.faults] == ["GJ606"]
 
 
 def test_scanner_machine_and_listing(tmp_path: Path) -> None:
