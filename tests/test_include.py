@@ -82,3 +82,15 @@ def test_lines_are_those_of_their_files(folder: Path) -> None:
     where = zip(report.columns["file"].tolist(), report.columns["line"].tolist(), strict=True)
     rounds = [("move.job", 1), ("mark.job", 4), ("top.job", 7)]
     assert [(names[file], line) for file, line in where] == [*rounds, *rounds, ("top.job", 9)]
+
+
+@pytest.mark.parametrize(("first", "second"), [("a1", "a01"), ("a1.5", "a1.50"), ("p 007", "p 7")])
+def test_digits_of_a_name_are_no_numbers(folder: Path, first: str, second: str) -> None:
+    """Names whose digits have one value are two files."""
+    write(folder / f"{first}.job", "DWELL 1\n")
+    write(folder / f"{second}.job", "DWELL 2\n")
+    for names in ((first, second), (second, first)):
+        top = write(folder / "top.job", "".join(f'INCLUDE "{name}.job"\n' for name in names))
+        stream = compiled(judged(top, None))
+        assert stream is not None
+        assert stream.buffered.p.tolist() == [1 if name == first else 2 for name in names]

@@ -108,8 +108,8 @@ class _JobReader:
         statement, _ = read_statement(line, 1)
         op = row_op(statement) if statement else RowOp.SETUP
         runs = number_runs(line.encode()) if line.isascii() else None
-        if statement is None or op is RowOp.SETUP or runs is None:
-            return None
+        if statement is None or op is RowOp.SETUP or runs is None or statement.text:
+            return None  # The digits in a file's name are no numbers: a1.job is not a01.job.
         run_at = {start: i for i, (start, _) in enumerate(runs)}
         slots, system = [], 0
         for column, quantity in quantities(statement):
