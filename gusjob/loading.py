@@ -97,6 +97,19 @@ def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = Non
     return loaded
 
 
+def look_closer(loaded: Loaded) -> None:
+    """Add what reading and checking alone do not see: of a listing what the controller would say, of a job what only
+    the planner can tell, and what is above the budget."""
+    if loaded.machine.budget != Budget():
+        interpreted(loaded)
+    elif loaded.stream is not None:
+        from gusjob.interpreter import find_faults
+
+        interpreted_faults(loaded, find_faults(loaded.stream, loaded.machine))
+    elif loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
+        compiled(loaded)
+
+
 def in_order(faults: list[Diagnostic]) -> list[Diagnostic]:
     """By place: the file's own first, then those of the files that it includes."""
     return sorted(faults, key=lambda f: (f.span.path, f.span.line, f.span.column))

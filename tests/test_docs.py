@@ -123,7 +123,7 @@ def test_the_readme_profile_is_the_default() -> None:
     from gusjob.profile import parse_machine
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    profile = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)[0]
+    profile = re.findall(r"```toml\n(.*?)```", text.split("## The machine")[1], re.DOTALL)[0]
     machine, faults = parse_machine(profile)
     assert faults == []
     assert replace(machine, lasers=()) == Machine()

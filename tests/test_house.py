@@ -12,14 +12,15 @@ from tools import ROOT
 
 ORDER = (
     "limits", "diagnostics", "rules", "units", "columns", "machine", "profile", "motion", "geometry", "job", "stream",
-    "listing", "c_program", "syntax", "layout", "checks", "planner", "interpreter", "backend", "report",
-    "loading", "signals", "drawing", "page", "tune", "api", "cli",
+    "listing", "c_program", "syntax", "layout", "checks", "planner", "interpreter", "backend", "report", "loading",
+    "signals", "drawing", "page", "lsp", "tune", "api", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""
 
 ONLY = {
     "lark": ("syntax",), "rich": ("report", "cli"), "click": ("cli",), "pyarrow": ("columns",), "vcd": ("signals",),
     "matplotlib": ("drawing", "api"), "polars": ("api",), "jinja2": ("page",),
+    "pygls": ("lsp",), "lsprotocol": ("lsp",),
 }  # fmt: skip
 """Libraries and the rooms that may import them."""
 

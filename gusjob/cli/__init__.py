@@ -13,7 +13,7 @@ from gusjob import __version__
 # No command multiplies matrices: numpy's pool of threads would only cost start-up.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-_COMMANDS = ("check", "fmt", "explain", "compile", "run", "report", "plot", "trace", "watch", "tune", "devices")
+_COMMANDS = ("check", "fmt", "explain", "compile", "run", "report", "plot", "trace", "watch", "lsp", "tune", "devices")
 
 
 class _Commands(click.Group):

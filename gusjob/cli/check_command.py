@@ -15,8 +15,7 @@ import click
 
 from gusjob.cli.common import Verdict, machine_option, output_option, show, stop, write
 from gusjob.diagnostics import Diagnostic
-from gusjob.loading import Loaded, compiled, interpreted, interpreted_faults, load
-from gusjob.machine import Budget
+from gusjob.loading import Loaded, load, look_closer
 from gusjob.rules import RULES
 
 _CHECKED = {".job", ".gts"}
@@ -235,14 +234,7 @@ def _print_statistics(counts: Counter[str]) -> None:
 
 
 def judged(path: Path, machine_path: Path | None) -> Loaded:
-    """A file with all its diagnostics: for a listing, what the controller would say too."""
+    """A file with all its diagnostics."""
     loaded = load(path, machine_path)
-    if loaded.machine.budget != Budget():
-        interpreted(loaded)
-    elif loaded.stream is not None:
-        from gusjob.interpreter import find_faults
-
-        interpreted_faults(loaded, find_faults(loaded.stream, loaded.machine))
-    elif loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
-        compiled(loaded)
+    look_closer(loaded)
     return loaded

@@ -1,0 +1,200 @@
+"""What is known of a word, from the tables that the checks and the language reference are made of: nothing of it is
+written here but which range binds which word."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+
+from gusjob import limits
+from gusjob.limits import PowerMode, Range
+from gusjob.stream import SIGNATURES
+from gusjob.syntax.forms import CHANNEL_WORD, FORMS, Word
+from gusjob.syntax.lines import grammar_path, keywords
+from gusjob.syntax.statements import GRAMMAR, WANTED
+
+_POWERS = tuple(limits.POWER[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_POWERS_NOW = tuple(limits.POWER_NOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_FOLLOW = tuple(limits.FOLLOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_DISTANCE = tuple(limits.DISTANCE_LIMIT[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_Words = dict[str, tuple[Range, ...]]
+_XY: _Words = {"X": (limits.COORDINATE_PULSE,), "Y": (limits.COORDINATE_PULSE,)}
+_SPEEDS: _Words = {"VEL": (limits.VELOCITY,), "ACC": (limits.ACCELERATION,)}
+_END: _Words = {"END": (limits.END_VELOCITY,)}
+_DUTY: _Words = {
+    "CARRIER": (limits.CARRIER_KHZ,),
+    "MIN": (limits.MODE_LIMIT_PCT,),
+    "MAX": (limits.MODE_LIMIT_PCT,),
+}
+
+RANGES: dict[str, _Words] = {
+    "crd": {"": (limits.CRD,), "FIFO": (limits.FIFO,)},
+    "channel": {"": (limits.CHANNEL,)},
+    "VEL": {"": (limits.VELOCITY,)},
+    "ACC": {"": (limits.ACCELERATION,)},
+    "JUMPVEL": {"": (limits.VELOCITY,)},
+    "JUMPACC": {"": (limits.ACCELERATION,)},
+    "line": {**_XY, **_SPEEDS, **_END},
+    "jump": _XY,
+    "arc": {**_XY, **_SPEEDS, **_END, "R": (limits.RADIUS_PULSE,)},
+    "dwell": {"": (limits.DWELL_MS,)},
+    "lookahead": {"TIME": (limits.LOOKAHEAD_TIME_MS,), "ACC": (limits.ACCELERATION,)},
+    "skywrite": {
+        "MODE": (limits.SKYWRITE_MODE,),
+        "TIMELAG": (limits.TIMELAG_US,),
+        "SHIFT": (limits.SHIFT_US,),
+        "NPREV": (limits.RUN_STEPS,),
+        "NPOST": (limits.RUN_STEPS,),
+        "LIMIT": (limits.CORNER_LIMIT,),
+    },
+    "DUTY": _DUTY,
+    "DUTY2": _DUTY,
+    "FREQUENCY": {
+        "WIDTH": (limits.PULSE_WIDTH_US,),
+        "MIN": (limits.MODE_LIMIT_KHZ,),
+        "MAX": (limits.MODE_LIMIT_KHZ,),
+    },
+    "ANALOG": {"MIN": (limits.MODE_LIMIT_V,), "MAX": (limits.MODE_LIMIT_V,)},
+    "laser_delay": {"ON": (limits.SWITCH_DELAY_US,), "OFF": (limits.SWITCH_DELAY_US,)},
+    "laser_standby": {"FREQ": (limits.STANDBY_KHZ,), "DUTY": (limits.STANDBY_PCT,)},
+    "laser_prevolt": {"": (limits.PREVOLTAGE_V,)},
+    "laser_fpk": {
+        "WIDTH": (limits.FPK_WIDTH_US,),
+        "GAP": (limits.FPK_GAP_US,),
+        "OFFDELAY": (limits.FPK_OFF_DELAY_US,),
+    },
+    "laser_distance": {"RATIO": (limits.DISTANCE_RATIO,), "MIN": _DISTANCE, "MAX": _DISTANCE},
+    "laser_power": {"": _POWERS, "NOW": _POWERS_NOW},
+    "laser_follow": {"RATIO": (limits.FOLLOW_RATIO,), "MIN": _FOLLOW, "MAX": _FOLLOW},
+}
+"""By form and word ('' for the number itself); a test tries each of them on the checks."""
+
+_SPAN = re.compile(r"`([^`]+)`")
+_CELL = re.compile(r"(?<!\\)\|")
+_WORD = re.compile(r"[A-Za-z_]+")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A row of the reference's tables of statements: how they are written, and cells by their column's head."""
+
+    spellings: tuple[str, ...]
+    cells: dict[str, str]
+
+
+@cache
+def _reference() -> str:
+    path = grammar_path("README.md")
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
+@cache
+def _statements() -> tuple[Entry, ...]:
+    """Every row of the tables of statements."""
+    found: list[Entry] = []
+    heads: list[str] = []
+    for line in _reference().splitlines():
+        if not line.startswith("|"):
+            heads = []
+            continue
+        cells = [cell.strip().replace("\\|", "|") for cell in _CELL.split(line)[1:-1]]
+        if not heads:
+            heads = cells
+        elif heads[0] == "statement" and (spellings := _SPAN.findall(cells[0])):
+            found.append(Entry(tuple(spellings), dict(zip(heads, cells, strict=False))))
+    return tuple(found)
+
+
+@cache
+def _paragraphs() -> tuple[str, ...]:
+    text = re.sub(r"```.*?```", "", _reference(), flags=re.DOTALL)
+    return tuple(" ".join(part.split()) for part in text.split("\n\n") if not part.lstrip().startswith(("|", "#")))
+
+
+def _opens(spelling: str, name: str) -> bool:
+    """Whether a spelling is one of a statement: 'LASER POWER p NOW' of 'LASER POWER'."""
+    return re.match(rf"\[?{re.escape(name)}(?!\w)", spelling) is not None
+
+
+def form_of(line: str) -> str:
+    """Which form a line has, from its first words; '' for none. A line that is not finished has one, too."""
+    words = " ".join(re.findall(r"[A-Za-z_]+2?", line.upper()))
+    if _opens(words, "LASER OFF"):
+        return "laser_switch"
+    fits = [key for key, form in FORMS.items() if _opens(words, form.name)]
+    return max(fits, key=lambda key: len(FORMS[key].name), default="")
+
+
+def statement_text(form: str, line: str) -> str:
+    """What a statement does, as the language reference says it (markdown)."""
+    name = FORMS[form].name
+    written = set(_WORD.findall(line.upper()))
+    entries = [e for e in _statements() if any(_opens(spelling, name) for spelling in e.spellings)]
+    now = [e for e in entries if any(s.endswith("NOW") for s in e.spellings) == ("NOW" in written)]
+    parts = []
+    for entry in now or entries:
+        said = [f"**{', '.join(f'`{s}`' for s in entry.spellings)}**", entry.cells.get("meaning", "")]
+        said += [f"{head}: {entry.cells[head]}" for head in ("range", "default", "calls") if entry.cells.get(head)]
+        parts.append("\n\n".join(said))
+    return "\n\n".join(parts) or _mention(name)
+
+
+def _mention(name: str) -> str:
+    """The first paragraph that shows how something is written."""
+    for paragraph in _paragraphs():
+        if any(_opens(spelling, name) for spelling in _SPAN.findall(paragraph)):
+            return paragraph
+    return ""
+
+
+def word_text(form: str, word: str) -> str:
+    """What a word of a statement takes: kind and units, range, section of the manual."""
+    known = CHANNEL_WORD if word == "CHANNEL" and form.startswith(("laser", "DUTY", "FREQ", "ANA")) else None
+    kind = known or FORMS[form].words.get(word)
+    ranges = (limits.CHANNEL,) if known else RANGES.get(form, {}).get(word, ())
+    head = f"**{FORMS[form].name} {word}**".replace(" **", "**")
+    told = ([head] if kind or ranges else []) + ([_kind_text(kind)] if kind else [])
+    return "\n\n".join([*told, *(range_text(one) for one in ranges)])
+
+
+def _kind_text(word: Word) -> str:
+    return WANTED[word.kind] + (", in ms without a unit" if word.ms else "")
+
+
+def range_text(one: Range) -> str:
+    """A range with its section and note, as the reference's table has them."""
+    marks = [text for text, is_so in (("whole", one.whole), ("ends warn", one.ends_tolerated)) if is_so]
+    section = f" (manual, {one.section})" if not one.section.isascii() else f" ({one.section})"
+    return f"{one.name}: {one}{', ' if marks else ''}{', '.join(marks)}{section}{f'. {one.note}' if one.note else ''}"
+
+
+def keyword_text(line: str, word: str) -> str:
+    """What is known of a keyword where it stands in a line (markdown); '' for nothing."""
+    form, word = form_of(line), word.upper()
+    if not form or word not in keywords(GRAMMAR):
+        return ""
+    heads = FORMS[form].name.split()
+    is_head = word in heads or (form == "laser_switch" and word in ("ON", "OFF", "NOW"))
+    if is_head and word not in FORMS[form].words:
+        number = word_text(form, "NOW" if "NOW" in line.upper().split() else "")
+        return "\n\n".join(filter(None, (statement_text(form, line), number)))
+    return word_text(form, word) or statement_text(form, line)
+
+
+def function_text(name: str) -> str:
+    """A function of expressions, as the reference lists it."""
+    found = re.search(rf"`{re.escape(name)}\([^`]*\)`(?: \([^)]*\))?", _reference())
+    return found[0] if found else ""
+
+
+def call_text(name: str) -> str:
+    """A GT_ call: its prototype, section and ranges."""
+    signature = SIGNATURES.get(name)
+    if signature is None:
+        return ""
+    ranges = [f"- `{arg.name}` {arg.range}" for arg in signature.args if arg.range is not None]
+    section = signature.section
+    told = f"manual, {section}" if not section.isascii() else section
+    buffered = "buffered, " if signature.buffered is not None else ""
+    return "\n".join([f"```c\n{signature.prototype};\n```", f"{buffered}{told}", "", *ranges])
