@@ -125,7 +125,7 @@ async def editor(capabilities: lsp.ClientCapabilities | None = None) -> AsyncIte
     finally:
         await asyncio.wait_for(client.shutdown_async(None), PATIENCE_S)
         client.exit(None)
-        await asyncio.wait_for(client.stop(), PATIENCE_S)  # type: ignore[no-untyped-call]
+        await asyncio.wait_for(client.stop(), PATIENCE_S)  # type: ignore[no-untyped-call]  # pygls'
         said = await process.stderr.read()
         process._transport.close()
     assert said == b""
@@ -493,7 +493,7 @@ def test_tcp() -> None:
             assert client.protocol.writer is not None
             await asyncio.sleep(0.1)
             client.protocol.writer.close()
-            await client.stop()  # type: ignore[no-untyped-call]
+            await client.stop()  # type: ignore[no-untyped-call]  # pygls'
 
         run(session())
         assert process.wait(30) == 0
@@ -544,7 +544,7 @@ def test_diagnostics_are_those_of_check(path: Path) -> None:
                 f.span.line - 1,
                 units(lines[f.span.line - 1][: f.span.column - 1])
                 if f.span.end_column
-                else units(re.match(r"\s*", lines[f.span.line - 1])[0]),  # type: ignore[index]
+                else units(re.match(r"\s*", lines[f.span.line - 1])[0]),  # type: ignore[index]  # it always matches
             ),
         )
         for f in own

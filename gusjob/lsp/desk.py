@@ -68,7 +68,7 @@ class Desk:
         class DeskPath(_Native):
             """Opens the editor's text in place of the file's."""
 
-            def open(self, mode: str = "r", *_args: Any, **_options: Any) -> IO[Any]:  # type: ignore[override]
+            def open(self, mode: str = "r", *_args: Any, **_options: Any) -> IO[Any]:  # type: ignore[override]  # one of its many forms is used
                 assert mode == "rb"
                 return io.BytesIO(desk.bytes_of(Path(self)))
 

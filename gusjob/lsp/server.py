@@ -369,5 +369,5 @@ def serve_port(port: int) -> int:
     return 0 if server.ended_well else 1
 
 
-if sys.platform == "win32":  # pragma: no cover
+if sys.platform == "win32":  # A client that dies breaks its pipe, of which asyncio would tell in a traceback there.
     logging.getLogger("asyncio.windows_events").setLevel(logging.CRITICAL + 1)

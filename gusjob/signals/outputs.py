@@ -238,7 +238,7 @@ class _Channel:
         time = np.concatenate([steps.start_ms, self.off.start[dark], lit.start[other]])
         volts = np.concatenate([steps.value, self.off.volts[dark], np.zeros(len(other))])
         order = np.argsort(time, kind="stable")
-        return _ns(time[order]), volts[order]
+        return to_ns(time[order]), volts[order]
 
     def steps(self, stage: Indices, start: Floats, end: Floats) -> Steps:
         """Held power over spans on the wires."""
@@ -290,10 +290,10 @@ def _settings(pulses: _Pulses) -> tuple[Times, Floats]:
     low = np.where(pulses.unknown, float(Level.UNKNOWN), float(Level.LOW))
     time = np.stack([pulses.start, pulses.end], axis=1).ravel()
     level = np.stack([low, np.full(len(low), float(Level.HIGH))], axis=1).ravel()
-    return _ns(time), level
+    return to_ns(time), level
 
 
-def _ns(time_ms: Floats) -> Times:
+def to_ns(time_ms: Floats) -> Times:
     """Moments to the nanosecond; half of one goes the same way, whatever rounding there was before."""
     return np.rint(np.round(time_ms * NS_PER_MS, 3)).astype(np.int64)
 

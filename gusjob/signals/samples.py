@@ -40,26 +40,22 @@ def samples(
     timeline = timeline_of(trace)
     scale = np.append(scale_mm(trace, machine), 0.0)
     stop = timeline.total_ms if end_ms is None else end_ms
-    stage, tick = np.empty(0, dtype=np.intp), np.empty(0)
-    for number, (first, count) in enumerate(zip(*_tick_ranges(trace, timeline, start_ms, stop), strict=True)):
-        done = 0
-        while done < count:
-            size = min(count - done, _PIECE_TICKS - len(tick))
-            stage = np.append(stage, np.full(size, number))
-            tick = np.append(tick, np.arange(first + done, first + done + size, dtype=np.float64))
-            done += size
-            if len(tick) == _PIECE_TICKS:
-                yield _rows(trace, machine, timeline, lines, scale, stage, tick)
-                stage, tick = stage[:0], tick[:0]
-    yield _rows(trace, machine, timeline, lines, scale, stage, tick)
+    first, count = _tick_ranges(trace, timeline, start_ms, stop)
+    ends = np.cumsum(count)
+    total = int(count.sum())
+    for begin in range(0, max(total, 1), _PIECE_TICKS):
+        number = np.arange(begin, min(begin + _PIECE_TICKS, total))
+        stage = np.searchsorted(ends, number, side="right")
+        tick = (first[stage] + number - (ends - count)[stage]).astype(np.float64)
+        yield _rows(trace, machine, timeline, lines, scale, stage, tick)
 
 
-def _tick_ranges(trace: Trace, timeline: Timeline, start_ms: float, end_ms: float) -> tuple[list[int], list[int]]:
+def _tick_ranges(trace: Trace, timeline: Timeline, start_ms: float, end_ms: float) -> tuple[Indices, Indices]:
     """First tick and number of ticks of each stage that lie in a time, its end (of motion and light) included."""
     period = trace.period_ms
     first = np.maximum(np.ceil((start_ms - timeline.start_ms) / period - _ON_TICK), 0.0)
     last = np.floor((np.minimum(timeline.end_ms, end_ms) - timeline.start_ms) / period + _ON_TICK)
-    return first.astype(np.intp).tolist(), np.maximum(last - first + 1, 0.0).astype(np.intp).tolist()
+    return first.astype(np.intp), np.maximum(last - first + 1, 0.0).astype(np.intp)
 
 
 def _rows(

@@ -53,11 +53,3 @@ def timeline_of(trace: Trace) -> Timeline:
     shift = np.concatenate([[0.0], np.cumsum(rest)[:-1]]) if len(rest) else rest
     start = starts + shift
     return Timeline(start_ms=start, end_ms=np.append(start[1:], ends[-1:] + shift[-1:] + rest[-1:]), shift_ms=shift)
-
-
-def segment_at(trace: Trace, timeline: Timeline, time_ms: Floats) -> Indices:
-    """The timed call that runs at moments; -1 where there is none at all."""
-    if not len(trace.clock.row):
-        return np.full(len(time_ms), -1, dtype=np.intp)
-    stage = timeline.stage_at(time_ms)
-    return trace.clock.cell_at(stage, time_ms - timeline.shift_ms[stage])

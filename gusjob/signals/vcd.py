@@ -12,7 +12,7 @@ import numpy.typing as npt
 from vcd import VCDWriter
 
 from gusjob.interpreter import Trace
-from gusjob.signals.outputs import NS_PER_MS, Edges, Level, changes, line_names, windows_of
+from gusjob.signals.outputs import Edges, Level, changes, line_names, to_ns, windows_of
 from gusjob.signals.timeline import timeline_of
 
 _SCOPE, _LINE = "outputs", "line"
@@ -46,7 +46,7 @@ def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[npt.NDAr
     """The source line from moments on, ns."""
     clock = trace.clock
     start_ms = clock.times[:-1] + timeline_of(trace).shift_ms[clock.stage]
-    return np.rint(start_ms * NS_PER_MS).astype(np.int64), lines.astype(np.float64)
+    return to_ns(start_ms), lines.astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

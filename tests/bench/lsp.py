@@ -77,7 +77,7 @@ async def session(lines: int, keystrokes: int) -> tuple[float, list[float]]:
             assert wrong == (broken >= 0), "the answer is not this text's"
         await client.shutdown_async(None)
         client.exit(None)
-        await client.stop()  # type: ignore[no-untyped-call]
+        await client.stop()  # type: ignore[no-untyped-call]  # pygls'
     return opened, waited
 
 
