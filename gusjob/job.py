@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span, number
+from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Phrase, Remark, Span, number
 from gusjob.geometry import Arcs, arcs_by_either
 from gusjob.limits import AUTO_SHARE, RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
 from gusjob.machine import Machine
@@ -363,7 +363,7 @@ def trail_remarks(trails: Trails, trail: int, locate: Locate) -> tuple[Remark, .
         values = ", ".join(f"{name} = {number(value)}" for name, value in step.values.items())
         match step.kind:
             case "call":
-                text, fields = CALLED, {"values": f": {values}" if values else ""}
+                text, fields = CALLED, {"values": Phrase(": {values}", values=values) if values else ""}
             case "include":
                 text, fields = INCLUDED, {}
             case "nth":
@@ -397,6 +397,8 @@ class Job:
     set_here: Callable[[int, str], tuple[Remark, ...]]
     files: tuple[tuple[str, int], ...] = ()
     """Of a job that includes files: the name of each, its own first, and what is added to its line numbers."""
+    included: tuple[tuple[str, bytes], ...] = ()
+    """Name and text of every file that it includes."""
     in_pulses: bool = False
     whole: bool = True
     """Whether everything in the text is in the job; else what seems to be missing may stand in a line with a fault."""

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gusjob import rules
+from gusjob.allowance import Allowances
 from gusjob.backend import JOURNAL_START
 from gusjob.checks import check as check_job
 from gusjob.diagnostics import Diagnostic, Span, has_errors
 from gusjob.job import Job
 from gusjob.machine import Budget, Machine, Scanner
 from gusjob.profile import find_profile, read_machine
-from gusjob.syntax import Source, is_listing, locate_calls, read_job, read_listing, read_source
+from gusjob.selection import Layer
+from gusjob.syntax import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
+from gusjob.syntax.source import shown_name
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
     from gusjob.interpreter import Trace
@@ -35,6 +38,7 @@ class Loaded:
     journal: bool = False
     """It is the journal of a run."""
     sources: dict[str, Source] = field(default_factory=dict)
+    allowances: Allowances = field(default_factory=Allowances)
 
     @property
     def inputs(self) -> list[Path]:
@@ -51,6 +55,11 @@ class Loaded:
         """The files that a job is made of, if they are more than one."""
         return self.job.files if self.job is not None else ()
 
+    def add(self, faults: list[Diagnostic]) -> None:
+        """More faults: with the severities of the profile, and without those that a comment allows."""
+        weighed = self.machine.selection.weighed(faults)
+        self.faults = in_order([*self.faults, *self.allowances.without_allowed(weighed)])
+
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""
         if span.path and self.job is not None:
@@ -59,13 +68,13 @@ class Loaded:
         return source.line(span.line) if source is not None else ""
 
 
-def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = None) -> Loaded:
+def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = None, data: bytes | None = None) -> Loaded:
     """Read a job or listing with its machine profile; a job is checked, a listing is read.
 
-    `scanner`: in place of the profile's.
+    `scanner`: in place of the profile's. `data`: in place of the file's content, for a text that is not on the disk.
     """
     loaded = Loaded(path=path)
-    source, faults = read_source(path)
+    source, faults = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
         loaded.faults, loaded.unreadable = faults, True
         return loaded
@@ -88,13 +97,22 @@ def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = Non
         loaded.stream, loaded.faults = sent_calls(source)
         loaded.unreadable = loaded.stream is None
         return loaded
-    if is_listing(source):
-        loaded.stream, loaded.faults = read_listing(source)
-        return loaded
-    loaded.job, loaded.faults = read_job(source, loaded.machine)
-    # After a line that can't be read the state of what follows is unknown, but most of it can still be judged.
-    loaded.faults = in_order([*loaded.faults, *check_job(loaded.job, loaded.machine)])
+    judge(loaded, source)
     return loaded
+
+
+def judge(loaded: Loaded, source: Source) -> None:
+    """Read a job or listing for the loaded machine; a job is checked, too."""
+    loaded.allowances.add(source.name, source.data, top=True)
+    if is_listing(source):
+        loaded.stream, faults = read_listing(source)
+        loaded.add(faults)
+        return
+    loaded.job, faults = read_job(source, loaded.machine)
+    for name, data in loaded.job.included:
+        loaded.allowances.add(name, data, top=False)
+    # After a line that can't be read the state of what follows is unknown, but most of it can still be judged.
+    loaded.add([*faults, *check_job(loaded.job, loaded.machine)])
 
 
 def look_closer(loaded: Loaded) -> None:
@@ -108,6 +126,24 @@ def look_closer(loaded: Loaded) -> None:
         interpreted_faults(loaded, find_faults(loaded.stream, loaded.machine))
     elif loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
         compiled(loaded)
+    loaded.add(_idle_allowances(loaded))
+
+
+def _idle_allowances(loaded: Loaded) -> list[Diagnostic]:
+    """Comments that allow what can't be allowed or is not there. After an error not all has been looked for."""
+    if loaded.source is None or loaded.journal:
+        return []
+    judged = ["GJ0", "GJ1", "GJ2", "GJ3", "GJ4", "GJ5", "GJ8"]
+    if loaded.foreign or loaded.machine.budget != Budget():
+        judged.append("GJ7")
+    return list(loaded.allowances.faults(loaded.source.name, [] if has_errors(loaded.faults) else judged))
+
+
+def selected(loaded: Loaded, asked: Layer) -> list[Diagnostic]:
+    """The faults that count by the profile's [check] and by what is asked for; what makes a file unreadable does."""
+    if loaded.unreadable or (loaded.source is not None and loaded.job is None and loaded.stream is None):
+        return loaded.faults
+    return [fault for fault in loaded.faults if loaded.machine.selection.wants(fault, asked)]
 
 
 def in_order(faults: list[Diagnostic]) -> list[Diagnostic]:
@@ -122,8 +158,8 @@ def compiled(loaded: Loaded) -> Stream | None:
     from gusjob.planner import compile_job
 
     stream, faults = compile_job(loaded.job, loaded.machine)
-    loaded.faults = in_order([*loaded.faults, *faults])
-    loaded.stream = None if has_errors(faults) else stream
+    loaded.add(faults)
+    loaded.stream = None if has_errors(loaded.faults) else stream
     return loaded.stream
 
 
@@ -160,4 +196,4 @@ def interpreted_faults(loaded: Loaded, faults: list[Diagnostic]) -> None:
             found = [replace(f, span=loaded.job.locate(f.span.line, "")) for f in faults]
             said = {(f.rule.code, f.file, f.span.line) for f in loaded.faults}
             found = [f for f in found if (f.rule.code, f.file, f.span.line) not in said]
-        loaded.faults = in_order([*loaded.faults, *found])
+        loaded.add(found)

@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from gusjob import diagnostics as d
 from gusjob.limits import POWER_NOW, PowerMode
+from gusjob.selection import Selection
 from gusjob.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 
@@ -57,7 +58,9 @@ class Scanner:
         return f"{self.model.value}:{self.tracking_error_us:g}us"
 
 
-SCANNER_FORM = "delay:TIME, first-order:TIME or second-order:TIME, such as first-order:250us, with a TIME of 0 to 1 s"
+SCANNER_FORM = d.Phrase(
+    "delay:TIME, first-order:TIME or second-order:TIME, such as first-order:250us, with a TIME of 0 to 1 s"
+)
 """How a scanner is written."""
 
 _SCANNER_MAX_US = 1e6
@@ -69,11 +72,11 @@ def parse_scanner(text: str) -> Scanner | str:
     shown = f'"{d.printable(text)[:40]}"'
     found = _SCANNER_TEXT.fullmatch(text.strip())
     if not found:
-        return f"{shown} is not a scanner: write {SCANNER_FORM}"
+        return d.Phrase("{text} is not a scanner: write {form}", text=shown, form=SCANNER_FORM)
     unit_us = {"ms": US_PER_MS, "s": US_PER_MS**2}.get(found[3], 1.0)
     lag_us = float(found[2]) * unit_us
     if lag_us > _SCANNER_MAX_US:
-        return f"the time in {shown} is above 1 s: write {SCANNER_FORM}"
+        return d.Phrase("the time in {text} is above 1 s: write {form}", text=shown, form=SCANNER_FORM)
     return Scanner(model=ScannerModel(found[1]), tracking_error_us=lag_us)
 
 
@@ -178,6 +181,7 @@ class Machine:
     lasers: tuple[Laser, ...] = field(default=())
     controller: Controller = Controller()
     budget: Budget = Budget()
+    selection: Selection = field(default=Selection())
 
     @property
     def equal_axes(self) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Span
+from gusjob.diagnostics import Diagnostic, Phrase, Span, all_of, any_of, did_you_mean
 from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, SHORT, SWITCH_VALUE, VELOCITY, Range
 from gusjob.machine import (
     SCANNER_FORM,
@@ -23,6 +23,7 @@ from gusjob.machine import (
     Scanner,
     parse_scanner,
 )
+from gusjob.selection import Layer, Selection
 
 PROFILE_NAME = "gusjob.toml"
 
@@ -65,6 +66,7 @@ _LASER_KEYS: dict[str, Wanted] = {
 _BUDGET_KEYS: dict[str, Wanted] = {
     entry.name: Range(name=entry.name, unit="", low=0, high=1e12, section="profile") for entry in fields(Budget)
 }
+_RULES_KEYS = ("select", "ignore", "severity")
 _CONTROLLER_KEYS: dict[str, Wanted] = {
     "library": str,
     "abi": Abi,
@@ -82,7 +84,14 @@ _INTERLOCK_KEYS: dict[str, Wanted] = {
     "input": Range(name="input", unit="", low=0, high=31, whole=True, section="profile"),
     "value": SWITCH_VALUE,
 }
-_NUMBER = "a number"
+_PATHS = Phrase("a list of tables, [[check.path]]")
+_GLOB = Phrase('a text such as "samples/*.job"')
+_CODES = Phrase('a list of codes such as ["GJ304", "GJ7"]')
+_SEVERITIES = Phrase('a table of codes with "error", "warning" or "note"')
+_KNOWN_CODES = Phrase("the code of a rule or the beginning of codes (`gusjob explain` lists them)")
+_ONE_OF_SEVERITIES = Phrase('"error", "warning" or "note"')
+_STAYS_ERROR = Phrase("left an error: what is refused can't be made less")
+_NUMBER, _TEXT, _TABLE, _BOOLEAN = Phrase("a number"), Phrase("a text"), Phrase("a table"), Phrase("true or false")
 
 
 def find_profile(job: Path) -> Path | None:
@@ -96,16 +105,16 @@ def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        fault = Diagnostic(
-            rule=rules.UNREADABLE, span=d.NOWHERE, fields={"reason": error.strerror or "unreadable"}, path=str(path)
-        )
-        return Machine(), [fault]
+        reason = error.strerror or Phrase("unreadable")
+        return Machine(), [Diagnostic(rule=rules.UNREADABLE, span=d.NOWHERE, fields={"reason": reason}, path=str(path))]
     except UnicodeDecodeError as error:
         return Machine(), [
             Diagnostic(rule=rules.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
         ]
     machine, faults = parse_machine(text, str(path))
-    return _beside(machine, path.resolve().parent), faults
+    folder = path.resolve().parent
+    machine = replace(machine, selection=replace(machine.selection, folder=str(folder)))
+    return _beside(machine, folder), faults
 
 
 def _beside(machine: Machine, folder: Path) -> Machine:
@@ -130,7 +139,7 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
         return Machine(), [Diagnostic(rule=rules.PROFILE_SYNTAX, span=span, fields={"reason": str(error)}, path=path)]
     reader = _Reader(text=text, path=path)
     machine = Machine()
-    tables = ("lookahead", "expansion", "laser", "controller", "budget")
+    tables = ("lookahead", "expansion", "laser", "controller", "budget", "check")
     apart = (*tables, "scanner")
     top = {k: v for k, v in data.items() if k not in apart}
     values = reader.table(top, _MACHINE_KEYS, "", extra=apart)
@@ -141,10 +150,12 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
     limits = reader.table(reader.as_table(data.get("expansion", {}), "expansion"), _EXPANSION_KEYS, "expansion")
     values.update({f"expansion_{k}": int(v) for k, v in limits.items()})
     values["budget"] = Budget(**reader.table(reader.as_table(data.get("budget", {}), "budget"), _BUDGET_KEYS, "budget"))
+    values["selection"] = Selection(layers=reader.layers(data.get("check", {})))
     values["controller"] = reader.controller(data.get("controller", {}))
     lasers = data.get("laser", [])
     if not isinstance(lasers, list):
-        reader.fault(rules.PROFILE_TYPE, "laser", "", wanted="a list of tables, [[laser]]", found=_kind(lasers))
+        wanted = Phrase("a list of tables, [[laser]]")
+        reader.fault(rules.PROFILE_TYPE, "laser", "", wanted=wanted, found=_kind(lasers))
         lasers = []
     sources: list[Laser] = []
     for number, entry in enumerate(lasers):
@@ -153,19 +164,18 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
         if "channel" not in row:
             if isinstance(entry, dict) and "channel" in entry:
                 continue
-            reader.fault(rules.PROFILE_TYPE, "channel", "laser", wanted="0 or 1", found="missing")
+            numbers, found = any_of(("0", "1")), Phrase("missing")
+            reader.fault(rules.PROFILE_TYPE, "channel", "laser", wanted=numbers, found=found)
             continue
         if any(source.channel == row["channel"] for source in sources):
-            reader.fault(
-                rules.PROFILE_RANGE, "channel", "laser", value=d.number(row["channel"]), range="another: it is taken"
-            )
+            taken, value = Phrase("another: it is taken"), d.number(row["channel"])
+            reader.fault(rules.PROFILE_RANGE, "channel", "laser", value=value, range=taken)
             continue
         sources.append(Laser(**{**row, "channel": int(row["channel"])}))
     for axis in ("field_x_mm", "field_y_mm"):
         if axis in values and values[axis][0] >= values[axis][1]:
-            reader.fault(
-                rules.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range="[low, high] with low < high"
-            )
+            ordered = Phrase("[low, high] with low < high")
+            reader.fault(rules.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range=ordered)
             del values[axis]
     machine = replace(machine, **values, lasers=tuple(sources))
     reader.check_speeds(machine)
@@ -191,7 +201,7 @@ class _Reader:
     def as_table(self, value: Any, key: str) -> Mapping[str, Any]:
         if isinstance(value, dict):
             return value
-        self.fault(rules.PROFILE_TYPE, key, "", wanted="a table", found=_kind(value))
+        self.fault(rules.PROFILE_TYPE, key, "", wanted=_TABLE, found=_kind(value))
         return {}
 
     def table(
@@ -204,7 +214,7 @@ class _Reader:
                 from difflib import get_close_matches
 
                 near = get_close_matches(key, known, 1)
-                self.fault(rules.PROFILE_UNKNOWN, key, table, hint=f"; did you mean {near[0]}?" if near else "")
+                self.fault(rules.PROFILE_UNKNOWN, key, table, hint=did_you_mean(near[0] if near else ""))
             elif (checked := self._entry(key, value, keys[key], table)) is not None:
                 values[key] = checked
         return values
@@ -215,14 +225,14 @@ class _Reader:
             return self._pair(key, value, wanted, table) if key in _PAIR else self._number(key, value, wanted, table)
         if wanted is bool:
             if not isinstance(value, bool):
-                self.fault(rules.PROFILE_TYPE, key, table, wanted="true or false", found=_kind(value))
+                self.fault(rules.PROFILE_TYPE, key, table, wanted=_BOOLEAN, found=_kind(value))
             return value if isinstance(value, bool) else None
         if not isinstance(value, str):
-            self.fault(rules.PROFILE_TYPE, key, table, wanted="a text", found=_kind(value))
+            self.fault(rules.PROFILE_TYPE, key, table, wanted=_TEXT, found=_kind(value))
             return None
         if wanted is Abi and value not in list(Abi):
             shown = f'"{d.printable(value)[:40]}"'
-            self.fault(rules.PROFILE_RANGE, key, table, value=shown, range=f"one of {', '.join(Abi)}")
+            self.fault(rules.PROFILE_RANGE, key, table, value=shown, range=Phrase("one of {names}", names=all_of(Abi)))
             return None
         return Abi(value) if wanted is Abi else value
 
@@ -238,11 +248,68 @@ class _Reader:
             interlock = Interlock(**{key: int(value) for key, value in row.items()})
         return Controller(**values, interlock=interlock)
 
+    def layers(self, data: Any) -> tuple[Layer, ...]:
+        """The [check] table, with its [[check.path]] tables behind it."""
+        entries = dict(self.as_table(data, "check"))
+        paths = entries.pop("path", [])
+        if not isinstance(paths, list):
+            self.fault(rules.PROFILE_TYPE, "path", "check", wanted=_PATHS, found=_kind(paths))
+            paths = []
+        layers = [self._layer(entries, "check", ())]
+        for entry in paths:
+            if not isinstance(entry, dict):
+                self.fault(rules.PROFILE_TYPE, "path", "check", wanted=_PATHS, found=_kind(paths))
+                continue
+            glob = entry.get("glob")
+            if not isinstance(glob, str) or not glob:
+                self.fault(rules.PROFILE_TYPE, "glob", "check.path", wanted=_GLOB, found=_kind(glob))
+                continue
+            layers.append(replace(self._layer(entry, "check.path", ("glob",)), glob=glob))
+        return tuple(layer for layer in layers if layer != Layer(glob=layer.glob))
+
+    def _layer(self, row: Mapping[str, Any], table: str, extra: tuple[str, ...]) -> Layer:
+        """What one table says of rules."""
+        known = {key: value for key, value in row.items() if key in _RULES_KEYS}
+        self.table({key: value for key, value in row.items() if key not in (*known, *extra)}, {}, table, _RULES_KEYS)
+        select, ignore = (self._codes(known.get(key, []), key, table) for key in ("select", "ignore"))
+        return Layer(select=select, ignore=ignore, severity=self._severities(known.get("severity", {}), table))
+
+    def _codes(self, value: Any, key: str, table: str) -> tuple[str, ...]:
+        """Codes of rules, or their beginnings."""
+        if not isinstance(value, list) or not all(isinstance(code, str) for code in value):
+            self.fault(rules.PROFILE_TYPE, key, table, wanted=_CODES, found=_kind(value))
+            return ()
+        return tuple(code for code in value if self._is_code(code, key, table))
+
+    def _is_code(self, code: str, key: str, table: str) -> bool:
+        known = bool(code) and any(rule.startswith(code) for rule in rules.RULES)
+        if not known:
+            self.fault(rules.PROFILE_RANGE, key, table, value=_quoted(code), range=_KNOWN_CODES)
+        return known
+
+    def _severities(self, value: Any, table: str) -> tuple[tuple[str, d.Severity], ...]:
+        """Severities by code or beginning of codes."""
+        if not isinstance(value, dict):
+            self.fault(rules.PROFILE_TYPE, "severity", table, wanted=_SEVERITIES, found=_kind(value))
+            return ()
+        words = {severity.value: severity for severity in d.Severity}
+        found = []
+        for code, word in value.items():
+            if not self._is_code(code, "severity", table):
+                continue
+            if not isinstance(word, str) or word not in words:
+                shown = _quoted(word) if isinstance(word, str) else _kind(word)
+                self.fault(rules.PROFILE_RANGE, "severity", table, value=shown, range=_ONE_OF_SEVERITIES)
+            elif code in rules.RULES and rules.RULES[code].severity is d.Severity.ERROR and word != "error":
+                self.fault(rules.PROFILE_RANGE, "severity", table, value=f'{code} = "{word}"', range=_STAYS_ERROR)
+            else:
+                found.append((code, words[word]))
+        return tuple(found)
+
     def scanner(self, value: Any) -> Scanner | None:
         if not isinstance(value, str):
-            self.fault(
-                rules.PROFILE_TYPE, "scanner", "", wanted='a text such as "first-order:250us"', found=_kind(value)
-            )
+            wanted = Phrase('a text such as "first-order:250us"')
+            self.fault(rules.PROFILE_TYPE, "scanner", "", wanted=wanted, found=_kind(value))
             return None
         scanner = parse_scanner(value)
         if isinstance(scanner, Scanner):
@@ -253,8 +320,8 @@ class _Reader:
     def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
         items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value
         if not isinstance(items, list) or len(items) != 2:
-            found = f"a list of {len(items)}" if isinstance(items, list) else _kind(value)
-            self.fault(rules.PROFILE_TYPE, key, table, wanted="a list of two numbers", found=found)
+            found = Phrase("a list of {count}", count=len(items)) if isinstance(items, list) else _kind(value)
+            self.fault(rules.PROFILE_TYPE, key, table, wanted=Phrase("a list of two numbers"), found=found)
             return None
         first = self._number(key, items[0], limits, table)
         second = None if first is None else self._number(key, items[1], limits, table)
@@ -269,7 +336,7 @@ class _Reader:
         except OverflowError:
             real = math.inf
         if limits.verdict(real) or not limits.carries(real):
-            self.fault(rules.PROFILE_RANGE, key, table, value=d.number(real), range=f"in {limits}")
+            self.fault(rules.PROFILE_RANGE, key, table, value=d.number(real), range=_within(limits))
             return None
         return real
 
@@ -280,8 +347,9 @@ class _Reader:
             ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
         ):
             if limits.verdict(value):
-                shown = f"{d.number(getattr(machine, key))}, that is {d.number(value)} {limits.unit}"
-                self.fault(rules.PROFILE_RANGE, key, "", value=shown, range=f"in {limits}")
+                written, pulses = d.number(getattr(machine, key)), f"{d.number(value)} {limits.unit}"
+                shown = Phrase("{value}, that is {pulses}", value=written, pulses=pulses)
+                self.fault(rules.PROFILE_RANGE, key, "", value=shown, range=_within(limits))
 
     def _find(self, key: str, table: str) -> Span:
         """The line of an entry or table; the head of the entry's table, or the first line, where there is none."""
@@ -302,9 +370,20 @@ class _Reader:
         return head
 
 
+def _quoted(text: str) -> str:
+    return f'"{d.printable(text)[:40]}"'
+
+
 def _kind(value: Any) -> str:
-    names = {bool: "true or false", int: _NUMBER, float: _NUMBER, str: "a text", list: "a list", dict: "a table"}
-    return names.get(type(value), type(value).__name__)
+    names: dict[str, str] = {
+        "bool": _BOOLEAN, "int": _NUMBER, "float": _NUMBER, "str": _TEXT, "list": Phrase("a list"), "dict": _TABLE,
+        "date": Phrase("date"), "time": Phrase("time"), "datetime": Phrase("datetime"),
+    }  # fmt: skip
+    return names.get(type(value).__name__, type(value).__name__)
+
+
+def _within(allowed: Range) -> str:
+    return Phrase("in {range}", range=str(allowed))
 
 
 def _line_of(message: str) -> int:

@@ -255,6 +255,22 @@ NEVER_READ = _rule(
     "A name that is set and not used is often a misspelling of another one.",
     bad="LET pause = 5\nDWELL 1\n", good="LET pause = 5\nDWELL (pause)\n",
 )  # fmt: skip
+SMALL = _rule(
+    "GJ143", _N, "word in small letters", "{word} is a word of the language in small letters: write {meant}",
+    "The language takes it; people who read a job look for words in capitals, and for names in small letters.",
+    bad="wait\n", good="WAIT\n",
+)  # fmt: skip
+ALLOWED_IN_VAIN = _rule(
+    "GJ144", _W, "allow that is not followed", "{code} is not allowed by this comment: {why}",
+    "A comment that looks as if it allowed something misleads who reads it. What it may allow are warnings and notes "
+    "of its own line, with the reason behind a colon.",
+    bad="WAIT\nLET pause = 5 ; allow GJ142\n", good="WAIT\nLET pause = 5 ; allow GJ142: read by the next version\n",
+)  # fmt: skip
+ALLOWS_NOTHING = _rule(
+    "GJ145", _W, "allow that allows nothing", "{code} is not found in this line: take its allow away",
+    "A comment that outlives its reason would hide the next fault of the same rule.",
+    bad="DWELL 5 ; allow GJ404: it only warms up\n", good="DWELL 5\n",
+)  # fmt: skip
 
 # GJ2: values.
 OUT_OF_RANGE = _rule(

@@ -12,6 +12,8 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.diagnostics import Phrase
+
 
 class Kind(IntEnum):
     """What a number measures."""
@@ -30,18 +32,22 @@ class Kind(IntEnum):
     @property
     def words(self) -> str:
         """For messages: 'a length', 'a velocity' ..."""
-        return (
-            "a length",
-            "a velocity",
-            "an acceleration",
-            "a time",
-            "a frequency",
-            "a share",
-            "a voltage",
-            "an angle",
-            "a plain number",
-            "a power",
-        )[self]
+        return _KINDS[self]
+
+
+_KINDS = (
+    Phrase("a length"),
+    Phrase("a velocity"),
+    Phrase("an acceleration"),
+    Phrase("a time"),
+    Phrase("a frequency"),
+    Phrase("a share"),
+    Phrase("a voltage"),
+    Phrase("an angle"),
+    Phrase("a plain number"),
+    Phrase("a power"),
+)
+"""By Kind."""
 
 
 class System(IntEnum):

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from job_writer import Writer
 from tools import MARK, ROOT
 
+from gusjob import rules
 from gusjob.checks import check
 from gusjob.cli import cli
 from gusjob.diagnostics import has_errors
@@ -324,6 +325,7 @@ def compiled(source: Source, machine: Machine) -> Calls:
         calls = "".join(listing(stream))
         spans = [job.locate(line, "") for line in (*stream.buffered.line.tolist(), *(c.line for c in stream.calls))]
         lines = [-span.line if span.path else number.get(span.line, -1) for span in spans]
+    faults = [fault for fault in faults if fault.rule is not rules.SMALL]  # fmt writes capitals.
     found = [(f.rule.code, -f.span.line if f.span.path else number.get(f.span.line, -1)) for f in faults]
     return calls, lines, found
 

@@ -107,7 +107,9 @@ class Editor:
 
 
 @asynccontextmanager
-async def editor(capabilities: lsp.ClientCapabilities | None = None) -> AsyncIterator[Editor]:
+async def editor(
+    capabilities: lsp.ClientCapabilities | None = None, *options: str, locale: str | None = None
+) -> AsyncIterator[Editor]:
     """A server that is started, and ended as the protocol has it."""
     client = LanguageClient("test", "1")
     mine = Editor(client)
@@ -116,9 +118,10 @@ async def editor(capabilities: lsp.ClientCapabilities | None = None) -> AsyncIte
     def published(params: lsp.PublishDiagnosticsParams) -> None:
         mine.heard.put_nowait(params)
 
-    await client.start_io(sys.executable, "-m", "gusjob", "lsp")
+    await client.start_io(sys.executable, "-m", "gusjob", "lsp", *options)
     process: Any = client._server
-    await client.initialize_async(lsp.InitializeParams(capabilities=capabilities or lsp.ClientCapabilities()))
+    mine_can = capabilities or lsp.ClientCapabilities()
+    await client.initialize_async(lsp.InitializeParams(capabilities=mine_can, locale=locale))
     client.initialized(lsp.InitializedParams())
     try:
         yield mine
@@ -130,6 +133,26 @@ async def editor(capabilities: lsp.ClientCapabilities | None = None) -> AsyncIte
         process._transport.close()
     assert said == b""
     assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("locale", "options", "said"),
+    [
+        ("zh-cn", (), "不应出现在这里"),
+        ("zh-cn", ("--lang", "en"), "does not belong"),
+        ("de", (), "does not belong"),
+        (None, ("--lang", "zh"), "不应出现在这里"),
+    ],
+)
+def test_the_editors_language(tmp_path: Path, locale: str | None, options: tuple[str, ...], said: str) -> None:
+    async def session() -> None:
+        async with editor(None, *options, locale=locale) as mine:
+            path = tmp_path / "a.job"
+            mine.open(path, "VEL\n")
+            (fault, *_) = await mine.told(path)
+            assert said in fault.message
+
+    run(session())
 
 
 def run(session: Coroutine[Any, Any, None]) -> None:
@@ -757,6 +780,45 @@ def test_quick_fixes(tmp_path: Path) -> None:
                     text = text.edited(lsp.TextDocumentContentChangePartial(range=edit.range, text=edit.new_text))
                 assert text.data.decode() == MARK + after + "\n"
                 ed.close(job)
+
+    run(session())
+
+
+MENDED = [
+    ("LASER DELAY ON 60 OFF 50\nwait", "Mend: off delay below on delay", "LASER DELAY ON 60 OFF 60\nwait"),
+    ("LINE X 10；\u00e9\nline X 2", "Mend: unexpected word", "LINE X 10;\u00e9\nline X 2"),
+    ("line X 10\r\nLINE x 2 ; line", "Mend: word in small letters", "LINE X 10\r\nLINE X 2 ; line"),
+    ("LASER POWER 3\nLASER ON\nLINE X 2", "Mend: light left on", "LASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF"),
+]
+
+
+def test_mends_are_quick_fixes(tmp_path: Path) -> None:
+    """One at a time, of the text in the editor, and only where it keeps its word."""
+
+    async def session() -> None:
+        job = tmp_path / "job.job"
+        whole = lsp.Range(lsp.Position(0, 0), lsp.Position(99, 0))
+        async with editor() as ed:
+
+            async def actions(text: str) -> Any:
+                ed.open(job, text)
+                await ed.told(job, bool)
+                said: Any = await ed.client.text_document_code_action_async(
+                    lsp.CodeActionParams(ed.named(job), whole, lsp.CodeActionContext([]))
+                )
+                ed.close(job)
+                return said or []
+
+            for before, title, after in MENDED:
+                for bom in ("", "\ufeff"):
+                    found = [action for action in await actions(bom + MARK + before) if action.title == title]
+                    assert len(found) == 1
+                    text = Text(utf8(bom + MARK + before))
+                    for edit in found[0].edit.changes[job.as_uri()]:
+                        text = text.edited(lsp.TextDocumentContentChangePartial(range=edit.range, text=edit.new_text))
+                    assert text.data.decode() == bom + MARK + after
+            refused = "LASER POWER 3\nLINE X 1\nLASER ON\n"  # LASER OFF would have nothing to mark.
+            assert [action.title for action in await actions(MARK + refused)] == []
 
     run(session())
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import string
+from pathlib import Path
 
 import pytest
 
 from gusjob.checks import check
 from gusjob.diagnostics import REMARKS, Diagnostic, Rule, Severity, has_errors
 from gusjob.interpreter import find_faults
+from gusjob.loading import load, look_closer
 from gusjob.machine import Machine
 from gusjob.planner import compile_job
 from gusjob.rules import RULES, VARIANTS
@@ -20,6 +22,8 @@ WITHOUT_EXAMPLE = {
     "GJ601", "GJ602", "GJ603", "GJ604", "GJ605", "GJ606", "GJ607", "GJ608", "GJ609", "GJ716", "GJ813",
     *(f"GJ9{number:02}" for number in range(1, 18)),  # They need a controller: test_hardware.py has them.
 }  # fmt: skip
+COMMENTS = ("GJ144", "GJ145")
+"""Rules of comments, which are known when all else has been said."""
 LISTINGS = ("GJ7", "GJ111", "GJ112", "GJ113", "GJ114", "GJ115", "GJ116")
 
 
@@ -27,6 +31,10 @@ def faults_of(text: str, rule: Rule) -> list[Diagnostic]:
     source, faults = check_text(text.encode(), "example")
     assert source is not None
     machine = Machine()
+    if rule.code in COMMENTS:
+        loaded = load(Path("example.job"), None, data=text.encode())
+        look_closer(loaded)
+        return loaded.faults
     if rule.code.startswith(LISTINGS):
         stream, faults = read_listing(source)
         return [*faults, *find_faults(stream, machine)]

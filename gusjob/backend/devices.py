@@ -20,7 +20,7 @@ from typing import Any
 from gusjob.backend.gts.abi import ABI_PROFILES, prototypes
 from gusjob.backend.gts.library import BITS, NOT_THERE, has_symbol, opened, other_family
 from gusjob.backend.gts.session import NEEDED
-from gusjob.diagnostics import printable
+from gusjob.diagnostics import Phrase, printable
 from gusjob.machine import Abi
 
 # Vendor libraries.
@@ -125,17 +125,24 @@ def judged(path: str) -> VendorLibrary:
     shown = printable(path)
     handle: Any = opened(path)
     if isinstance(handle, str):
-        reason = handle.removeprefix(f"{shown}: ")
+        reason = handle if isinstance(handle, Phrase) else handle.removeprefix(f"{shown}: ")
         return VendorLibrary(path=shown, loaded=False, reason=reason, next_steps=_library_steps(reason))
     missing = {abi: _missing(handle, abi) for abi in Abi}
     abis = tuple(abi for abi in Abi if not missing[abi])
     near = {abi: symbols for abi, symbols in missing.items() if symbols and len(symbols) <= len(_CALLS) // 2}
     if abis:
         return VendorLibrary(path=shown, loaded=True, abis=abis, missing=near)
+    return _unfitting(shown, near)
+
+
+def _unfitting(shown: str, near: Mapping[Abi, tuple[str, ...]]) -> VendorLibrary:
+    """A library that fits none; `near`: symbols that it lacks for an ABI, where those are few."""
     if near:
-        reason, step = "calls are missing that every laser job needs", "ask the vendor for the library with laser calls"
+        reason = Phrase("calls are missing that every laser job needs")
+        step = Phrase("ask the vendor for the library with laser calls")
     else:
-        reason, step = "it has not the calls of a Googol library", "name another one with --library"
+        reason = Phrase("it has not the calls of a Googol library")
+        step = Phrase("name another one with --library")
     return VendorLibrary(path=shown, loaded=True, reason=reason, missing=near, next_steps=(step,))
 
 
@@ -147,29 +154,35 @@ def _missing(handle: Any, abi: Abi) -> tuple[str, ...]:
 
 
 _LIBRARY_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (
-    ((NOT_THERE,), "name the library's file with --library, or write its path into gusjob.toml"),
-    (("a folder",), "name the library in it with --library"),
+    ((NOT_THERE,), Phrase("name the library's file with --library, or write its path into gusjob.toml")),
+    (("a folder",), Phrase("name the library in it with --library")),
     (
         ("which has", "WinError 193"),
-        f"the library must have this Python's {BITS} bits: get that one from the vendor, or install gusjob with a "
-        f"Python of {96 - BITS} bits",
+        Phrase(
+            "the library must have this Python's {bits} bits: get that one from the vendor, or install gusjob with a "
+            "Python of {others} bits",
+            bits=BITS,
+            others=96 - BITS,
+        ),
     ),
     (
         ("Permission denied", "WinError 5]", "Operation not permitted", "failed to map segment"),
-        "let your user read it and run what is in it (Linux: chmod a+rx FILE; not on a disk mounted noexec)",
+        Phrase("let your user read it and run what is in it (Linux: chmod a+rx FILE; not on a disk mounted noexec)"),
     ),
     (
         ("one of its dependencies", "WinError 126", "WinError 127"),
-        "install the vendor's driver package, which holds what this library needs, or put the vendor's other DLLs "
-        "into its folder",
+        Phrase(
+            "install the vendor's driver package, which holds what this library needs, or put the vendor's other DLLs "
+            "into its folder"
+        ),
     ),
     (
         ("cannot open shared object", "undefined symbol", "image not found", "Library not loaded"),
-        "install what the library needs: `ldd FILE` (macOS: `otool -L FILE`) shows it",
+        Phrase("install what the library needs: `ldd FILE` (macOS: `otool -L FILE`) shows it"),
     ),
     (
         ("cut short", "invalid ELF header", "file too short", "not a mach-o file", "slice is not valid"),
-        "copy it again from the vendor's package, the one for this system",
+        Phrase("copy it again from the vendor's package, the one for this system"),
     ),
 )
 """What to do, by parts of the reason; the first that fits."""
@@ -187,7 +200,7 @@ def _library_steps(reason: str) -> tuple[str, ...]:
 class KnownUsb:
     """A laser controller by its USB ids. `sure`: False where other things have the same ids.
 
-    `driven_by`: programs that drive it; `gusjob`: whether gusjob can.
+    `driven_by`: programs that drive it; `gusjob`: whether gusjob can; `short`: the name without what it may be.
     """
 
     vendor: int
@@ -196,6 +209,7 @@ class KnownUsb:
     driven_by: str
     sure: bool = True
     gusjob: bool = False
+    short: str = ""
 
     @property
     def ids(self) -> str:
@@ -207,25 +221,26 @@ KNOWN_USB = (
     # No Googol GUS or GTS among them: none of their ids is public.
     # 9588:9899 as in Balor, galvoplotter and MeerK40t (balormk); 9880 until the driver has loaded the card's firmware.
     KnownUsb(
-        vendor=0x9588, product=0x9899, name="BJJCZ (LMC) galvo card", driven_by="EzCad2, LightBurn, MeerK40t"
+        vendor=0x9588, product=0x9899, name=Phrase("BJJCZ (LMC) galvo card"), driven_by="EzCad2, LightBurn, MeerK40t"
     ),
     KnownUsb(
-        vendor=0x9588, product=0x9880, name="BJJCZ (LMC) galvo card without its firmware, which its driver loads",
+        vendor=0x9588, product=0x9880,
+        name=Phrase("BJJCZ (LMC) galvo card without its firmware, which its driver loads"),
         driven_by="EzCad2, LightBurn",
     ),
     # As in K40 Whisperer and MeerK40t (lihuiyu, moshi).
     KnownUsb(
-        vendor=0x1A86, product=0x5512, name="CH341 chip: may be a Lihuiyu M2/M3 Nano or a Moshi board", sure=False,
-        driven_by="K40 Whisperer, MeerK40t",
+        vendor=0x1A86, product=0x5512, name=Phrase("CH341 chip: may be a Lihuiyu M2/M3 Nano or a Moshi board"),
+        sure=False, driven_by="K40 Whisperer, MeerK40t", short=Phrase("CH341 chip"),
     ),
     # As in the public notes on RDLxxx controllers (FT245R).
     KnownUsb(
-        vendor=0x0403, product=0x6001, name="FTDI serial chip: may be a Ruida controller", sure=False,
-        driven_by="RDWorks, LightBurn",
+        vendor=0x0403, product=0x6001, name=Phrase("FTDI serial chip: may be a Ruida controller"), sure=False,
+        driven_by="RDWorks, LightBurn", short=Phrase("FTDI serial chip"),
     ),
     # As in MeerK40t (newly).
     KnownUsb(
-        vendor=0x0471, product=0x0999, name="may be a Newly board (NewlyDraw)", sure=False,
+        vendor=0x0471, product=0x0999, name=Phrase("may be a Newly board (NewlyDraw)"), sure=False,
         driven_by="NewlyDraw, MeerK40t",
     ),
 )  # fmt: skip
@@ -276,7 +291,7 @@ def usb_devices(platform: str = sys.platform) -> tuple[tuple[UsbDevice, ...], Us
         every = list(core.find(find_all=True, backend=usb_backend()))
     except core.NoBackendError:
         steps = _NO_BACKEND_STEPS.get(platform, _NO_BACKEND_STEPS["linux"])
-        return (), UsbProblem(kind=Trouble.NO_BACKEND, reason="libusb was not found", next_steps=steps)
+        return (), UsbProblem(kind=Trouble.NO_BACKEND, reason=_NO_BACKEND, next_steps=steps)
     except _usb_errors() as error:
         return (), _usb_problem(error, None, platform)
     found = ((table.get((device.idVendor, device.idProduct)), device) for device in every)
@@ -343,16 +358,17 @@ _ERRORS = {
 }
 
 _REASONS = {
-    Trouble.PERMISSION: "your user may not open it",
-    Trouble.BUSY: "another program has it open",
-    Trouble.GONE: "it was unplugged meanwhile",
-    Trouble.DRIVER: "its driver does not let libusb open it",
+    Trouble.PERMISSION: Phrase("your user may not open it"),
+    Trouble.BUSY: Phrase("another program has it open"),
+    Trouble.GONE: Phrase("it was unplugged meanwhile"),
+    Trouble.DRIVER: Phrase("its driver does not let libusb open it"),
 }
 
+_NO_BACKEND = Phrase("libusb was not found")
 _NO_BACKEND_STEPS: Mapping[str, tuple[str, ...]] = {
     "win32": ("pip install libusb-package",),
-    "darwin": ("brew install libusb, or: pip install libusb-package",),
-    "linux": ("sudo apt install libusb-1.0-0 (elsewhere the package is called libusb or libusb1)",),
+    "darwin": (Phrase("brew install libusb, or: pip install libusb-package"),),
+    "linux": (Phrase("sudo apt install libusb-1.0-0 (elsewhere the package is called libusb or libusb1)"),),
 }
 
 
@@ -373,20 +389,24 @@ def _usb_steps(kind: Trouble, known: KnownUsb | None, platform: str) -> tuple[st
             # uaccess is given out by 73-seat-late.rules: the file's number must be lower.
             ids = f'ATTR{{idVendor}}=="{known.vendor:04x}", ATTR{{idProduct}}=="{known.product:04x}"'
             return (
-                "write this line into /etc/udev/rules.d/70-laser.rules:",
+                Phrase("write this line into /etc/udev/rules.d/70-laser.rules:"),
                 f'SUBSYSTEM=="usb", {ids}, MODE="0660", TAG+="uaccess"',
-                "then: sudo udevadm control --reload, and plug it in again; for a login over the network add "
-                'GROUP="YOUR-GROUP"',
+                Phrase(
+                    "then: sudo udevadm control --reload, and plug it in again; for a login over the network add "
+                    'GROUP="YOUR-GROUP"'
+                ),
             )
         case Trouble.BUSY:
-            return ("close the program that drives the laser",)
+            return (Phrase("close the program that drives the laser"),)
         case Trouble.DRIVER if platform == "win32":
             return (
-                "leave it so for the maker's program; MeerK40t and others that go by libusb need WinUSB in its place "
-                "(Zadig, https://zadig.akeo.ie), with which the maker's program no longer works",
+                Phrase(
+                    "leave it so for the maker's program; MeerK40t and others that go by libusb need WinUSB in its "
+                    "place (Zadig, https://zadig.akeo.ie), with which the maker's program no longer works"
+                ),
             )
         case Trouble.GONE | Trouble.OTHER:
-            return ("plug it in again, without a hub",)
+            return (Phrase("plug it in again, without a hub"),)
         case _:
             return ()
 

@@ -17,6 +17,7 @@ from typing import Any
 import orjson
 
 from gusjob.backend import JOURNAL_SCHEMA
+from gusjob.diagnostics import Phrase, system_words
 from gusjob.limits import FIFO_SLOTS
 
 
@@ -36,7 +37,7 @@ class Journal:
 
     def give_up(self, error: OSError) -> None:
         """Nothing can be written any more: a full disk must not keep the light from being switched off."""
-        self.lost = (error.strerror or "unknown error").lower()
+        self.lost = system_words(error.strerror.lower()) if error.strerror else Phrase("unknown error")
         self.write = lambda _line: None
 
     def now_s(self) -> float:
@@ -114,15 +115,20 @@ def read_journal(path: Path) -> Recorded | str:
     text = text[: text.rfind(b"\n") + 1]  # A line that was cut says nothing.
     head = _line(text, 0)
     if head.get("schema") != JOURNAL_SCHEMA:
-        return f"{path.name} is not a journal of gusjob run ({JOURNAL_SCHEMA})"
+        return Phrase("{name} is not a journal of gusjob run ({schema})", name=path.name, schema=JOURNAL_SCHEMA)
     if (at := text.rfind(b',"resumed":')) >= 0:
-        return f"{path.name}: this run was gone on with already: go on with {_line(text, at)['resumed']}"
+        other = _line(text, at)["resumed"]
+        return Phrase("{name}: this run was gone on with already: go on with {other}", name=path.name, other=other)
     if head.get("begin") is None and b',"part":' not in text:
-        return f"{path.name}: this run never began; go on with the journal that it was to go on with: {head['resumes']}"
+        return Phrase(
+            "{name}: this run never began; go on with the journal that it was to go on with: {other}",
+            name=path.name,
+            other=head["resumes"],
+        )
     try:
         return _recorded(text, head)
     except (KeyError, IndexError, TypeError):
-        return f"{path.name} is damaged: it can't be read as {JOURNAL_SCHEMA}"
+        return Phrase("{name} is damaged: it can't be read as {schema}", name=path.name, schema=JOURNAL_SCHEMA)
 
 
 def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:

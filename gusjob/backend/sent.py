@@ -13,7 +13,7 @@ from gusjob import rules
 from gusjob.backend import JOURNAL_SCHEMA
 from gusjob.backend.place import Place
 from gusjob.backend.rest import about_centre, point
-from gusjob.diagnostics import NOWHERE, Diagnostic, Span
+from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Span
 from gusjob.limits import FIFO_SLOTS
 from gusjob.stream import HOST_CALLS, Buffered, BufferedCalls, Stream
 from gusjob.syntax import Source, read_listing
@@ -43,7 +43,7 @@ def sent_calls(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
             else:
                 collected.call(int(row) if row else None, int(line), call.decode(), args.translate(_BRACES))
     except (ValueError, KeyError, IndexError, TypeError):
-        reason = f"it begins as a journal, but can't be read as {JOURNAL_SCHEMA}: it is damaged"
+        reason = Phrase("it begins as a journal, but can't be read as {schema}: it is damaged", schema=JOURNAL_SCHEMA)
         return None, [Diagnostic(rule=rules.NOT_TEXT, span=NOWHERE, fields={"reason": reason}, path=source.name)]
     text = b"\n".join(collected.texts)
     stream, faults = read_listing(Source(name=name, data=text + b"\n"))

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.checks.view import CHANNELS, Findings, Floats, Indices, Remarks, View
-from gusjob.diagnostics import Remark
+from gusjob.diagnostics import Phrase, Remark
 from gusjob.job import LaserDelay, LaserFpk, Op, opens_stage
 
 
@@ -184,7 +184,10 @@ def delays_against_path(view: View, findings: Findings) -> None:
         buffered = (keys % 2 == 1) & np.concatenate([[True], keys[1:] % 2 == 1])
         buffered[:-1] &= ~sky[keys[:-1] // 2]
         marks = np.flatnonzero(on[:-1] & ~on[1:] & (ons > most_us) & (most_us > 0) & buffered[:-1])
-        for none, lost in ((True, "no light comes at all"), (False, "light comes when the mark is over")):
+        for none, lost in (
+            (True, Phrase("no light comes at all")),
+            (False, Phrase("light comes when the mark is over")),
+        ):
             which = marks[(ons[marks] >= most_us[marks] + offs[marks]) == none]
             findings.at_rows(
                 rules.DELAY_TOO_LONG, keys[which] // 2, "", on=ons[which], most=np.round(most_us[which], 3), lost=lost

@@ -6,6 +6,7 @@ import numpy as np
 
 from gusjob import limits, rules
 from gusjob.checks.view import CHANNELS, Findings, Indices, View
+from gusjob.diagnostics import Phrase
 from gusjob.geometry import CLOSES_MM, arcs_by_either
 from gusjob.job import SPEED_WORDS, Op, arcs_mm
 
@@ -94,7 +95,7 @@ def field(view: View, findings: Findings) -> None:
     if not len(arcs):
         return
     x_low, x_high, y_low, y_high = arcs_mm(path, arcs, machine).extent()
-    hint = ": the arc bulges out between its ends"
+    hint = Phrase(": the arc bulges out between its ends")
     for axis, near, far, (low, high), ends in (
         ("X", x_low, x_high, machine.field_x_mm, path.x[arcs] / machine.pulses_per_mm[0]),
         ("Y", y_low, y_high, machine.field_y_mm, path.y[arcs] / machine.pulses_per_mm[1]),
@@ -118,7 +119,7 @@ def arcs_close(view: View, findings: Findings) -> None:
         cx, cy = path.cx[rows] / px, path.cy[rows] / py
         start = np.hypot(x0[rows] - cx, y0[rows] - cy)
         end = np.hypot(x0[rows + 1] - cx, y0[rows + 1] - cy)
-        _bad_arc(findings, rows[start == 0], "the centre I J is the start point: the radius is 0")
+        _bad_arc(findings, rows[start == 0], Phrase("the centre I J is the start point: the radius is 0"))
         for word, place in (("I", path.cx[rows] - x0[rows] * px), ("J", path.cy[rows] - y0[rows] * py)):
             findings.ranged(rows, np.rint(place), limits.COORDINATE_PULSE, word, word)
         off = (np.abs(start - end) > CLOSES_MM) & (start > 0)
@@ -128,11 +129,11 @@ def arcs_close(view: View, findings: Findings) -> None:
         findings.ranged(rows, path.radius[rows], limits.RADIUS_PULSE, "R", "R")
         radius = np.abs(path.radius[rows]) / px
         chord = np.hypot(x0[rows + 1] - x0[rows], y0[rows + 1] - y0[rows])
-        _bad_arc(findings, rows[radius == 0], "the radius R is 0")
+        _bad_arc(findings, rows[radius == 0], Phrase("the radius R is 0"))
         _bad_arc(
             findings,
             rows[(chord == 0) & (radius > 0)],
-            "an arc with R that ends where it starts could be any circle: write it with I J",
+            Phrase("an arc with R that ends where it starts could be any circle: write it with I J"),
         )
         short = (2 * radius < chord - CLOSES_MM) & (radius > 0)
         least = chord[short] / 2

@@ -8,6 +8,7 @@ import numpy as np
 
 from gusjob import rules
 from gusjob.checks.view import CHANNELS, Findings, ModeSpan, View, unit_fields
+from gusjob.diagnostics import Phrase
 from gusjob.job import Op, PowerNow, SwitchNow
 from gusjob.limits import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, PowerMode, Verdict
 from gusjob.units import PowerUnit
@@ -18,6 +19,10 @@ UNIT_OF_MODE = {
     PowerMode.ANALOG: PowerUnit.VOLT,
     PowerMode.DUTY2: PowerUnit.PERCENT,
 }
+
+
+_RATIO = Phrase("follow RATIO")
+_FOLLOW = {"MIN": Phrase("follow MIN"), "MAX": Phrase("follow MAX")}
 
 
 def before_a_mode(view: View, findings: Findings) -> None:
@@ -88,15 +93,15 @@ def follow(view: View, findings: Findings) -> None:
             if not len(rows):
                 continue
             by_velocity = np.isnan(path.ratio[rows]) | ~np.isfinite(path.ratio[rows])
-            findings.ranged(rows[~by_velocity], path.ratio[rows[~by_velocity]], FOLLOW_RATIO, "follow RATIO", "RATIO")
+            findings.ranged(rows[~by_velocity], path.ratio[rows[~by_velocity]], FOLLOW_RATIO, _RATIO, "RATIO")
             findings.at_rows(
-                rules.OUT_OF_RANGE, rows[by_velocity], "AT", what="follow velocity AT", value=0.0, unit="",
+                rules.OUT_OF_RANGE, rows[by_velocity], "AT", what=Phrase("follow velocity AT"), value=0.0, unit="",
                 range="(0, inf)", hint="",
             )  # fmt: skip
             limit = FOLLOW[span.mode.mode]
             fine = np.ones(len(rows), dtype=np.bool_)
             for word, values, units in (("MIN", path.low, path.low_unit), ("MAX", path.high, path.high_unit)):
-                what = f"follow {word}"
+                what = _FOLLOW[word]
                 good = _units(findings, span, rows, units[rows], what, word)
                 good[good] = findings.ranged(rows[good], values[rows[good]], limit, what, word)
                 _clamped(findings, span, rows[good], values[rows[good]], what, word)
@@ -125,7 +130,7 @@ def kept(view: View, findings: Findings) -> None:
                 continue
             row = places[at : at + 1] // 2
             by_power = (("LASER POWER", "value", path.power),)
-            by_follow = (("follow MIN", "MIN", path.low), ("follow MAX", "MAX", path.high))
+            by_follow = ((_FOLLOW["MIN"], "MIN", path.low), (_FOLLOW["MAX"], "MAX", path.high))
             for what, word, values in by_power if path.op[row[0]] == Op.POWER else by_follow:
                 _clamped(findings, span, row, values[row], what, word)
                 _frequency(view, findings, span, row, values[row], what, word)

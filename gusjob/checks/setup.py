@@ -5,6 +5,7 @@ from __future__ import annotations
 from gusjob import limits, rules
 from gusjob.checks.power import UNIT_OF_MODE
 from gusjob.checks.view import Findings, View
+from gusjob.diagnostics import Phrase
 from gusjob.job import (
     Crd,
     LaserDelay,
@@ -20,6 +21,12 @@ from gusjob.job import (
 )
 from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT, PULSE_DUTY_PCT, PowerMode, Verdict
 
+_MODE_MIN, _MODE_MAX, _PULSE_WIDTH = Phrase("mode MIN"), Phrase("mode MAX"), Phrase("pulse WIDTH")
+_ON_DELAY, _OFF_DELAY, _PREVOLTAGE = Phrase("on delay"), Phrase("off delay"), Phrase("pre-voltage")
+_STANDBY_FREQ, _STANDBY_DUTY = Phrase("standby FREQ"), Phrase("standby DUTY")
+_DISTANCE = {"MIN": Phrase("distance MIN"), "MAX": Phrase("distance MAX")}
+_PWM, _ANALOG = Phrase("the PWM modes (DUTY, DUTY2, FREQUENCY)"), Phrase("analog mode")
+
 
 def laser_mode(view: View, findings: Findings) -> None:
     """LASER MODE: limits, carrier, pulse width."""
@@ -27,12 +34,12 @@ def laser_mode(view: View, findings: Findings) -> None:
         mode = setup.what
         assert isinstance(mode, LaserMode)
         allowed = MODE_LIMIT[mode.mode]
-        good = findings.one(setup, mode.low, allowed, "mode MIN", "MIN")
-        good &= findings.one(setup, mode.high, allowed, "mode MAX", "MAX")
+        good = findings.one(setup, mode.low, allowed, _MODE_MIN, "MIN")
+        good &= findings.one(setup, mode.high, allowed, _MODE_MAX, "MAX")
         if good and mode.low >= mode.high:
             findings.at(rules.MIN_ABOVE_MAX, setup, "MIN", what=setup.word, low=float(mode.low), high=float(mode.high))
         if mode.pulse_width_us is not None:
-            findings.one(setup, mode.pulse_width_us, limits.PULSE_WIDTH_US, "pulse WIDTH", "WIDTH")
+            findings.one(setup, mode.pulse_width_us, limits.PULSE_WIDTH_US, _PULSE_WIDTH, "WIDTH")
         if mode.carrier_khz is None or not findings.one(
             setup, mode.carrier_khz, limits.CARRIER_KHZ, "CARRIER", "CARRIER"
         ):
@@ -47,8 +54,8 @@ def delays(view: View, findings: Findings) -> None:
     for setup in view.setups(LaserDelay):
         delay = setup.what
         assert isinstance(delay, LaserDelay)
-        good = findings.one(setup, delay.on_delay_us, limits.SWITCH_DELAY_US, "on delay", "ON")
-        good &= findings.one(setup, delay.off_delay_us, limits.SWITCH_DELAY_US, "off delay", "OFF")
+        good = findings.one(setup, delay.on_delay_us, limits.SWITCH_DELAY_US, _ON_DELAY, "ON")
+        good &= findings.one(setup, delay.off_delay_us, limits.SWITCH_DELAY_US, _OFF_DELAY, "OFF")
         if good and delay.off_delay_us < delay.on_delay_us:
             findings.at(rules.OFF_BELOW_ON, setup, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
 
@@ -59,19 +66,19 @@ def output_when_off(view: View, findings: Findings) -> None:
         standby = setup.what
         assert isinstance(standby, LaserStandby)
         if standby.pulse is not None:
-            findings.one(setup, standby.pulse[0], limits.STANDBY_KHZ, "standby FREQ", "FREQ")
-            findings.one(setup, standby.pulse[1], limits.STANDBY_PCT, "standby DUTY", "DUTY")
+            findings.one(setup, standby.pulse[0], limits.STANDBY_KHZ, _STANDBY_FREQ, "FREQ")
+            findings.one(setup, standby.pulse[1], limits.STANDBY_PCT, _STANDBY_DUTY, "DUTY")
             highest = view.machine.laser(setup.channel).max_frequency_khz
             if highest is not None and standby.pulse[0] > highest:
                 findings.at(
-                    rules.CARRIER_TOO_FAST, setup, "FREQ", what="standby FREQ", value=standby.pulse[0], limit=highest
+                    rules.CARRIER_TOO_FAST, setup, "FREQ", what=_STANDBY_FREQ, value=standby.pulse[0], limit=highest
                 )
             _wants(view, findings, setup, pwm=True)
     for setup in view.setups(LaserPrevolt):
         prevolt = setup.what
         assert isinstance(prevolt, LaserPrevolt)
         if prevolt.prevoltage_v is not None:
-            findings.one(setup, prevolt.prevoltage_v, limits.PREVOLTAGE_V, "pre-voltage")
+            findings.one(setup, prevolt.prevoltage_v, limits.PREVOLTAGE_V, _PREVOLTAGE)
             _wants(view, findings, setup, pwm=False)
     for setup, behind in _with_next(view.setups(LaserFpk)):
         fpk = setup.what
@@ -103,8 +110,8 @@ def _wants(view: View, findings: Findings, setup: Setup, *, pwm: bool) -> None:
     span = view.mode_of(setup)
     if span is not None and span.mode.mode.is_pwm != pwm:
         findings.at(
-            rules.WRONG_MODE, setup, word=setup.word, wanted="the PWM modes (DUTY, DUTY2, FREQUENCY)" if pwm else
-            "analog mode", channel=setup.channel, mode=span.mode.mode.name, remarks=findings.mode_remark(span.setup),
+            rules.WRONG_MODE, setup, word=setup.word, wanted=_PWM if pwm else _ANALOG, channel=setup.channel,
+            mode=span.mode.mode.name, remarks=findings.mode_remark(span.setup),
         )  # fmt: skip
 
 
@@ -122,7 +129,7 @@ def distance(view: View, findings: Findings) -> None:
         allowed, wanted = DISTANCE_LIMIT[mode.mode.mode], UNIT_OF_MODE[mode.mode.mode]
         good = True
         for word, value, unit in (("MIN", settings.low, settings.low_unit), ("MAX", settings.high, settings.high_unit)):
-            name = f"distance {word}"
+            name = _DISTANCE[word]
             fits = findings.unit(setup, word, name, unit, wanted, mode.setup)
             good &= fits and findings.one(setup, value, allowed, name, word)
         if good and settings.low >= settings.high:
@@ -130,7 +137,7 @@ def distance(view: View, findings: Findings) -> None:
         for word, value in (("MIN", settings.low), ("MAX", settings.high)):
             if good and not mode.mode.low <= value <= mode.mode.high:
                 findings.at(
-                    rules.POWER_CLAMPED, setup, word, what=f"distance {word}", value=value, low=mode.mode.low,
+                    rules.POWER_CLAMPED, setup, word, what=_DISTANCE[word], value=value, low=mode.mode.low,
                     high=mode.mode.high, unit=mode.mode.mode.unit, remarks=findings.mode_remark(mode.setup),
                 )  # fmt: skip
         width = mode.mode.pulse_width_us

@@ -9,10 +9,13 @@ import numpy as np
 from gusjob import limits, rules
 from gusjob.checks.light import switched_on
 from gusjob.checks.view import CHANNELS, Bools, Findings, View
+from gusjob.diagnostics import Phrase
 from gusjob.job import Op, Setup, SkyWrite, SkyWriting, SwitchNow, opens_stage
 
 _LAG_SLACK = 0.2
 """Share of a scanner's tracking error by which TIMELAG may miss it: what tuning makes of it, and more."""
+
+_NPREV, _NPOST = Phrase("NPREV, in steps of 10 us,"), Phrase("NPOST, in steps of 10 us,")
 
 
 def settings(view: View, findings: Findings) -> None:
@@ -38,8 +41,8 @@ def settings(view: View, findings: Findings) -> None:
 def _in_range(findings: Findings, setup: Setup, sky: SkyWriting) -> bool:
     good = findings.one(setup, sky.mode, limits.SKYWRITE_MODE, "SKYWRITE MODE", "MODE")
     if findings.one(setup, sky.timelag_us, limits.TIMELAG_US, "TIMELAG", "TIMELAG"):
-        good &= findings.one(setup, sky.nprev, limits.RUN_STEPS, "NPREV, in steps of 10 us,", "NPREV")
-        good &= findings.one(setup, sky.npost, limits.RUN_STEPS, "NPOST, in steps of 10 us,", "NPOST")
+        good &= findings.one(setup, sky.nprev, limits.RUN_STEPS, _NPREV, "NPREV")
+        good &= findings.one(setup, sky.npost, limits.RUN_STEPS, _NPOST, "NPOST")
     else:
         good = False
     good &= findings.one(setup, sky.limit, limits.CORNER_LIMIT, "LIMIT", "LIMIT")

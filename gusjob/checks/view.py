@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Collector, Remark, Rule
+from gusjob.diagnostics import Collector, Phrase, Remark, Rule
 from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, Shown, SwitchNow, arcs_mm, shown_units, stages_of_setups
 from gusjob.limits import Range, Verdict
 from gusjob.machine import Machine
-from gusjob.units import PowerUnit
+from gusjob.units import Kind, PowerUnit
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -135,13 +135,13 @@ class Findings:
 
 def unit_fields(what: str, written: int, wanted: PowerUnit) -> dict[str, Any]:
     """Fields of WRONG_UNIT for a power."""
-    kinds = {PowerUnit.PERCENT: "a share", PowerUnit.KHZ: "a frequency", PowerUnit.VOLT: "a voltage"}
+    kinds = {PowerUnit.PERCENT: Kind.SHARE, PowerUnit.KHZ: Kind.FREQUENCY, PowerUnit.VOLT: Kind.VOLTAGE}
     unit = PowerUnit(written)
     return {
         "what": what,
-        "wanted": f"in {wanted.text} in this mode",
+        "wanted": Phrase("in {unit} in this mode", unit=wanted.text),
         "unit": unit.text,
-        "kind": kinds[unit],
+        "kind": kinds[unit].words,
         "hint": "",
     }
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from typing import Any
 
 import click
 
 from gusjob import __version__
+from gusjob.cli.language import Command, speak_as_asked
 
 # No command multiplies matrices: numpy's pool of threads would only cost start-up.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -16,8 +18,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _COMMANDS = ("check", "fmt", "explain", "compile", "run", "report", "plot", "trace", "watch", "lsp", "tune", "devices")
 
 
-class _Commands(click.Group):
+class _Commands(Command, click.Group):
     """Imports a command's module only when that command is used: start-up time is part of the tool."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        speak_as_asked(args)
+        return super().make_context(info_name, args, parent, **extra)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)

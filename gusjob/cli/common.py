@@ -13,7 +13,7 @@ from typing import BinaryIO, NoReturn
 
 import click
 
-from gusjob.diagnostics import Severity, has_errors, printable
+from gusjob.diagnostics import Phrase, Severity, has_errors, printable, said, system_words
 from gusjob.loading import Loaded
 from gusjob.machine import SCANNER_FORM, Scanner, parse_scanner
 
@@ -31,7 +31,7 @@ def _scanner(_context: click.Context, _parameter: click.Parameter, text: str | N
         return None
     scanner = parse_scanner(text)
     if isinstance(scanner, str):
-        raise click.BadParameter(scanner)
+        raise click.BadParameter(said(scanner))
     return scanner
 
 
@@ -90,7 +90,7 @@ def write(pieces: Iterable[bytes], output: Path | None, *, sources: Iterable[Pat
             if sys.stdout is not None:
                 _write_all(pieces, sys.stdout.buffer)
         elif output.exists() and any(source.exists() and output.samefile(source) for source in sources):
-            stop(f"{output}: this is a file that was read; name another one with -o")
+            stop(Phrase("{path}: this is a file that was read; name another one with -o", path=output))
         elif output.exists() and not output.is_file():
             with output.open("wb") as file:  # A device or a pipe.
                 _write_all(pieces, file)
@@ -99,9 +99,10 @@ def write(pieces: Iterable[bytes], output: Path | None, *, sources: Iterable[Pat
     except BrokenPipeError:  # Whoever reads has seen enough.
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123  (for the interpreter's own flush)
     except OSError as error:
-        stop(f"{output or 'standard output'}: can't write: {(error.strerror or 'unknown error').lower()}")
+        stop(Phrase("{path}: can't write: {reason}", path=output or _STANDARD_OUTPUT, reason=reason_of(error)))
 
 
+_STANDARD_OUTPUT = Phrase("standard output")
 BOM = b"\xef\xbb\xbf"
 """What some editors begin a UTF-8 file with; it is no part of a job, and stays."""
 
@@ -117,15 +118,20 @@ def rewrite(path: Path, before: bytes, after: bytes) -> str:
     try:
         target = path.resolve(strict=True)
         if not target.is_file():
-            return "this is no file"
+            return Phrase("this is no file")
         if not os.access(target, os.W_OK):
-            return "permission denied"
+            return Phrase("permission denied")
         if target.read_bytes() != before:
-            return "the file has changed in the meantime"
+            return Phrase("the file has changed in the meantime")
         _replace(target, [after])
     except OSError as error:
-        return (error.strerror or "unknown error").lower()
+        return reason_of(error)
     return ""
+
+
+def reason_of(error: OSError) -> str:
+    """Why the system refused something, in the system's own words."""
+    return system_words(error.strerror.lower()) if error.strerror else Phrase("unknown error")
 
 
 def _replace(output: Path, pieces: Iterable[bytes]) -> None:
@@ -140,7 +146,7 @@ def _replace(output: Path, pieces: Iterable[bytes]) -> None:
         beside.chmod(output.stat().st_mode & 0o7777 if output.exists() else 0o666 & ~_umask())
         beside.replace(output)
     except KeyboardInterrupt:
-        stop(f"{output}: interrupted; nothing was written")
+        stop(Phrase("{path}: interrupted; nothing was written", path=output))
     finally:
         beside.unlink(missing_ok=True)
 
@@ -152,23 +158,30 @@ def _umask() -> int:
     return mask
 
 
+def files_of(count: int) -> str:
+    """So many files."""
+    return Phrase("{count} file", count=count) if count == 1 else Phrase("{count} files", count=count)
+
+
 def need(extra: str, module: str, *, to: str) -> None:
-    """See to it that an extra is installed; leaves with 2 and the line that installs it if not."""
+    """See to it that an extra is installed; leaves with 2 and the line that installs it if not. `to`: a Phrase."""
     try:
         import_module(module)
     except ImportError:
-        stop(f'to {to}, install the extra "{extra}": python -m pip install "gusjob[{extra}]"')
+        stop(
+            Phrase('to {do}, install the extra "{extra}": python -m pip install "gusjob[{extra}]"', do=to, extra=extra)
+        )
 
 
 def refuse_terminal(form: str, output: Path | None) -> None:
     """What is not for reading is not poured out over a terminal."""
     if output is None and sys.stdout is not None and sys.stdout.isatty():
-        raise click.UsageError(f"{form} is not for a terminal: name a file with -o")
+        raise click.UsageError(said(Phrase("{form} is not for a terminal: name a file with -o", form=form)))
 
 
 def stop(message: str) -> NoReturn:
-    """Say why, and leave with 2."""
-    click.echo(f"gusjob: {printable(message)}", err=True)
+    """Say why, in the user's language, and leave with 2."""
+    click.echo(f"gusjob: {printable(said(message))}", err=True)
     sys.exit(2)
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, output_option, show, write
+from gusjob.cli.language import Command
 from gusjob.loading import compiled, load
 
 
-@click.command(name="compile")
+@click.command(name="compile", cls=Command)
 @file_argument
 @machine_option
 @click.option("--format", "form", type=click.Choice(["gts", "json", "c"]), default="gts", show_default=True)

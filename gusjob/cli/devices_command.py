@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gusjob.cli.common import exit_code, machine_option, show, write
-from gusjob.diagnostics import printable
+from gusjob.cli.language import Command
+from gusjob.cli.text import width, wrapped
+from gusjob.diagnostics import Phrase, all_of, any_of, both_of, printable, said
 from gusjob.loading import Loaded
 from gusjob.machine import Abi
 from gusjob.profile import find_profile, read_machine
@@ -20,10 +22,11 @@ from gusjob.syntax import read_source
 if TYPE_CHECKING:  # Start-up time is part of the tool.
     from gusjob.backend.devices import Survey, UsbDevice, UsbProblem, VendorLibrary
 
+_COLUMNS = 110
 _SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
 
 
-@click.command(name="devices")
+@click.command(name="devices", cls=Command)
 @click.option("--library", "libraries", multiple=True, metavar="FILE", help="A vendor's library to try; repeatable.")
 @machine_option
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
@@ -65,76 +68,109 @@ def _profile(machine_path: Path | None) -> Loaded:
 
 def _text(found: Survey, in_profile: str) -> Iterator[str]:
     system = _SYSTEMS.get(found.platform, found.platform)
-    yield f"This computer: {system}, Python with {found.python_bits} bits"
-    yield "\nVendor libraries"
+    yield said(Phrase("This computer: {system}, Python with {bits} bits", system=system, bits=found.python_bits))
+    yield "\n" + said(Phrase("Vendor libraries"))
     for library in found.libraries:
         yield from _library(library, in_profile)
     if not any(library.abis for library in found.libraries):
-        yield from _wrapped(f"none that fits; looked for {' and '.join(found.search.names)} in {_places(found)}")
+        names = both_of(found.search.names)
+        yield from _wrapped(
+            Phrase("none that fits; looked for {names} in {places}", names=names, places=_places(found))
+        )
     yield "\nUSB"
     for device in found.usb:
         yield from _usb(device)
     if found.usb_problem:
-        yield f"  can't be read: {found.usb_problem.reason}"
+        yield f"  {_unread(found.usb_problem)}"
         yield from _steps(found.usb_problem.next_steps)
     elif not found.usb:
-        yield from _wrapped(f"no known laser controller; looked for {_known()}")
-    yield from _wrapped("a Googol GUS or GTS is not recognised here, since no USB id of one is public: only by library")
-    yield "\nNothing was touched: no controller was opened, no device was changed."
+        yield from _wrapped(Phrase("no known laser controller; looked for {known}", known=_known()))
+    yield from _wrapped(
+        Phrase("a Googol GUS or GTS is not recognised here, since no USB id of one is public: only by library")
+    )
+    yield "\n" + said(Phrase("Nothing was touched: no controller was opened, no device was changed."))
+
+
+def _unread(problem: UsbProblem) -> str:
+    return said(Phrase("can't be read: {reason}", reason=problem.reason))
 
 
 def _library(library: VendorLibrary, in_profile: str) -> Iterator[str]:
     if library.abis:
-        yield f"  {library.path}: {_fits(library.abis)}"
+        yield f"  {library.path}: {said(_fits(library.abis))}"
         if library.path != printable(in_profile):
-            choice = " or ".join(f'"{abi}"' for abi in library.abis)
-            yield f"      in gusjob.toml, [controller]: library = '{library.path}' and abi = {choice}"
+            choice = _or(f'"{abi}"' for abi in library.abis)
+            lines = Phrase(
+                "in gusjob.toml, [controller]: library = '{path}' and abi = {abi}", path=library.path, abi=choice
+            )
+            yield f"      {said(lines)}"
         return
-    what = "is of no use" if library.loaded else "can't be loaded"
-    yield f"  {library.path} {what}: {library.reason}"
+    if library.loaded:
+        why = Phrase("{path} is of no use: {reason}", path=library.path, reason=library.reason)
+    else:
+        why = Phrase("{path} can't be loaded: {reason}", path=library.path, reason=library.reason)
+    yield f"  {said(why)}"
     for abi, symbols in library.missing.items():
-        yield f"      {abi} misses {', '.join(symbols)}"
+        misses = Phrase("{abi} misses {calls}", abi=abi, calls=all_of(symbols))
+        yield f"      {said(misses)}"
     yield from _steps(library.next_steps)
 
 
+def _or(words: Iterable[str]) -> str:
+    first, *others = words
+    for other in others:
+        first = Phrase("{first} or {last}", first=first, last=other)
+    return first
+
+
 def _fits(abis: tuple[Abi, ...]) -> str:
-    *others, last = abis
-    fits = f"{', '.join(others)} or {last}" if others else str(last)
+    fits = any_of(abis)
     # The multi-card calls have the same names with one more argument.
-    return f"{fits}: only opening the controller tells which" if Abi.GTS_MULTI in abis else fits
+    return Phrase("{fits}: only opening the controller tells which", fits=fits) if Abi.GTS_MULTI in abis else fits
 
 
 def _usb(device: UsbDevice) -> Iterator[str]:
     known = device.known
-    drives = "gusjob can drive it" if known.gusjob else f"gusjob can't drive it yet; {known.driven_by} can"
-    yield f"  {known.ids} {known.name}: {drives}"
-    serial = f"serial {device.serial}" if device.serial else ""
-    place = f"bus {device.bus}, address {device.address}" if device.bus is not None else ""
-    held = "held by a driver of the system" if device.kernel_driver else ""
-    yield f"      {', '.join(part for part in (device.product, serial, place, held) if part)}"
+    if known.gusjob:
+        drives = Phrase("{name}: gusjob can drive it", name=known.name)
+    else:
+        drives = Phrase("{name}: gusjob can't drive it yet; {programs} can", name=known.name, programs=known.driven_by)
+    yield f"  {known.ids} {said(drives)}"
+    serial = Phrase("serial {serial}", serial=device.serial) if device.serial else ""
+    place = Phrase("bus {bus}, address {address}", bus=device.bus, address=device.address)
+    held = Phrase("held by a driver of the system") if device.kernel_driver else ""
+    parts = (device.product, serial, "" if device.bus is None else place, held)
+    yield f"      {said(all_of(part for part in parts if part))}"
     if device.problem:
-        yield f"      can't be read: {device.problem.reason}"
+        yield f"      {_unread(device.problem)}"
         yield from _steps(device.problem.next_steps)
 
 
 def _known() -> str:
     from gusjob.backend.devices import KNOWN_USB
 
-    return ", ".join(f"{known.ids} {known.name.partition(':')[0]}" for known in KNOWN_USB)
+    return all_of(Phrase("{ids} {name}", ids=known.ids, name=known.short or known.name) for known in KNOWN_USB)
 
 
 def _places(found: Survey) -> str:
     folders = [printable(folder) for folder in found.search.folders]
-    return ", ".join([*folders, "the loader's own list"] if found.search.system else folders) or "no folder"
+    own = [Phrase("the loader's own list")] if found.search.system else []
+    return all_of([*folders, *own] or [Phrase("no folder")])
 
 
 def _wrapped(text: str) -> Iterator[str]:
-    yield fill(text, 110, initial_indent="  ", subsequent_indent="      ", break_on_hyphens=False)
+    spoken = said(text)
+    if width(spoken) == len(spoken):
+        yield fill(spoken, _COLUMNS, initial_indent="  ", subsequent_indent="      ", break_on_hyphens=False)
+        return
+    first, *others = wrapped(spoken, _COLUMNS - 6).splitlines()
+    yield from (f"  {first}", *(f"      {line}" for line in others))
 
 
 def _steps(steps: Iterable[str]) -> Iterator[str]:
+    head = said(Phrase("next:")) + " "
     for number, step in enumerate(steps):
-        yield f"      {'next: ' if number == 0 else '      '}{step}"
+        yield f"      {' ' * width(head) if number else head}{said(step)}"
 
 
 # As JSON.

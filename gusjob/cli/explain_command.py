@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import sys
-from textwrap import fill, indent
+from textwrap import indent
 
 import click
 
-from gusjob.diagnostics import Rule
+from gusjob.cli.language import Command
+from gusjob.cli.text import padded, wrapped
+from gusjob.diagnostics import Phrase, Rule, printable, said
 from gusjob.rules import RULES
 from gusjob.syntax.lines import nearest
+from gusjob.translate import translated
 
 
-@click.command(name="explain")
+@click.command(name="explain", cls=Command)
 @click.argument("codes", metavar="[CODE]...", nargs=-1)
 def command(codes: tuple[str, ...]) -> None:
     """Explain rules: what each means, why it hurts, a bad and a good example. Without a CODE: list
@@ -21,12 +24,14 @@ def command(codes: tuple[str, ...]) -> None:
     if len(families) == len(codes) and not any(code.upper() in RULES for code in codes):
         for rule in RULES.values():
             if not codes or rule.code.startswith(tuple(code.upper() for code in codes)):
-                click.echo(f"{rule.code}  {rule.severity.value:<7}  {rule.title}")
+                click.echo(f"{rule.code}  {padded(rule.severity.said, 7)}  {translated(rule.title)}")
         return
     unknown = [code for code in codes if code.upper() not in RULES]
     for code in unknown:
         near = nearest(code.upper(), RULES)
-        click.echo(f"gusjob: there is no rule {code}{f'; did you mean {near}?' if near else ''}", err=True)
+        hint = Phrase("; did you mean {near}?", near=near) if near else ""
+        text = Phrase("there is no rule {code}{hint}", code=printable(code), hint=hint)
+        click.echo(f"gusjob: {said(text)}", err=True)
     if unknown:
         sys.exit(2)
     click.echo("\n".join(explained(RULES[code.upper()]) for code in codes), nl=False)
@@ -34,20 +39,22 @@ def command(codes: tuple[str, ...]) -> None:
 
 def explained(rule: Rule) -> str:
     """A rule as text."""
-    section = f" (manual, {rule.section})" if rule.section else ""
+    section = said(Phrase(" (manual, {section})", section=rule.section)) if rule.section else ""
     parts = [
-        f"{rule.code} {rule.severity.value}: {rule.title}{section}\n",
-        indent(fill(rule.text, 100, break_long_words=False), "  ") + "\n",
-        fill(rule.why, 100) + "\n",
+        f"{rule.code} {rule.severity.said}: {translated(rule.title)}{section}\n",
+        indent(wrapped(translated(rule.text), _COLUMNS), "  ") + "\n",
+        wrapped(translated(rule.why), _COLUMNS) + "\n",
     ]
     if rule.bad:
-        parts.append("bad:\n" + _example(rule.bad))
+        parts.append(said(_BAD) + "\n" + _example(rule.bad))
     if rule.good:
-        parts.append("good:\n" + _example(rule.good))
+        parts.append(said(_GOOD) + "\n" + _example(rule.good))
     return "\n".join(parts)
 
 
+_COLUMNS = 100
 _LONGEST = 16
+_BAD, _GOOD = Phrase("bad:"), Phrase("good:")
 
 
 def _example(text: str) -> str:

@@ -9,25 +9,29 @@ from pathlib import Path
 
 import click
 
-from gusjob.cli.common import BOM, bom_of, rewrite, show, stop, write
-from gusjob.diagnostics import Diagnostic
+from gusjob.cli.common import BOM, bom_of, files_of, rewrite, show, write
+from gusjob.cli.files import files_named
+from gusjob.cli.language import Command
+from gusjob.diagnostics import Diagnostic, Phrase, all_of, printable, said
 from gusjob.loading import Loaded
 from gusjob.syntax import Source, check_text, is_listing, read_source
 
 _STANDARD_INPUT = Path("-")
+_FORMATTED = (".job",)
 _CHANGED, _RIGHT, _FAILED, _LISTING = "changed", "right", "failed", "left alone"
 
 
-@click.command(name="fmt")
-@click.argument("paths", metavar="FILE|FOLDER...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.command(name="fmt", cls=Command)
+@click.argument("paths", metavar="FILE|FOLDER|GLOB...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--check", "checks", is_flag=True, help="Write nothing; name the files that would change.")
 @click.option("--diff", "diffs", is_flag=True, help="Write nothing; show what would change.")
 def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
     """Bring jobs into one layout: words, spaces, indents, comments; what they do stays the same.
 
-    In a FOLDER all .job files are formatted; listings are left alone. - is standard input, to standard output. A job
-    with lines that can't be read stays as it is. Exit status: 0 done, 1 a job with errors (with --check or --diff also
-    one that would change), 2 a file that can't be read or written.
+    In a FOLDER all .job files are formatted, of a GLOB ("**/*.job") that the shell has left as it is, what it matches;
+    listings are left alone. - is standard input, to standard output. A job with lines that can't be read stays as it
+    is. Exit status: 0 done, 1 a job with errors (with --check or --diff also one that would change), 2 a file that
+    can't be read or written.
     """
     files = _files(paths)
     run = _Run(checks=checks, diffs=diffs)
@@ -38,18 +42,9 @@ def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
 
 
 def _files(paths: tuple[Path, ...]) -> list[Path]:
-    """Files as given; of folders the jobs in them, in order, hidden folders left out."""
-    files: list[Path] = []
-    for path in paths:
-        if path == _STANDARD_INPUT or not path.is_dir():
-            files.append(path)
-            continue
-        inside = (p for p in path.rglob("*") if p.suffix.lower() == ".job" and p.is_file())
-        found = sorted(p for p in inside if not any(part.startswith(".") for part in p.relative_to(path).parts))
-        if not found:  # Before anything is written.
-            stop(f"{path}: there is no .job file in this folder")
-        files += found
-    return files
+    """The jobs that are named, each once; standard input first."""
+    named = files_named(tuple(path for path in paths if path != _STANDARD_INPUT), _FORMATTED)
+    return [_STANDARD_INPUT] * (_STANDARD_INPUT in paths) + named
 
 
 @dataclass(slots=True, kw_only=True)
@@ -72,7 +67,7 @@ class _Run:
             show(Loaded(path=path, faults=faults))
             self.fail(2)
         elif is_listing(source):
-            click.echo(f"{source.name}: a listing is left alone", err=True)
+            click.echo(printable(said(Phrase("{path}: a listing is left alone", path=source.name))), err=True)
             self.counts[_LISTING] += 1
             if path == _STANDARD_INPUT and self.writes:
                 write([bom, source.data], None)
@@ -94,7 +89,8 @@ class _Run:
         elif self.writes and changed:
             reason = rewrite(path, bom + source.data, bom + data)
             if reason:
-                click.echo(f"gusjob: {source.name}: can't write: {reason}", err=True)
+                failed = Phrase("{path}: can't write: {reason}", path=source.name, reason=reason)
+                click.echo(f"gusjob: {printable(said(failed))}", err=True)
                 self.fail(2)
                 return
         elif changed:
@@ -115,12 +111,18 @@ class _Run:
 
     def said(self) -> str:
         """'3 files: 1 changed, 2 right'."""
-        files = self.counts.total()
-        words = {_CHANGED: "changed" if self.writes else "would change", _RIGHT: "right", _FAILED: "failed"}
-        said = [f"{self.counts[kind]} {word}" for kind, word in words.items() if self.counts[kind]]
-        listings = self.counts[_LISTING]
-        said += [f"{listings} listing{'s' if listings != 1 else ''} left alone"] if listings else []
-        return f"{files} file{'s' if files != 1 else ''}: {', '.join(said)}"
+        changed, right, failed, listings = (self.counts[kind] for kind in (_CHANGED, _RIGHT, _FAILED, _LISTING))
+        one = listings == 1
+        words = {
+            Phrase("{count} changed", count=changed): changed if self.writes else 0,
+            Phrase("{count} would change", count=changed): 0 if self.writes else changed,
+            Phrase("{count} right", count=right): right,
+            Phrase("{count} failed", count=failed): failed,
+            Phrase("{count} listing left alone", count=listings): listings if one else 0,
+            Phrase("{count} listings left alone", count=listings): 0 if one else listings,
+        }
+        told = all_of([word for word, count in words.items() if count])
+        return said(Phrase("{files}: {counts}", files=files_of(self.counts.total()), counts=told))
 
 
 def _read(path: Path) -> tuple[bytes, Source | None, list[Diagnostic]]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from gusjob import __version__, rules
 from gusjob.backend.dry import frame, without_laser
-from gusjob.backend.forecast import Forecast, forecast
+from gusjob.backend.forecast import ChannelForecast, Forecast, forecast
 from gusjob.backend.gts.abi import ABI_PROFILES
 from gusjob.backend.gts.control import Control
 from gusjob.backend.gts.library import Library, load_library
@@ -27,8 +27,9 @@ from gusjob.backend.gts.session import Session, needed_calls, one_queue, outputs
 from gusjob.backend.journal import Journal, Recorded, mark_resumed, read_journal
 from gusjob.backend.place import START, Place
 from gusjob.backend.rest import Part, rest, whole
-from gusjob.cli.common import show, stop
-from gusjob.diagnostics import Diagnostic, Span, has_errors, printable
+from gusjob.cli.common import reason_of, show, stop
+from gusjob.cli.text import padded, width
+from gusjob.diagnostics import Diagnostic, Phrase, Span, has_errors, printable, said
 from gusjob.interpreter import Trace, interpret
 from gusjob.loading import Loaded, interpreted_faults
 from gusjob.machine import Abi, Machine
@@ -71,7 +72,7 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
         return 1
     begin = _begin(prepared)
     if not wishes.yes and not _answers():
-        stop("a run on hardware asks before it starts: answer on a terminal, or say --yes")
+        stop(said(Phrase("a run on hardware asks before it starts: answer on a terminal, or say --yes")))
     journal = _journal(prepared, begin)
     try:
         link = Link(prepared.library, journal)
@@ -81,11 +82,11 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
             if begin is None:
                 return _closing(prepared, outcome, journal, None)
         if begin != START and begin.row >= len(prepared.stream.buffered):
-            click.echo("gusjob: the job was done to its end; there is nothing to go on with", err=True)
+            _tell(Phrase("the job was done to its end; there is nothing to go on with"))
             return 0
         click.echo(_plan(prepared, begin, journal), err=True)
         if not wishes.yes and not click.confirm(_question(prepared), err=True):
-            click.echo("gusjob: not started", err=True)
+            _tell(Phrase("not started"))
             return 1
         session = _session(prepared, link)
         outcome = _watched(session, prepared, _part(prepared, begin))
@@ -100,14 +101,16 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> P
     library_path = _named_here(wishes.library) or controller.library
     abi = Abi(wishes.abi) if wishes.abi else controller.abi
     if not library_path or abi is None:
-        stop(
-            "a run on hardware needs the vendor's library: --library PATH and --abi "
-            f"{'|'.join(Abi)}, or library and abi under [controller] in the machine profile; see gusjob devices"
+        why = Phrase(
+            "a run on hardware needs the vendor's library: --library PATH and --abi {abis}, "
+            "or library and abi under [controller] in the machine profile; see gusjob devices",
+            abis="|".join(Abi),
         )
+        stop(said(why))
     if wishes.frame or wishes.no_laser:
         dark = frame(stream, trace) if wishes.frame else without_laser(stream)
         if dark is None:
-            stop("nothing moves in this job")
+            stop(said(Phrase("nothing moves in this job")))
         stream = dark
         run, faults = interpret(stream, machine)
         interpreted_faults(loaded, faults)
@@ -142,14 +145,16 @@ def _begin(prepared: Prepared) -> Place | None:
         return Place(row=row_of_line(stream, prepared.loaded, wishes.from_line))
     if wishes.resume is None:
         return START
-    if (said := str(wishes.resume.head.get("options", ""))) != _options(wishes):
-        how = f"say {printable(said)} again" if said else "leave --no-laser out"
-        stop(f"{wishes.resume_path}: this is the journal of another kind of run: {how}")
+    if (options := str(wishes.resume.head.get("options", ""))) != _options(wishes):
+        again = Phrase("say {options} again", options=printable(options))
+        how = again if options else Phrase("leave --no-laser out")
+        why = Phrase("this is the journal of another kind of run: {how}", how=how)
+        stop(f"{wishes.resume_path}: {said(why)}")
     if wishes.resume.head.get("calls") != fingerprint(stream):
-        stop(
-            f"{wishes.resume_path}: this is the journal of other calls: the job or its profile have changed; "
-            "go on with --from-line N"
+        why = Phrase(
+            "this is the journal of other calls: the job or its profile have changed; go on with --from-line N"
         )
+        stop(f"{wishes.resume_path}: {said(why)}")
     return recorded_place(wishes.resume)
 
 
@@ -169,7 +174,8 @@ def row_of_line(stream: Stream, loaded: Loaded, place: str) -> int:
 
     rows = [(span.line, int(row)) for span, row in zip(spans, first, strict=True) if meant(span)]
     if not rows or line < 1:
-        stop(f"--from-line {place}: the job has no motion or laser call at or behind this line")
+        why = Phrase("the job has no motion or laser call at or behind this line")
+        stop(f"--from-line {place}: {said(why)}")
     return min(rows)[1]
 
 
@@ -207,11 +213,11 @@ def _journal(prepared: Prepared, begin: Place | None) -> Journal:
     try:
         return Journal(journal, head)
     except FileExistsError:
-        stop(f"{journal}: this file exists already; name another one with --journal")
+        why = Phrase("this file exists already; name another one with --journal")
+        stop(f"{journal}: {said(why)}")
     except OSError as error:
-        stop(
-            f"{journal}: can't write the journal: {(error.strerror or 'unknown error').lower()}; name another --journal"
-        )
+        why = Phrase("can't write the journal: {reason}; name another --journal", reason=reason_of(error))
+        stop(f"{journal}: {said(why)}")
 
 
 def _session(prepared: Prepared, link: Link) -> Session:
@@ -287,31 +293,56 @@ def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
     """What is going to happen."""
     expected, library, wishes = prepared.forecast, prepared.library, prepared.wishes
     left_ms, number = expected.duration_ms - expected.done_ms(begin.row), expected.number(begin.row)
-    lines = [
-        f"{printable(prepared.loaded.path.name)} on the controller: {printable(library.path)}, "
-        f"--abi {library.abi} ({ABI_PROFILES[library.abi].title})"
-    ]
+    head = Phrase(
+        "{job} on the controller: {library}, --abi {abi} ({title})",
+        job=printable(prepared.loaded.path.name),
+        library=printable(library.path),
+        abi=library.abi,
+        title=ABI_PROFILES[library.abi].title,
+    )
+    rows: list[tuple[str, str]] = []
     if expected.box_mm is not None:
-        x_low, x_high, y_low, y_high = expected.box_mm
-        lines.append(f"  field    X {x_low:.3f} to {x_high:.3f} mm, Y {y_low:.3f} to {y_high:.3f} mm")
-    lines.append(f"  time     {left_ms / 1000:.2f} s")
-    for channel in expected.channels:
-        lit_ms, highest, watts_max = channel.left(number)
-        watts = "" if math.isnan(watts_max) else f" = {watts_max:.3g} W"
-        power = f"up to {highest:.4g} {channel.unit}{watts}, light on for {lit_ms / 1000:.2f} s"
-        lines.append(f"  laser {channel.channel}  {power if lit_ms else 'stays off'}")
+        x_low, x_high, y_low, y_high = (f"{edge:.3f}" for edge in expected.box_mm)
+        box = Phrase(
+            "X {x_low} to {x_high} mm, Y {y_low} to {y_high} mm", x_low=x_low, x_high=x_high, y_low=y_low, y_high=y_high
+        )
+        rows.append((Phrase("field"), box))
+    rows.append((Phrase("time"), f"{left_ms / 1000:.2f} s"))
+    rows += [(Phrase("laser {channel}", channel=c.channel), _light_left(c, number)) for c in expected.channels]
     if not expected.channels:
-        lines.append("  laser    off" + (": once round the marks" if wishes.frame else ""))
+        rows.append((Phrase("laser"), Phrase("off: once round the marks") if wishes.frame else Phrase("off")))
     if begin != START:
-        line = int(prepared.stream.buffered.line[begin.row])
-        lines.append(f"  from     {_place_text(prepared.loaded, line)}; the head goes there with the light off")
-    lines.append(f"  journal  {printable(str(journal.path))}")
-    return "\n".join(lines)
+        place = _place_text(prepared.loaded, int(prepared.stream.buffered.line[begin.row]))
+        rows.append((Phrase("from"), Phrase("{place}; the head goes there with the light off", place=place)))
+    rows.append((Phrase("journal"), printable(str(journal.path))))
+    widest = max(width(said(label)) for label, _ in rows)
+    lines = [f"  {padded(said(label), widest)}  {said(text)}" for label, text in rows]
+    return "\n".join([said(head), *lines])
+
+
+def _light_left(channel: ChannelForecast, number: int) -> Phrase:
+    """Power and time of a laser's light from a timed call on."""
+    lit_ms, highest, watts = channel.left(number)
+    if not lit_ms:
+        return Phrase("stays off")
+    return Phrase(
+        "up to {power} {unit}{watts}, light on for {time} s",
+        power=f"{highest:.4g}",
+        unit=channel.unit,
+        watts="" if math.isnan(watts) else f" = {watts:.3g} W",
+        time=f"{lit_ms / 1000:.2f}",
+    )
 
 
 def _question(prepared: Prepared) -> str:
     lit = any(channel.emission_ms.any() for channel in prepared.forecast.channels)
-    return "The laser will be on. Is everybody safe? Start" if lit else "The axes will move. Start"
+    return said(
+        Phrase("The laser will be on. Is everybody safe? Start") if lit else Phrase("The axes will move. Start")
+    )
+
+
+def _tell(text: str) -> None:
+    click.echo(f"gusjob: {said(text)}", err=True)
 
 
 def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Session | None) -> int:
@@ -321,11 +352,14 @@ def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Se
     show(loaded)
     if outcome.faults:
         safe = not any(f.rule in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI) for f in outcome.faults)
-        where = f"; the job was reached at {_place_text(loaded, session.line)}" if session else ""
-        state = "the light is off and the motion stopped" if safe else "LOOK AT THE MACHINE"
-        click.echo(f"gusjob: {state}{where}; journal: {printable(str(journal.path))}", err=True)
+        state = Phrase("the light is off and the motion stopped") if safe else Phrase("LOOK AT THE MACHINE")
+        if session:
+            place = _place_text(loaded, session.line)
+            state = Phrase("{state}; the job was reached at {place}", state=state, place=place)
+        _tell(Phrase("{state}; journal: {journal}", state=state, journal=printable(str(journal.path))))
         return 1
-    click.echo(f"gusjob: done in {journal.now_s():.2f} s; journal: {printable(str(journal.path))}", err=True)
+    time = f"{journal.now_s():.2f}"
+    _tell(Phrase("done in {time} s; journal: {journal}", time=time, journal=printable(str(journal.path))))
     return 0
 
 
@@ -334,7 +368,8 @@ def read_resume(path: Path) -> Recorded:
     try:
         found = read_journal(path)
     except OSError as error:
-        stop(f"{path}: can't read the journal: {(error.strerror or 'unknown error').lower()}")
+        why = Phrase("can't read the journal: {reason}", reason=reason_of(error))
+        stop(f"{path}: {said(why)}")
     if isinstance(found, str):
-        stop(found)
+        stop(said(found))
     return found

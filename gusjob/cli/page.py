@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Diagnostic, Phrase
 from gusjob.loading import Loaded
 from gusjob.report.files import diagnostic_object
 
@@ -20,9 +20,10 @@ def too_long(report: Report | None) -> str:
 
     if report is None or len(report) <= MAX_SEGMENTS:
         return ""
-    return (
-        f"a page holds up to {MAX_SEGMENTS:,} segments, and these are {len(report):,}: "
-        "use gusjob plot, or report --format parquet"
+    return Phrase(
+        "a page holds up to {most:,} segments, and these are {count:,}: use gusjob plot, or report --format parquet",
+        most=MAX_SEGMENTS,
+        count=len(report),
     )
 
 

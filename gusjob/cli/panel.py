@@ -20,7 +20,7 @@ import orjson
 
 from gusjob.backend.gts.control import Control, Phase, View
 from gusjob.cli.keys import Keys
-from gusjob.diagnostics import printable
+from gusjob.diagnostics import Phrase, printable, said
 from gusjob.machine import Machine
 from gusjob.stream import Buffered, Stream
 
@@ -36,8 +36,17 @@ SCHEMA = "gusjob-progress/1"
 _PANEL_S, _JSON_S, _LINES_S = 1 / 8, 1 / 5, 5.0
 """How long each is left as it is at least."""
 _PANEL_WIDTH = 80
-_PAUSE_KEYS, _STOP_KEYS = "p ", {"q": "key q", "s": "key s", "\x1b": "key Escape"}
+_PAUSE_KEYS, _STOP_KEYS = "p ", {"q": Phrase("key q"), "s": Phrase("key s"), "\x1b": Phrase("key Escape")}
 _MAY_BE_LIT = (Phase.FILLING, Phase.RUNNING)
+_PHASES = {
+    Phase.OPENING: Phrase("opening"),
+    Phase.FILLING: Phrase("filling"),
+    Phase.RUNNING: Phrase("running"),
+    Phase.PAUSED: Phrase("paused"),
+    Phase.STOPPING: Phrase("stopping"),
+    Phase.STOPPED: Phrase("stopped"),
+    Phase.DONE: Phrase("done"),
+}
 _STYLES = {Phase.RUNNING: "bold green", Phase.PAUSED: "bold yellow", Phase.STOPPING: "bold red"}
 
 
@@ -300,10 +309,10 @@ def plain_line(now: Progress) -> str:
     # The job's own name would be in every line; that of a file that it includes must be there.
     place = printable(now.place).removeprefix(f"{printable(now.job)}:")
     parts = (
-        now.phase.value,
+        said(_PHASES[now.phase]),
         f"{_percent(now.share)} %",
-        f"{_clock(now.done_ms / 1000)} of {_clock(now.total_ms / 1000)}",
-        f"line {place}" if place else "",
+        said(Phrase("{done} of {all}", done=_clock(now.done_ms / 1000), all=_clock(now.total_ms / 1000))),
+        said(Phrase("line {place}", place=place)) if place else "",
         f"X {_mm(now.x_mm)} Y {_mm(now.y_mm)} mm",
         f"FIFO {now.queued}/{now.slots}",
     )
@@ -392,14 +401,17 @@ def panel(now: Progress, *, listening: bool) -> RenderableType:
     grid = Table.grid(padding=(0, 1), expand=True)
     grid.add_column(no_wrap=True, overflow="crop")
     grid.add_column(ratio=1, overflow="fold")
-    grid.add_row("job", Text(printable(now.job)))
-    grid.add_row(Text(now.phase.value, _STYLES.get(now.phase, "bold")), _bar(now.share, f"{_percent(now.share)} %"))
-    grid.add_row("segments", f"{now.segment:,} of {now.segments:,}")
-    grid.add_row("time", f"{_clock(now.elapsed_s)} elapsed, {_clock(left_ms / 1000)} left")
-    grid.add_row("line", Text(printable(now.place) or "-"))
-    grid.add_row("position", f"X {_mm(now.x_mm)}  Y {_mm(now.y_mm)} mm")
+    segments = Phrase("{done} of {all}", done=f"{now.segment:,}", all=f"{now.segments:,}")
+    time_left = Phrase("{past} elapsed, {left} left", past=_clock(now.elapsed_s), left=_clock(left_ms / 1000))
+    phase = Text(said(_PHASES[now.phase]), _STYLES.get(now.phase, "bold"))
+    grid.add_row(said(Phrase("job")), Text(printable(now.job)))
+    grid.add_row(phase, _bar(now.share, f"{_percent(now.share)} %"))
+    grid.add_row(said(Phrase("segments")), said(segments))
+    grid.add_row(said(Phrase("time")), said(time_left))
+    grid.add_row(said(Phrase("line")), Text(printable(now.place) or "-"))
+    grid.add_row(said(Phrase("position")), f"X {_mm(now.x_mm)}  Y {_mm(now.y_mm)} mm")
     for light in now.lights:
-        grid.add_row(f"laser {light.channel}", _light(light, now.phase))
+        grid.add_row(said(Phrase("laser {channel}", channel=light.channel)), _light(light, now.phase))
     filled = min(max(now.queued / now.slots, 0.0), 1.0) if now.slots > 0 else 0.0
     grid.add_row("FIFO", _bar(filled, f"{now.queued}/{now.slots}"))
     return Panel(Group(grid, Text(_keys_line(now.phase, listening=listening), "dim")), width=_PANEL_WIDTH)
@@ -408,8 +420,9 @@ def panel(now: Progress, *, listening: bool) -> RenderableType:
 def _keys_line(phase: Phase, *, listening: bool) -> str:
     """What can be typed."""
     if not listening:
-        return "Ctrl+C stop (twice: at once)"
-    return f"p {'go on' if phase is Phase.PAUSED else 'pause'}  q stop (twice: at once)"
+        return said(Phrase("Ctrl+C stop (twice: at once)"))
+    pause = Phrase("p go on") if phase is Phase.PAUSED else Phrase("p pause")
+    return "  ".join([said(pause), said(Phrase("q stop (twice: at once)"))])
 
 
 def _light(light: Light, phase: Phase) -> Text:
@@ -419,8 +432,12 @@ def _light(light: Light, phase: Phase) -> Text:
     if phase not in _MAY_BE_LIT:
         return Text("-")
     if math.isnan(light.power):
-        return Text("off as planned")
-    return Text.assemble(("on", "bold red"), f" as planned, {light.power:.4g} {light.unit}")
+        return Text(said(Phrase("off as planned")))
+    on, power = Phrase("on"), f"{light.power:.4g}"
+    shown = Text(said(Phrase("{on} as planned, {power} {unit}", on=on, power=power, unit=light.unit)))
+    at = shown.plain.index(said(on))
+    shown.stylize("bold red", at, at + len(said(on)))
+    return shown
 
 
 def _bar(share: float, text: str) -> Table:

@@ -22,7 +22,8 @@ from gusjob.cli.common import (
     stop,
     write,
 )
-from gusjob.diagnostics import printable
+from gusjob.cli.language import Command
+from gusjob.diagnostics import Phrase, printable, said
 from gusjob.loading import Loaded, interpreted, load
 
 if TYPE_CHECKING:
@@ -50,11 +51,12 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     found = re.fullmatch(r"(\d+\.?\d*|\.\d+) ?%|0", text.strip(), re.ASCII)
     percent = float(found[1] or 0) if found else 101.0
     if percent > 100:
-        raise click.BadParameter(f"{printable(text)[:40]} is not a percentage: write 1%, 0.1% or 0; at most 100%")
+        wrong = Phrase("{text} is not a percentage: write 1%, 0.1% or 0; at most 100%", text=printable(text)[:40])
+        raise click.BadParameter(said(wrong))
     return percent
 
 
-@click.command(name="report")
+@click.command(name="report", cls=Command)
 @file_argument
 @machine_option
 @scanner_option
@@ -108,10 +110,10 @@ def command(
     form = form or _ENDINGS.get(output.suffix.lower() if output is not None else "", "table")
     _refuse(form, marking=bool(marking), summary=summary)
     if form in _EXTRAS:
-        need(*_EXTRAS[form], to=f"write {form}")
+        need(*_EXTRAS[form], to=Phrase("write {form}", form=form))
         refuse_terminal(form, output)
     if tolerance_pct is not None and earlier_path is None:
-        raise click.UsageError("--tolerance is for --against")
+        raise click.UsageError(said(Phrase("--tolerance is for --against")))
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
     loaded = load(path, machine_path, scanner=scanner)
     trace = interpreted(loaded)
@@ -135,9 +137,10 @@ def command(
 def _refuse(form: str, *, marking: bool, summary: bool) -> None:
     """What a format can't hold."""
     if marking and form in ("csv", "parquet"):
-        raise click.UsageError(f"--marks is for tables, JSON, markdown and HTML: {form} has segments only")
+        wrong = Phrase("--marks is for tables, JSON, markdown and HTML: {form} has segments only", form=form)
+        raise click.UsageError(said(wrong))
     if summary and form in ("html", "parquet"):
-        raise click.UsageError("--summary is for tables, JSON, CSV and markdown")
+        raise click.UsageError(said(Phrase("--summary is for tables, JSON, CSV and markdown")))
 
 
 def _report(loaded: Loaded, trace: Trace, marking: bool | None) -> Report:
@@ -160,7 +163,7 @@ def _written(
         from gusjob.cli.page import html_page, too_long
 
         if reason := too_long(report):
-            stop(f"{loaded.path}: {reason}")
+            stop(f"{loaded.path}: {said(reason)}")
         return html_page(loaded, trace, report)
     if form == "markdown":
         from gusjob.report.markdown import report_markdown
@@ -196,8 +199,7 @@ def _read_earlier(path: Path, output: Path | None) -> Earlier:
 
     earlier, reason = read_earlier(path)
     if earlier is not None and output is not None and output.exists() and output.samefile(path):
-        earlier, reason = None, "this is the file that was read; name another one with -o"
+        earlier, reason = None, Phrase("this is the file that was read; name another one with -o")
     if earlier is None:
-        click.echo(f"gusjob: {printable(str(path))}: {reason}", err=True)
-        sys.exit(2)
+        stop(f"{path}: {said(reason)}")
     return earlier

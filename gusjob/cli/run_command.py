@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
-from gusjob.diagnostics import has_errors
+from gusjob.cli.language import Command
+from gusjob.diagnostics import Phrase, all_of, has_errors, said
 from gusjob.loading import Loaded, budget_faults, compiled, interpreted_faults, load
 from gusjob.machine import Abi, Scanner
 
@@ -21,9 +22,10 @@ if TYPE_CHECKING:  # Only a run on hardware needs it.
     from gusjob.stream import Stream
 
 _FILE = click.Path(path_type=Path)
+_NO_FILE = Phrase("Missing argument 'FILE'.")
 
 
-@click.command(name="run")
+@click.command(name="run", cls=Command)
 @click.argument("path", metavar="FILE", type=_FILE, required=False)
 @machine_option
 @scanner_option
@@ -69,22 +71,22 @@ def command(
         given = {"--library": library, "--abi": abi, "--yes": yes, "--frame": frame, "--no-laser": no_laser,
                  "--journal": journal, "--resume": resume, "--from-line": from_line}  # fmt: skip
         if wrong := [name for name, value in given.items() if value not in (None, False)]:
-            stop(f"{', '.join(wrong)}: only with --backend gts")
+            stop(said(Phrase("{options}: only with --backend gts", options=all_of(wrong))))
         if path is None:
-            raise click.UsageError("Missing argument 'FILE'.")
+            raise click.UsageError(said(_NO_FILE))
         sys.exit(_on_interpreter(path, machine_path, scanner))
     from gusjob.cli.hardware import Wishes, read_resume
 
     if frame and no_laser:
-        raise click.UsageError("--frame is without laser already: leave --no-laser out.")
+        raise click.UsageError(said(Phrase("--frame is without laser already: leave --no-laser out.")))
     if frame and (resume is not None or from_line is not None):
-        raise click.UsageError("--frame is a run of its own: leave --resume and --from-line out.")
+        raise click.UsageError(said(Phrase("--frame is a run of its own: leave --resume and --from-line out.")))
     if resume is not None and from_line is not None:
-        raise click.UsageError("--resume and --from-line both say where to begin.")
+        raise click.UsageError(said(Phrase("--resume and --from-line both say where to begin.")))
     recorded = read_resume(resume) if resume is not None else None
     if path is None:
         if recorded is None:
-            raise click.UsageError("Missing argument 'FILE'.")
+            raise click.UsageError(said(_NO_FILE))
         path = Path(recorded.head["job"])
     wishes = Wishes(
         library=library, abi=abi, yes=yes, frame=frame, no_laser=no_laser, progress=progress, journal=journal,
@@ -109,10 +111,12 @@ def _on_controller(path: Path, machine_path: Path | None, scanner: Scanner | Non
     loaded, stream, trace = _interpreted(path, machine_path, scanner)
     show(loaded, notes=False)
     if stream is None or trace is None or has_errors(loaded.faults):
-        click.echo("gusjob: not started: a run on hardware wants a job without errors", err=True)
+        why = Phrase("not started: a run on hardware wants a job without errors")
+        click.echo(f"gusjob: {said(why)}", err=True)
         return exit_code(loaded) or 1
     if loaded.journal:
-        stop(f"{path}: this is the journal of a run; go on with it with --resume, or run the job")
+        why = Phrase("this is the journal of a run; go on with it with --resume, or run the job")
+        stop(f"{path}: {said(why)}")
     from gusjob.cli.hardware import run_on_controller
 
     loaded.faults = []  # They were shown; what is shown later is about the run.
@@ -124,14 +128,14 @@ def _interpreted(
 ) -> tuple[Loaded, Stream | None, Trace | None]:
     """A file, its calls, and what the interpreter makes of them; None for what an error forbids."""
     with _progress(path) as say:
-        say("reading and checking")
+        say(Phrase("reading and checking"))
         loaded = load(path, machine_path, scanner=scanner)
-        say("planning")
+        say(Phrase("planning"))
         stream, trace = compiled(loaded), None
         if stream is not None:
             from gusjob.interpreter import interpret
 
-            say(f"interpreting {len(stream.buffered):,} buffered calls")
+            say(Phrase("interpreting {count:,} buffered calls", count=len(stream.buffered)))
             trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
             interpreted_faults(loaded, [*faults, *budget_faults(loaded, trace)])
     return loaded, stream, trace
@@ -156,6 +160,6 @@ def _progress(path: Path) -> Iterator[_Say]:
 
         class Shown(_Say):
             def __call__(self, text: str) -> None:
-                status.update(f"{escape(path.name)}: {text}")
+                status.update(f"{escape(path.name)}: {said(text)}")
 
         yield Shown()

@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable
 
 import click
 
-from gusjob.diagnostics import Diagnostic, Span, printable
+from gusjob.diagnostics import Diagnostic, Severity, Span, printable
 
 _MAX_SHOWN = 160
-_COLORS = {"error": "red", "warning": "yellow", "note": "cyan"}
+_WIDE = r"\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60"
+_BREAKABLE = re.compile(rf"\s*[（《]*(?:[{_WIDE}]|[^\s{_WIDE}]+)[，。；：、！？）》]*\s*")
+"""What stays together on a line: a wide character or a word of others, with the marks that belong to it."""
+_COLORS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 
 
 def width(text: str) -> int:
     """Columns that a text takes on a terminal (wide characters take two)."""
     return sum(2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text)
+
+
+def padded(text: str, columns: int) -> str:
+    """A text with blanks behind it, so many columns wide."""
+    return text + " " * (columns - width(text))
+
+
+def wrapped(text: str, columns: int) -> str:
+    """A text in lines of so many columns; a line may break behind any wide character, not before a full stop."""
+    lines, used = [""], 0
+    for part in _BREAKABLE.findall(text):
+        size = width(part.rstrip())
+        if used + size > columns and lines[-1]:
+            lines.append("")
+            used = 0
+        lines[-1] += part
+        used += width(part)
+    return "\n".join(line.rstrip() for line in lines)
 
 
 TextOf = Callable[[Span, str], str]
@@ -24,16 +46,14 @@ TextOf = Callable[[Span, str], str]
 
 def diagnostic_text(fault: Diagnostic, text_of: TextOf, *, color: bool) -> str:
     """One diagnostic and the other places that matter, each with its source line where there is one."""
-    severity = fault.severity.value
-    times = f" ({fault.count:,} times)" if fault.count > 1 else ""
-    label = _label(f"{severity}[{fault.rule.code}]", severity, color=color)
-    parts = [_placed(fault.span, fault.path, f"{label}: {printable(fault.message)}{times}", text_of)]
-    note = _label("note", "note", color=color)
-    parts += [_placed(r.span, fault.path, f"{note}: {printable(r.message)}", text_of) for r in fault.remarks]
+    label = _label(f"{fault.severity.said}[{fault.rule.code}]", fault.severity, color=color)
+    parts = [_placed(fault.span, fault.path, f"{label}: {printable(fault.said_with_count)}", text_of)]
+    note = _label(Severity.NOTE.said, Severity.NOTE, color=color)
+    parts += [_placed(r.span, fault.path, f"{note}: {printable(r.said)}", text_of) for r in fault.remarks]
     return "\n".join(parts)
 
 
-def _label(text: str, severity: str, *, color: bool) -> str:
+def _label(text: str, severity: Severity, *, color: bool) -> str:
     return click.style(text, fg=_COLORS[severity], bold=True) if color else text
 
 

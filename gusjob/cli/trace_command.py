@@ -25,7 +25,8 @@ from gusjob.cli.common import (
     show,
     write,
 )
-from gusjob.diagnostics import printable
+from gusjob.cli.language import Command
+from gusjob.diagnostics import Phrase, printable, said
 from gusjob.loading import interpreted, load
 
 if TYPE_CHECKING:
@@ -55,13 +56,14 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
         return _Bound(line=int(line[1]))
     time = re.fullmatch(r"(\d{1,12}\.?\d{0,9}|\.\d{1,9}) ?(us|ms|s|)", text.strip(), re.ASCII)
     if not time:
-        raise click.BadParameter(
-            f"{printable(text)[:40]} is neither a time nor a line: write 12.5 (ms), 300us, 1.5s or line:40"
+        wrong = Phrase(
+            "{text} is neither a time nor a line: write 12.5 (ms), 300us, 1.5s or line:40", text=printable(text)[:40]
         )
+        raise click.BadParameter(said(wrong))
     return _Bound(time_ms=float(time[1]) * _UNITS_MS[time[2]])
 
 
-@click.command(name="trace")
+@click.command(name="trace", cls=Command)
 @file_argument
 @machine_option
 @scanner_option
@@ -89,7 +91,7 @@ def command(
     ending = output.suffix.lower().removeprefix(".") if output is not None else ""
     form = form or (ending if ending in _FORMATS else "vcd")
     if form in _EXTRA:
-        need(*_EXTRA[form], to=f"write {form}")
+        need(*_EXTRA[form], to=Phrase("write {form}", form=form))
     if form in ("parquet", "npz"):
         refuse_terminal(form, output)
     loaded = load(path, machine_path, scanner=scanner)
@@ -136,10 +138,13 @@ def _span_ms(
         upto = (lines > 0) & (lines <= last.line)
         end_ms = float((trace.clock.times[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
     if start_ms > end_ms:
-        raise click.UsageError(
-            f"nothing lies between --from {start_ms:.6g} ms and --to {end_ms:.6g} ms; "
-            f"the run takes {timeline.total_ms:.6g} ms"
+        wrong = Phrase(
+            "nothing lies between --from {start} ms and --to {end} ms; the run takes {total} ms",
+            start=f"{start_ms:.6g}",
+            end=f"{end_ms:.6g}",
+            total=f"{timeline.total_ms:.6g}",
         )
+        raise click.UsageError(said(wrong))
     return start_ms, end_ms
 
 
@@ -147,6 +152,9 @@ def _moving(option: str, line: int, wanted: npt.NDArray[np.bool_]) -> npt.NDArra
     """The segments of the lines that are asked for."""
     at = np.flatnonzero(wanted)
     if not len(at):
-        where = "behind" if option == "--from" else "before"
-        raise click.UsageError(f"{option}: nothing moves at line {line} or {where} it")
+        if option == "--from":
+            wrong = Phrase("{option}: nothing moves at line {line} or behind it", option=option, line=line)
+        else:
+            wrong = Phrase("{option}: nothing moves at line {line} or before it", option=option, line=line)
+        raise click.UsageError(said(wrong))
     return at

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from gusjob.cli.common import bom_of, file_argument, machine_option, rewrite, scanner_option, show, stop
-from gusjob.diagnostics import figure, has_errors
+from gusjob.cli.common import bom_of, file_argument, machine_option, reason_of, rewrite, scanner_option, show, stop
+from gusjob.cli.language import Command
+from gusjob.cli.text import padded, width
+from gusjob.diagnostics import Phrase, figure, has_errors, said
 from gusjob.loading import in_order, load
 from gusjob.machine import Scanner
 
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from gusjob.syntax import Source
 
 
-@click.command(name="tune")
+@click.command(name="tune", cls=Command)
 @file_argument
 @machine_option
 @scanner_option
@@ -40,15 +42,16 @@ def command(
     after, and how the numbers were found.
     """
     if mode is not None and not skywrite:
-        raise click.UsageError("--mode is for --skywrite")
+        raise click.UsageError(said(Phrase("--mode is for --skywrite")))
     loaded = load(path, machine_path, scanner=scanner)
     if loaded.unreadable or loaded.source is None or has_errors(loaded.faults):
         show(loaded)
         sys.exit(2 if loaded.unreadable else 1)
     if loaded.job is None:
-        stop(f"{path}: this is a listing; only a job can be tuned")
+        why = Phrase("this is a listing; only a job can be tuned")
+        stop(f"{path}: {said(why)}")
     if loaded.machine.scanner is None:
-        stop("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")
+        stop(said(Phrase("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")))
     from gusjob.tune import run_job, tune_delays, tune_sky_writing
 
     before = run_job(loaded.source, loaded.job, loaded.faults, loaded.machine)
@@ -61,21 +64,23 @@ def command(
     else:
         tuned = tune_delays(before, loaded.machine, channel)
     if isinstance(tuned, str):
-        stop(f"{path}: {tuned}")
-    said = f"{tuned.statement}\nfound by {tuned.how}, for the scanner {loaded.machine.scanner}\n"
+        stop(f"{path}: {said(tuned)}")
+    how = Phrase("found by {how}, for the scanner {scanner}", how=tuned.how, scanner=loaded.machine.scanner)
+    found = f"{tuned.statement}\n{said(how)}\n"
     if tuned.run.trace is None:
         loaded.job, loaded.source = tuned.run.job, tuned.run.source
         loaded.sources[loaded.source.name] = loaded.source
         loaded.faults = in_order(tuned.run.faults)
-        click.echo(said)
+        click.echo(found)
         show(loaded)
-        click.echo("gusjob: with this statement the job has errors; nothing is written", err=True)
+        why = Phrase("with this statement the job has errors; nothing is written")
+        click.echo(f"gusjob: {said(why)}", err=True)
         sys.exit(1)
     if writes:  # Before anything is said: who reads may stop reading.
         _write_job(path, loaded.source, tuned.run.source)
-    click.echo(f"{said}\n{_compared(before.marking, tuned.run.marking, channel)}")
+    click.echo(f"{found}\n{_compared(before.marking, tuned.run.marking, channel)}")
     if writes:
-        click.echo(f"written to {path}")
+        click.echo(said(Phrase("written to {path}", path=path)))
 
 
 def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
@@ -84,17 +89,19 @@ def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel
 
     one, other = (next((e for e in entries if e["channel"] == channel), None) for entries in (before, after))
     unit = (one or other or {"unit": "%"})["unit"]
-    rows = [["", "", "worst", "", "typical", ""], ["", "", "before", "after", "before", "after"]]
+    past, now = said(Phrase("before")), said(Phrase("after"))
+    rows = [["", "", said(Phrase("worst")), "", said(Phrase("typical")), ""], ["", "", past, now, past, now]]
     for name, word in MARKING_WORDS.items():
         figures = [
             figure(entry[which][name] if entry else None, 4) for which in ("worst", "typical") for entry in (one, other)
         ]
-        rows.append([word, marking_unit(name, unit), *figures])
-    rows.insert(2, ["marks", "", *[str(e["marks"]) if e else "0" for e in (one, other)], "", ""])
-    widths = [max(len(row[i]) for row in rows) for i in range(6)]
+        rows.append([said(word), marking_unit(name, unit), *figures])
+    rows.insert(2, [said(Phrase("marks")), "", *[str(e["marks"]) if e else "0" for e in (one, other)], "", ""])
+    widths = [max(width(row[i]) for row in rows) for i in range(6)]
     return "\n".join(
         "  ".join(
-            cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+            padded(cell, w) if i < 2 else " " * (w - width(cell)) + cell
+            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in rows
     )
@@ -105,7 +112,12 @@ def _write_job(path: Path, before: Source, source: Source) -> None:
     try:
         bom = bom_of(path)
     except OSError as error:
-        stop(f"{path}: can't write: {(error.strerror or 'unknown error').lower()}")
+        _not_written(path, reason_of(error))
     reason = rewrite(path, bom + before.data, bom + source.data)
     if reason:
-        stop(f"{path}: can't write: {reason}")
+        _not_written(path, reason)
+
+
+def _not_written(path: Path, reason: str) -> NoReturn:
+    why = Phrase("can't write: {reason}", reason=reason)
+    stop(f"{path}: {said(why)}")

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob import rules
-from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
-from gusjob.diagnostics import printable
+from gusjob.cli.common import file_argument, machine_option, need, reason_of, scanner_option, show, stop
+from gusjob.cli.language import Command
+from gusjob.diagnostics import Phrase, printable, said
 from gusjob.loading import Loaded, interpreted, load
 from gusjob.profile import find_profile
 
@@ -30,7 +31,7 @@ Stamp = dict[Path, tuple[int, int] | None]
 """When each file was changed, ns, and its size in bytes; None where there is none."""
 
 
-@click.command(name="watch")
+@click.command(name="watch", cls=Command)
 @file_argument
 @machine_option
 @scanner_option
@@ -48,9 +49,10 @@ def command(
 ) -> None:
     """Report a job, and again whenever it is saved, or its profile or a file that it includes. Ctrl-C ends it."""
     if port and not page:
-        raise click.UsageError("--port is for --page")
+        raise click.UsageError(said(Phrase("--port is for --page")))
     if not path.exists():
-        stop(f"{path}: no such file")
+        why = Phrase("no such file")
+        stop(f"{path}: {said(why)}")
     server = _served(port) if page else None
     try:
         needed: set[Path] = set()
@@ -68,13 +70,14 @@ def command(
 
 def _served(port: int) -> PageServer:
     """A server, or an exit that says why there is none."""
-    need("html", "jinja2", to="serve a page")
+    need("html", "jinja2", to=Phrase("serve a page"))
     from gusjob.cli.serve import PageServer
 
     try:
         return PageServer(port)
     except OSError as error:
-        stop(f"can't listen at port {port}: {(error.strerror or 'unknown error').lower()}; name another with --port")
+        why = Phrase("can't listen at port {port}: {why}; name another with --port", port=port, why=reason_of(error))
+        stop(said(why))
 
 
 def _report(
@@ -95,14 +98,15 @@ def _report(
         server.show(b"".join(html_page(loaded, trace, report, watched=events)), events)
     if sys.stdout is not None and sys.stdout.isatty():
         click.clear()
-    click.echo(f"{datetime.now():%H:%M:%S}  {printable(str(path))}{f'  {server.url}' if server else ''}  Ctrl-C ends")
+    head = [f"{datetime.now():%H:%M:%S}", printable(str(path)), *([server.url] if server else [])]
+    click.echo("  ".join([*head, said(Phrase("Ctrl-C ends"))]))
     if report is not None:
         from gusjob.report.table import report_table
 
         click.echo(report_table(report, summary=summary), nl=False)
     show(loaded, err=False)
     if not loaded.faults:
-        click.echo("no faults")
+        click.echo(said(Phrase("no faults")))
     return loaded
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span
 from gusjob.interpreter.clock import Clock, path_faults, run_clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.power import emitted
@@ -125,7 +125,7 @@ def _light_faults(
         if laser.mode is None:
             add(rules.LISTING_NO_MODE, int(lines[row[lit[0]]]))
         if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
-            reason = "light in a duty mode without a carrier; GT_LaserOutFrq must be called (M 二.2)"
+            reason = Phrase("light in a duty mode without a carrier; GT_LaserOutFrq must be called (M 二.2)")
             faults.append(
                 Diagnostic(
                     rule=rules.ACCEPTED_ODD,

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Collector, Rule, Span
+from gusjob.diagnostics import Collector, Phrase, Rule, Span
 from gusjob.interpreter.state import PARAMETER_ERROR, Rows
 from gusjob.limits import FOLLOW, POWER, PowerMode, Range, Verdict
 from gusjob.stream import BUFFERED, SIGNATURES, Arg, Buffered, BufferedCalls, Call, Kind, Signature
@@ -37,8 +37,8 @@ def out_of(allowed: Range, name: str, value: float) -> str:
     """Why a value is none for a range; '' if it is one."""
     shown = f"{name} {d.number(value)} {allowed.unit}".rstrip()
     if allowed.verdict(value) is Verdict.OUTSIDE:
-        return f"{shown} is outside {allowed}"
-    return "" if allowed.carries(value) else f"{shown} is not whole"
+        return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
+    return "" if allowed.carries(value) else Phrase("{value} is not whole", value=shown)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -75,9 +75,8 @@ class BufferedJudge:
                 self.judge(rows, at, signature, arg, allowed, bad)
         if signature.buffered is Buffered.FOLLOW:
             upside_down = at[~(self.calls.r[rows[at]] > self.calls.q[rows[at]]) & ~bad[at]]
-            self.each(
-                rules.REFUSED, rows[upside_down], lambda _: _refused(signature, "maxPower must be above minPower")
-            )
+            reason = Phrase("maxPower must be above minPower")
+            self.each(rules.REFUSED, rows[upside_down], lambda _: _refused(signature, reason))
             bad[upside_down] = True
 
     def judge(self, rows: Rows, at: Rows, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:

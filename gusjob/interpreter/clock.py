@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Collector, Diagnostic, Rule, Span
+from gusjob.diagnostics import Collector, Diagnostic, Phrase, Rule, Span
 from gusjob.geometry import Arcs, Segments, arcs_by_centre, arcs_by_radius, segments
 from gusjob.interpreter.state import Program
 from gusjob.machine import Machine
@@ -178,12 +178,12 @@ class _Reporter:
         last = np.append(breaks[1:], True)
         before_dwell = np.append(clock.dwell[1:], False)
         stops = (last | before_dwell) & moved & (end > 1e-9)
-        self.add(rules.STOPS_HARD, stops, what="the segment before a stop ends", value=end)
+        self.add(rules.STOPS_HARD, stops, what=Phrase("the segment before a stop ends"), value=end)
         self.add(
             rules.ACCEPTED_ODD,
             too_fast & moved,
-            call="the segment's velocity",
-            reason="it is above synVelMax of GT_SetCrdPrm, and is held to that",
+            call=Phrase("the segment's velocity"),
+            reason=Phrase("it is above synVelMax of GT_SetCrdPrm, and is held to that"),
         )
 
 
@@ -231,10 +231,13 @@ def _arc_faults(calls: BufferedCalls, clock: Clock, reporter: _Reporter) -> None
     # Ends and centre are whole pulses: each may be off by less than one.
     off_circle = ~by_radius & (np.abs(laid.arcs.radius - to_end) > _ARC_SLACK_PULSE)
     for bad, reason in (
-        (by_radius & (chord == 0), "an arc by radius that ends where it starts could be any circle"),
-        (by_radius & (chord > 0) & (2 * np.abs(p) < chord - _ARC_SLACK_PULSE), "the radius is below half the chord"),
-        (~by_radius & (laid.arcs.radius == 0), "the centre is the start point"),
-        (off_circle & (laid.arcs.radius > 0), "the end does not lie on the circle about this centre"),
+        (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts could be any circle")),
+        (
+            by_radius & (chord > 0) & (2 * np.abs(p) < chord - _ARC_SLACK_PULSE),
+            Phrase("the radius is below half the chord"),
+        ),
+        (~by_radius & (laid.arcs.radius == 0), Phrase("the centre is the start point")),
+        (off_circle & (laid.arcs.radius > 0), Phrase("the end does not lie on the circle about this centre")),
     ):
         where = np.zeros(len(clock.row), dtype=np.bool_)
         where[at[bad]] = True

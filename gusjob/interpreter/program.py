@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gusjob import rules
-from gusjob.diagnostics import Collector, Rule, Span
+from gusjob.diagnostics import Collector, Phrase, Rule, Span
 from gusjob.interpreter.arguments import BufferedJudge, bad_argument, out_of
 from gusjob.interpreter.state import (
     EXECUTION_ERROR,
@@ -26,6 +26,9 @@ from gusjob.interpreter.state import (
 )
 from gusjob.limits import DIMENSION, DISTANCE_LIMIT, EVEN_TIME_MS, MODE_LIMIT, POWER_NOW, PowerMode, Range
 from gusjob.stream import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
+
+_DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")
+_PWM, _MOVING = Phrase("the PWM modes"), Phrase("the coordinate system is moving")
 
 
 def run_program(stream: Stream, *, has_scanner: bool = False) -> Program:
@@ -81,10 +84,10 @@ class _Executor:
             part = rows[keys == key] if len(np.unique(keys)) > 1 else rows
             if self.running is not None and self.running.crd == crd:
                 if self.running.fifo != fifo:
-                    self.refuse(
-                        BUFFERED[Buffered(int(calls.kind[part[0]]))].name, int(calls.line[part[0]]), EXECUTION_ERROR,
-                        f"FIFO {fifo} can't be filled while FIFO {self.running.fifo} runs",
-                    )  # fmt: skip
+                    runs = self.running.fifo
+                    reason = Phrase("FIFO {fifo} can't be filled while FIFO {other} runs", fifo=fifo, other=runs)
+                    name = BUFFERED[Buffered(int(calls.kind[part[0]]))].name
+                    self.refuse(name, int(calls.line[part[0]]), EXECUTION_ERROR, reason)
                 else:
                     self.running.parts.append(part)
             else:
@@ -122,27 +125,27 @@ class _Executor:
     def axis_mode(self, call: Call) -> None:
         axis, mode = int(self.number(call, 0)), int(self.number(call, 1))
         if axis == 8 and mode == 0:
-            self.refuse(call.name, call.line, PARAMETER_ERROR, "axis 8 takes mode 1 only")
+            self.refuse(call.name, call.line, PARAMETER_ERROR, Phrase("axis 8 takes mode 1 only"))
             return
         self.axis_called[axis - 7] = self.axis_ever[axis - 7] = mode == 1
 
     def power_mode(self, call: Call) -> None:
         if self.running is not None:
-            self.refuse(
-                call.name, call.line, EXECUTION_ERROR, "the coordinate system is moving; the mode stays as it was"
-            )
+            reason = Phrase("the coordinate system is moving; the mode stays as it was")
+            self.refuse(call.name, call.line, EXECUTION_ERROR, reason)
             return
         channel, mode = self.channel(call), PowerMode(int(self.number(call, 0)))
         high, low = self.number(call, 1), self.number(call, 2)
         if not self.limits_fit(call, MODE_LIMIT[mode], ("minValue", low), ("maxValue", high)):
             return
         if mode.is_pwm and not self.axis_ever[channel]:
-            reason = f"GT_SetAxisMode({7 + channel},1) comes first in the PWM modes (M 三.1)"
+            first = f"GT_SetAxisMode({7 + channel},1)"
+            reason = Phrase("{call} comes first in the PWM modes (M 三.1)", call=first)
             self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
             self.fault(
                 rules.ACCEPTED_ODD, call.line, call=call.name,
-                reason="GT_SetAxisMode is not to be called in analog mode (M 三.1 (3), in its comment)",
+                reason=Phrase("GT_SetAxisMode is not to be called in analog mode (M 三.1 (3), in its comment)"),
             )  # fmt: skip
         if self.lasers[channel].power_mode is not mode:
             self.act(Action(channel=channel, power=float("nan"), line=call.line))
@@ -151,7 +154,7 @@ class _Executor:
 
     def limits_fit(self, call: Call, allowed: Range, low: tuple[str, float], high: tuple[str, float]) -> bool:
         """Whether two limits are in their range and in order; else the call is refused."""
-        upside_down = f"{low[0]} is above {high[0]}" if low[1] > high[1] else ""
+        upside_down = Phrase("{low} is above {high}", low=low[0], high=high[0]) if low[1] > high[1] else ""
         reason = out_of(allowed, *high) or out_of(allowed, *low) or upside_down
         if reason:
             self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
@@ -175,26 +178,27 @@ class _Executor:
 
     def needs_mode(self, call: Call, good: bool, where: str) -> None:
         if not good:
-            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=f"it has an effect only in {where}")
+            reason = Phrase("it has an effect only in {modes}", modes=where)
+            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
 
     def carrier(self, call: Call) -> None:
         channel = self.channel(call)
-        self.needs_mode(call, self.lasers[channel].power_mode in (PowerMode.DUTY, PowerMode.DUTY2), "the duty modes")
+        self.needs_mode(call, self.lasers[channel].power_mode in (PowerMode.DUTY, PowerMode.DUTY2), _DUTY)
         self.set(channel, carrier_khz=self.number(call, 0))
 
     def pulse_width(self, call: Call) -> None:
         channel = self.channel(call)
-        self.needs_mode(call, self.lasers[channel].power_mode is PowerMode.FREQUENCY, "frequency mode")
+        self.needs_mode(call, self.lasers[channel].power_mode is PowerMode.FREQUENCY, _FREQUENCY)
         self.set(channel, pulse_width_us=self.number(call, 0))
 
     def standby(self, call: Call) -> None:
         channel, on = self.channel(call), self.number(call, 0) == 1
-        self.needs_mode(call, not on or self.lasers[channel].power_mode.is_pwm, "the PWM modes")
+        self.needs_mode(call, not on or self.lasers[channel].power_mode.is_pwm, _PWM)
         self.set(channel, standby=(self.number(call, 1), self.number(call, 2)) if on else None)
 
     def prevoltage(self, call: Call) -> None:
         channel, on = self.channel(call), self.number(call, 0) == 1
-        self.needs_mode(call, not on or not self.lasers[channel].power_mode.is_pwm, "analog mode")
+        self.needs_mode(call, not on or not self.lasers[channel].power_mode.is_pwm, _ANALOG)
         self.set(channel, prevoltage_v=self.number(call, 1) if on else None)
 
     def delays(self, call: Call) -> None:
@@ -202,7 +206,7 @@ class _Executor:
 
     def fpk(self, call: Call) -> None:
         channel = self.channel(call)
-        self.needs_mode(call, self.lasers[channel].power_mode.is_pwm, "the PWM modes")
+        self.needs_mode(call, self.lasers[channel].power_mode.is_pwm, _PWM)
         self.set(channel, fpk_us=(self.number(call, 0), self.number(call, 1), self.number(call, 2)))
 
     def no_fpk(self, call: Call) -> None:
@@ -211,7 +215,7 @@ class _Executor:
     def distance_mode(self, call: Call) -> None:
         actual = self.number(call, 1) == 1
         if self.number(call, 0) == 1 and actual and not self.has_scanner:
-            reason = "no scanner is modelled: the planned position stands in for the actual one"
+            reason = Phrase("no scanner is modelled: the planned position stands in for the actual one")
             self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         self.set(
             self.channel(call),
@@ -225,7 +229,8 @@ class _Executor:
         channel = self.channel(call)
         laser = self.lasers[channel]
         if not laser.distance:
-            self.refuse(call.name, call.line, EXECUTION_ERROR, "GT_SetLaserDisMode has not enabled distance follow")
+            reason = Phrase("GT_SetLaserDisMode has not enabled distance follow")
+            self.refuse(call.name, call.line, EXECUTION_ERROR, reason)
             return
         low, high = self.number(call, 1), self.number(call, 2)
         if not self.limits_fit(call, DISTANCE_LIMIT[laser.power_mode], ("minPower", low), ("maxPower", high)):
@@ -235,7 +240,7 @@ class _Executor:
     def build_crd(self, call: Call) -> None:
         crd = int(self.number(call, 0))
         if self.running is not None and self.running.crd == crd:
-            self.refuse(call.name, call.line, EXECUTION_ERROR, "the coordinate system is moving")
+            self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
             return
         parameters = call.args[1]
         if isinstance(parameters, tuple):
@@ -251,27 +256,25 @@ class _Executor:
     def clear(self, call: Call) -> None:
         crd, fifo = int(self.number(call, 0)), int(self.number(call, 1))
         if self.running is not None and self.running.crd == crd:
-            self.refuse(call.name, call.line, EXECUTION_ERROR, "the coordinate system is moving")
+            self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
             return
         dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
         if dropped:
-            self.fault(
-                rules.ACCEPTED_ODD, call.line, call=call.name, reason=f"{dropped} buffered calls are cleared, never run"
-            )
+            reason = Phrase("{count} buffered calls are cleared, never run", count=dropped)
+            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
 
     def start(self, call: Call) -> None:
         mask, option = int(self.number(call, 0)), int(self.number(call, 1))
         if mask not in (1, 2):
             rule, fields = (rules.CRDS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
-            self.fault(
-                rule, call.line, **fields, code=PARAMETER_ERROR, reason=f"mask {mask} names no coordinate system"
-            )
+            reason = Phrase("mask {mask} names no coordinate system", mask=mask)
+            self.fault(rule, call.line, **fields, code=PARAMETER_ERROR, reason=reason)
             return
         crd = mask
         fifo = (option >> (crd - 1)) & 1
         if self.running is not None:
             if self.running.crd == crd:
-                self.refuse(call.name, call.line, EXECUTION_ERROR, "the coordinate system is moving already")
+                self.refuse(call.name, call.line, EXECUTION_ERROR, Phrase("the coordinate system is moving already"))
             else:
                 self.fault(rules.CRDS_AT_ONCE, call.line)
             return

@@ -1,7 +1,7 @@
 """What a new layout changes, as a unified diff.
 
-Lines stand for each other one by one, save for blank lines that were left out: nothing has to be searched for, so the
-diff of a million lines takes no longer than reading them.
+Lines stand for each other one by one, save for blank lines that were left out and for lines that are added at the end:
+nothing has to be searched for, so the diff of a million lines takes no longer than reading them.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _rows(before: list[bytes], after: list[bytes]) -> Iterator[tuple[bytes, byte
             yield from [*((_OLD, line) for line in olds), *((_NEW, line) for line in news), (_SAME, old)]
             olds, news = [], []
         j += 1
-    yield from [*((_OLD, line) for line in olds), *((_NEW, line) for line in news)]
+    yield from [*((_OLD, line) for line in olds), *((_NEW, line) for line in [*news, *after[j:]])]
 
 
 def _hunks(changed: list[int], count: int) -> Iterator[tuple[int, int]]:

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 from lsprotocol import types as lsp
 
 from gusjob import rules
-from gusjob.lsp.asked import Asked, key_of
+from gusjob.diagnostics import Diagnostic, Phrase, said
+from gusjob.loading import Loaded, load, look_closer
+from gusjob.lsp.asked import Asked
+from gusjob.lsp.asked import key_of as place_key
+from gusjob.lsp.desk import Desk
 from gusjob.lsp.judge import replacement
 from gusjob.lsp.text import Text, utf8
+from gusjob.mend import MENDS, key_of, mended
 from gusjob.syntax.statements import strip_comment
+
+_BOM = b"\xef\xbb\xbf"
 
 # Layout.
 
@@ -53,19 +61,20 @@ def _common(a: bytes, b: bytes) -> int:
 
 
 def fixes(asked: Asked, place: lsp.Range) -> list[lsp.CodeAction] | None:
-    """For faults at a place whose hint names one replacement: that one."""
+    """For faults at a place whose hint names one replacement: that one; else the mend of `gusjob check --fix`."""
     if asked.judged is None:
         return None
-    text, found = asked.task.text, []
+    text, found, mending = asked.task.text, list[lsp.CodeAction](), _Mending(asked)
     for fault in asked.judged.faults:
         if fault.span.path or fault.path != asked.judged.top or fault.rule is rules.MORE:
             continue
         where = text.range(fault.span)
-        if key_of(where.end) < key_of(place.start) or key_of(place.end) < key_of(where.start):
+        if place_key(where.end) < place_key(place.start) or place_key(place.end) < place_key(where.start):
             continue
         meant = replacement(fault, text)
         edit = _replaced(text, where, meant["old"], meant["new"]) if meant else None
         if edit is None:
+            found += mending.action(fault)
             continue
         found.append(
             lsp.CodeAction(
@@ -76,6 +85,44 @@ def fixes(asked: Asked, place: lsp.Range) -> list[lsp.CodeAction] | None:
             )
         )
     return found
+
+
+MAX_MENDS = 8
+"""So many mends are looked for at a place: each is proved, which takes as long as judging the text."""
+
+
+@dataclass(slots=True)
+class _Mending:
+    """The mends of one text; nothing is judged before there is a fault that has one."""
+
+    asked: Asked
+    looked_for: int = 0
+    before: Loaded | None = None
+
+    def action(self, fault: Diagnostic) -> list[lsp.CodeAction]:
+        """What `gusjob check --fix` would make of one fault, if it would."""
+        task, judged = self.asked.task, self.asked.judged
+        own = judged is not None and task.path is not None and judged.top == str(task.path)
+        if fault.rule.code not in MENDS or not own or self.looked_for >= MAX_MENDS:
+            return []
+        self.looked_for += 1
+        if self.before is None:
+            self.before = self.loaded(task.text.data)
+            look_closer(self.before)
+        key = key_of(fault)
+        done = mended(self.before, self.loaded, lambda other: key_of(other) == key)
+        if not done.count:
+            return []
+        bom = _BOM * task.text.data.startswith(_BOM)
+        edit = lsp.WorkspaceEdit(changes={task.uri: [_edit(task.text, bom + done.data)]})
+        title = said(Phrase("Mend: {title}", title=Phrase(fault.rule.title)))
+        return [lsp.CodeAction(title=title, kind=lsp.CodeActionKind.QuickFix, edit=edit, is_preferred=True)]
+
+    def loaded(self, data: bytes) -> Loaded:
+        """A text in the place of the editor's, with all that is open beside it."""
+        task = self.asked.task
+        assert task.path is not None
+        return load(Desk(task.open_texts).path(task.path), None, data=data)
 
 
 def _replaced(text: Text, where: lsp.Range, old: str, new: str) -> lsp.TextEdit | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,13 +18,14 @@ from lsprotocol.types import (
 )
 
 from gusjob import rules
-from gusjob.checks import check
-from gusjob.diagnostics import Diagnostic, Severity, Span, printable
-from gusjob.loading import Loaded, in_order, load, look_closer
+from gusjob.diagnostics import Diagnostic, Phrase, Severity, Span, printable, said
+from gusjob.loading import Loaded, load, look_closer, selected
+from gusjob.loading import judge as judge_source
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.text import Text
-from gusjob.machine import Machine
-from gusjob.syntax import check_text, is_listing, read_job, read_listing
+from gusjob.selection import NOTHING_ASKED
+from gusjob.syntax import check_text
+from gusjob.syntax.statements import COMPARED
 
 SOURCE = "gusjob"
 MAX_SHOWN = 500
@@ -37,9 +37,6 @@ _SEVERITIES = {
     Severity.NOTE: DiagnosticSeverity.Information,
 }
 _UNUSED = {rules.NEVER_READ.code, rules.NEVER_CALLED.code}
-_MEANT = re.compile(r"; did you mean (\S+)\?$")
-_GLUED = re.compile(r"; a unit is glued to its number: (\S+)$")
-_COMPARED = "; a comparison is written =="
 
 
 @dataclass(slots=True)
@@ -65,7 +62,8 @@ def judge(name: str, path: Path | None, data: bytes, desk: Desk) -> Judged:
     look_closer(loaded)
     own = {str(path.resolve()), *([str(loaded.profile.resolve())] if loaded.profile else [])}
     files = frozenset(desk.read) - own
-    return Judged(top=name, faults=loaded.faults, desk=desk, profile=loaded.profile, files=files)
+    faults = selected(loaded, NOTHING_ASKED)
+    return Judged(top=name, faults=faults, desk=desk, profile=loaded.profile, files=files)
 
 
 def _homeless(name: str, data: bytes) -> list[Diagnostic]:
@@ -73,13 +71,10 @@ def _homeless(name: str, data: bytes) -> list[Diagnostic]:
     source, faults = check_text(data, name)
     if source is None:
         return faults
-    if is_listing(source):
-        stream, faults = read_listing(source)
-        loaded = Loaded(path=Path(name), source=source, stream=stream, faults=faults)
-        look_closer(loaded)
-        return loaded.faults
-    job, faults = read_job(source, Machine())
-    return in_order([*faults, *check(job, Machine())])
+    loaded = Loaded(path=Path(name), source=source)
+    judge_source(loaded, source)
+    look_closer(loaded)
+    return loaded.faults
 
 
 @dataclass(slots=True)
@@ -130,15 +125,14 @@ def shown(places: Places) -> dict[str, list[Shown]]:
 
 
 def _shown(fault: Diagnostic, text: Text, places: Places) -> Shown:
-    times = f" ({fault.count:,} times)" if fault.count > 1 else ""
     unused = fault.rule.code in _UNUSED
     related = [
-        DiagnosticRelatedInformation(location=places.location(r.span, fault.path), message=printable(r.message))
+        DiagnosticRelatedInformation(location=places.location(r.span, fault.path), message=printable(r.said))
         for r in fault.remarks
     ]
     return Shown(
         range=text.range(fault.span),
-        message=printable(fault.message) + times,
+        message=printable(fault.said_with_count),
         severity=DiagnosticSeverity.Hint if unused else _SEVERITIES[fault.severity],
         code=fault.rule.code,
         source=SOURCE,
@@ -151,12 +145,13 @@ def _shown(fault: Diagnostic, text: Text, places: Places) -> Shown:
 def _pointer(judged: Judged, places: Places) -> Shown:
     """A profile that can't be used: said in the job, too, since nothing else is said of it."""
     first = judged.faults[0]
+    profile = judged.profile.name if judged.profile else ""
     there = DiagnosticRelatedInformation(
-        location=places.location(first.span, first.path), message=printable(first.message)
+        location=places.location(first.span, first.path), message=printable(first.said)
     )
     return Shown(
         range=places.text.range(Span(line=1)),
-        message=f"not checked: {judged.profile.name if judged.profile else ''}: {printable(first.message)}",
+        message=said(Phrase("not checked: {profile}: {why}", profile=profile, why=printable(first.said))),
         severity=DiagnosticSeverity.Error,
         code=first.rule.code,
         source=SOURCE,
@@ -166,15 +161,14 @@ def _pointer(judged: Judged, places: Places) -> Shown:
 
 def replacement(fault: Diagnostic, text: Text) -> dict[str, str]:
     """The one word to put in the place of another, where a fault's hint names it: {'old': ..., 'new': ...}."""
-    hint = str(fault.fields.get("hint", ""))
+    hint = fault.fields.get("hint", "")
     old = str(next((fault.fields[k] for k in ("found", "name", "word", "call") if k in fault.fields), "")).strip("'")
-    if not old:
+    if not old or not isinstance(hint, Phrase):
         return {}
-    if match := _MEANT.search(hint):
-        new = match[1]
+    if new := hint.fields.get("near"):
         return {"old": old, "new": new.lower() if old.islower() and new.isupper() else new}
-    if hint == _COMPARED:
+    if hint == COMPARED:
         return {"old": old, "new": "=="}
-    if match := _GLUED.search(hint):
-        return {"old": f"{match[1].removesuffix(old)} {old}", "new": match[1]}
+    if glued := hint.fields.get("glued"):
+        return {"old": f"{glued.removesuffix(old)} {old}", "new": glued}
     return {}

@@ -25,6 +25,7 @@ from gusjob.lsp.judge import Judged
 from gusjob.lsp.look import definition, hover, symbols
 from gusjob.lsp.text import Text, utf8
 from gusjob.lsp.worker import Answer, Task, Worker
+from gusjob.translate import language_of, speak
 
 T = TypeVar("T")
 
@@ -260,9 +261,14 @@ async def _aside(answer: Callable[..., T], *given: Any) -> T:
     return await asyncio.get_running_loop().run_in_executor(None, answer, *given)
 
 
-def make_server() -> Server:
+def make_server(*, follow: bool = False) -> Server:
     """A server with all that it offers."""
     server = Server()
+
+    @server.feature(lsp.INITIALIZE)
+    def _(params: lsp.InitializeParams) -> None:
+        if follow and params.locale:
+            speak(language_of(params.locale))
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
     def saved(params: lsp.DidSaveTextDocumentParams) -> None:
@@ -351,19 +357,19 @@ def _settle() -> None:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
-def serve_pipes(stdin: BinaryIO, stdout: BinaryIO) -> int:
+def serve_pipes(stdin: BinaryIO, stdout: BinaryIO, *, follow: bool = False) -> int:
     """Serve over standard input and output until the client ends it or is gone; 0 if it said so before (LSP 3.17,
-    exit)."""
+    exit). `follow`: speak the editor's language."""
     _settle()
-    server = make_server()
+    server = make_server(follow=follow)
     server.start_io(stdin, cast(BinaryIO, _Pipe(stdout)))
     return 0 if server.ended_well else 1
 
 
-def serve_port(port: int) -> int:
+def serve_port(port: int, *, follow: bool = False) -> int:
     """The same for one client on this computer. Raises OSError if the port can't be had."""
     _settle()
-    server = make_server()
+    server = make_server(follow=follow)
     with suppress(SystemExit):
         server.start_tcp(HOST, port)
     return 0 if server.ended_well else 1

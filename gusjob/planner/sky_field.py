@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Collector
+from gusjob.diagnostics import Collector, Phrase
 from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
 from gusjob.stream import Run
@@ -17,6 +17,7 @@ from gusjob.stream import Run
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
+_RUN_IN, _RUN_OUT = Phrase("run-in"), Phrase("run-out")
 _SLACK_PULSE = 1.5
 """Rounding to whole pulses may take a run so far."""
 
@@ -45,7 +46,7 @@ def stays_in_field(state: Plan) -> Plan:
         below, above = low - lowest / scale, highest / scale - high
         over = np.maximum(below, above)
         value = np.where(below > above, lowest / scale, highest / scale)
-        for kind, what, word in ((Run.RUN_IN, "run-in", "NPREV"), (Run.RUN_OUT, "run-out", "NPOST")):
+        for kind, what, word in ((Run.RUN_IN, _RUN_IN, "NPREV"), (Run.RUN_OUT, _RUN_OUT, "NPOST")):
             fields = {"what": what, "word": word, "axis": axis, "low": low, "high": high}
             mine = np.flatnonzero((run[runs] == kind) & (over > _SLACK_PULSE / scale))
             _report(state, collector, runs[mine], over[mine], value[mine], fields)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gusjob import rules
 from gusjob.checks.view import CHANNELS
-from gusjob.diagnostics import Collector, Diagnostic, Rule, has_errors
+from gusjob.diagnostics import Collector, Diagnostic, Phrase, Rule, has_errors
 from gusjob.job import Op, shown_units
 from gusjob.limits import RUN_STEP_US
 from gusjob.motion import distance_run
@@ -28,6 +28,11 @@ _COARSE_PULSE = 3.0
 """So much the beam may be off where light is switched before a warning is due."""
 _AT_SPEED = 0.02
 """By how much of it a mark's speed may be missed at its ends: rounding of small circles makes as much."""
+
+
+_ON, _OFF = Phrase("on"), Phrase("off")
+_BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("behind the end of the motion")
+_INTO, _RAISE_NPOST = Phrase("into a DWELL"), Phrase("raise NPOST")
 
 
 def switch_faults(state: Plan, timeline: Timeline, events: Events, place: Floats) -> list[Diagnostic]:
@@ -50,17 +55,19 @@ def switch_faults(state: Plan, timeline: Timeline, events: Events, place: Floats
     into_us = np.where(dwell, np.minimum(time - times[cell], times[cell + 1] - time), 0.0) * US_PER_MS
     crosses_us = np.where(dark_us > _NO_TIME_US, 0.0, waits_us)
     for what, switch, faults in (
-        ("on", events.op == Op.ON, (
-            (before_us, "before the motion begins", "shorten LASER DELAY ON, or raise NPREV"),
-            (behind_us, "behind the end of the motion", "raise NPOST"),
-            (into_us, "into a DWELL", "raise NPOST, or shorten LASER DELAY ON"),
-            (waits_us, "before what stands in front of it is done", "raise NPREV and NPOST, or SHIFT"),
+        (_ON, events.op == Op.ON, (
+            (before_us, _BEFORE, Phrase("shorten LASER DELAY ON, or raise NPREV")),
+            (behind_us, _BEHIND, _RAISE_NPOST),
+            (into_us, _INTO, Phrase("raise NPOST, or shorten LASER DELAY ON")),
+            (waits_us, Phrase("before what stands in front of it is done"),
+             Phrase("raise NPREV and NPOST, or SHIFT")),
         )),
-        ("off", events.op == Op.OFF, (
-            (before_us, "before the motion begins", "shorten LASER DELAY OFF, or raise NPREV"),
-            (behind_us, "behind the end of the motion", "raise NPOST"),
-            (into_us, "into a DWELL", "raise NPOST, or shorten LASER DELAY OFF"),
-            (crosses_us, "before it is switched on", "bring ON and OFF of LASER DELAY nearer to each other"),
+        (_OFF, events.op == Op.OFF, (
+            (before_us, _BEFORE, Phrase("shorten LASER DELAY OFF, or raise NPREV")),
+            (behind_us, _BEHIND, _RAISE_NPOST),
+            (into_us, _INTO, Phrase("raise NPOST, or shorten LASER DELAY OFF")),
+            (crosses_us, Phrase("before it is switched on"),
+             Phrase("bring ON and OFF of LASER DELAY nearer to each other")),
         )),
     ):  # fmt: skip
         for amount, where, mend in faults:
@@ -109,7 +116,7 @@ def _report_coarse(state: Plan, timeline: Timeline, events: Events, collector: C
     from_start_us = (time - times[events.ref]) * US_PER_MS
     from_end_us = (time - times[events.ref + 1]) * US_PER_MS
     coarse = off_pulse > _COARSE_PULSE
-    for what, op in (("on", Op.ON), ("off", Op.OFF)):
+    for what, op in ((_ON, Op.ON), (_OFF, Op.OFF)):
         for word, beyond_us in (("NPREV", -from_start_us), ("NPOST", from_end_us)):
             which = (events.op == op) & coarse & (beyond_us > 0)
             columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "word": word, "error": error_um}
@@ -121,7 +128,7 @@ def _report_slow(state: Plan, timeline: Timeline, events: Events, collector: Col
     """Marks that are not at speed where their light should come or go: look-ahead slows them for a corner inside."""
     shown, laid, (px, py) = shown_units(state.job, state.machine), state.segments, state.machine.pulses_per_mm
     assert laid is not None
-    for what, op, before in (("begins", Op.ON, 1), ("ends", Op.OFF, 0)):
+    for what, op, before in ((Phrase("begins"), Op.ON, 1), (Phrase("ends"), Op.OFF, 0)):
         mark = events.ref[events.op == op]
         passed, wanted = timeline.profile.end[mark - before], state.vel[mark]
         slow = passed < wanted * (1 - _AT_SPEED)

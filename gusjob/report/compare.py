@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import orjson
+from rich.cells import cell_len
 
-from gusjob.diagnostics import figure, number
+from gusjob.diagnostics import Phrase, figure, number, said
 from gusjob.report.earlier import (
     ANY_UNIT,
     CHANNELS,
@@ -24,7 +25,7 @@ from gusjob.report.earlier import (
     flat_totals,
 )
 from gusjob.report.match import Rows, matched_rows
-from gusjob.report.rows import Report, SegmentKind
+from gusjob.report.rows import OFF_OUTPUT, Report, SegmentKind
 
 MAX_ROWS = 40
 
@@ -32,6 +33,17 @@ _ROUNDING = 1e-9
 """Figures that differ by less, in parts of the larger one, differ by the order in which they were summed."""
 _NOTHING = 1e-6
 """Less is no difference either: a nanosecond, a nanometre, a millionth of a unit of power, a nanojoule."""
+
+
+_WORDS = {
+    "segments": Phrase("segments"), "stages": Phrase("stages"), "duration_ms": Phrase("duration_ms"),
+    "period_us": Phrase("period_us"), "mark_mm": Phrase("mark_mm"), "jump_mm": Phrase("jump_mm"),
+    "emission_ms": Phrase("emission_ms"), "power": Phrase("power"), "power_min": Phrase("power_min"),
+    "power_mean": Phrase("power_mean"), "power_max": Phrase("power_max"), "power_ms": Phrase("power_ms"),
+    "joules": Phrase("joules"), "lit_at_end": Phrase("lit_at_end"), "clamped_ms": Phrase("clamped_ms"),
+    "before_motion_power_ms": Phrase("before_motion_power_ms"), "unit": Phrase("unit"), **OFF_OUTPUT,
+}  # fmt: skip
+"""Names of figures as in the JSON, for people."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -256,40 +268,51 @@ def _word(kind: int) -> str:
     return SegmentKind(kind).word
 
 
-def _count(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def _count_totals(count: int) -> Phrase:
+    return Phrase("{count} total", count=count) if count == 1 else Phrase("{count} totals", count=count)
+
+
+def _count_segments(count: int) -> Phrase:
+    return Phrase("{count} segment", count=count) if count == 1 else Phrase("{count} segments", count=count)
 
 
 def verdict(comparison: Comparison) -> list[str]:
     """What came out, and how it was compared."""
     within, rows = f"{figure(comparison.tolerance_pct)} %", comparison.segments
-    said = []
+    totals = _count_totals(len(comparison.totals))
+    told: list[str] = []
     if comparison.same:
-        said.append(f"same within {within}")
+        told.append(Phrase("same within {within}", within=within))
     elif rows is None:
-        said.append(f"moved by more than {within}: {_count(len(comparison.totals), 'total')}")
+        told.append(Phrase("moved by more than {within}: {totals}", within=within, totals=totals))
     else:
-        said.append(
-            f"moved by more than {within}: {_count(len(comparison.totals), 'total')}, "
-            f"{_count(len(rows.changed), 'segment')}; {len(rows.appeared)} new, {len(rows.vanished)} vanished"
+        told.append(
+            Phrase(
+                "moved by more than {within}: {totals}, {segments}; {new} new, {vanished} vanished",
+                within=within,
+                totals=totals,
+                segments=_count_segments(len(rows.changed)),
+                new=len(rows.appeared),
+                vanished=len(rows.vanished),
+            )
         )
     if rows is None:
-        said.append("the earlier report has totals only: segments are not compared")
+        told.append(Phrase("the earlier report has totals only: segments are not compared"))
     elif rows.shifted:
-        said.append("line numbers changed: lines are matched in their order")
-    said += [
-        f"the unit of channel {total.channel} changed: its powers are not compared"
+        told.append(Phrase("line numbers changed: lines are matched in their order"))
+    told += [
+        Phrase("the unit of channel {channel} changed: its powers are not compared", channel=total.channel)
         for total in comparison.totals
         if total.what == "unit"
     ]
-    return said
+    return told
 
 
 def totals_rows(comparison: Comparison) -> list[list[str]]:
-    """Each total that moved as its name, unit, old and new value, and change."""
+    """Each total that moved as its name, unit, old and new value, and change; for people, in their language."""
     return [
         [
-            total.what if total.channel is None else f"channel {total.channel} {total.what}",
+            said(_total_name(total)),
             f"{total.unit}{'*ms' * total.what.endswith('_ms')}" if total.unit and "power" in total.what else "",
             _total_figure(total.what, total.old),
             _total_figure(total.what, total.new),
@@ -299,6 +322,11 @@ def totals_rows(comparison: Comparison) -> list[list[str]]:
     ]
 
 
+def _total_name(total: Total) -> Phrase:
+    word = _WORDS[total.what]
+    return word if total.channel is None else Phrase("channel {channel} {what}", channel=total.channel, what=word)
+
+
 def _total_figure(what: str, value: float | str | None) -> str:
     if isinstance(value, str):
         return value
@@ -306,9 +334,12 @@ def _total_figure(what: str, value: float | str | None) -> str:
 
 
 def segment_rows(segments: Segments, most: int = MAX_ROWS) -> Iterator[list[str]]:
-    """A head and a row for each of the first segments that moved, are new or vanished; a last row counts the others."""
+    """A head and a row for each of the first segments that moved, are new or vanished; a last row counts the others.
+
+    In the user's language.
+    """
     shown = _shown(segments.moved)
-    yield ["segment", "line", "kind", *shown]
+    yield [*map(said, _SEGMENT_HEADS), *(said(_head(name)) for name in shown)]
     changed = segments.changed
     for pair in changed[:most].tolist():
         yield _changed_row(segments, pair, shown.values())
@@ -316,13 +347,25 @@ def segment_rows(segments: Segments, most: int = MAX_ROWS) -> Iterator[list[str]
     new, old = segments.new, segments.old
     blank = [""] * len(shown)
     for row in segments.appeared[:rest].tolist():
-        yield [str(row + 1), str(new["line"][row]), f"new {_word(new['kind'][row])}", *blank]
+        kind = SegmentKind(new["kind"][row]).said
+        yield [str(row + 1), str(new["line"][row]), said(Phrase("new {kind}", kind=kind)), *blank]
     rest -= min(len(segments.appeared), rest)
     for row in segments.vanished[:rest].tolist():
-        yield ["-", str(old["line"][row]), f"vanished {_word(old['kind'][row])}", *blank]
+        kind = SegmentKind(old["kind"][row]).said
+        yield ["-", str(old["line"][row]), said(Phrase("vanished {kind}", kind=kind)), *blank]
     more = len(changed) + len(segments.appeared) + len(segments.vanished) - most
     if more > 0:
-        yield ["...", "", f"{more} more", *blank]
+        yield ["...", "", said(Phrase("{count} more", count=more)), *blank]
+
+
+_SEGMENT_HEADS = (Phrase("segment"), Phrase("line"), Phrase("kind"))
+
+
+def _head(name: str) -> str:
+    """Of a column of the segments: duration_ms, ch0_power ..."""
+    if name in _WORDS:
+        return _WORDS[name]
+    return Phrase("ch{channel}_{what}", channel=name[2], what=_WORDS[name[4:]])
 
 
 def _shown(moved: dict[str, Moved]) -> dict[str, Moved]:
@@ -349,7 +392,7 @@ def _changed_row(segments: Segments, pair: int, shown: Iterable[Moved]) -> list[
     cells = [
         str(row + 1),
         _from_to(str(segments.old["line"][old_row]), str(segments.new["line"][row])),
-        _from_to(_word(segments.old["kind"][old_row]), _word(segments.new["kind"][row])),
+        _from_to(SegmentKind(segments.old["kind"][old_row]).said, SegmentKind(segments.new["kind"][row]).said),
     ]
     for what in shown:
         at = int(np.searchsorted(what.pair, pair))
@@ -371,10 +414,15 @@ def _percent(change_pct: float | None) -> str:
 def comparison_text(comparison: Comparison) -> str:
     """For a terminal."""
     first, *others = verdict(comparison)
-    lines = [f"against {comparison.path}: {first}", *(f"  {line}" for line in others)]
+    against = Phrase("against {report}: {outcome}", report=comparison.path, outcome=first)
+    lines = [said(against), *(f"  {said(line)}" for line in others)]
     totals = [[what, unit, f"{old} -> {new}", change] for what, unit, old, new, change in totals_rows(comparison)]
     for rows in (totals, [*segment_rows(comparison.segments)] if comparison.segments else []):
         if len(rows) > (rows is not totals):
-            widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-            lines += ["", *("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)]
+            widths = [max(map(cell_len, column)) for column in zip(*rows, strict=True)]
+            lines += ["", *("  ".join(map(_padded, row, widths)).rstrip() for row in rows)]
     return "\n".join(lines) + "\n"
+
+
+def _padded(cell: str, width: int) -> str:
+    return cell + " " * (width - cell_len(cell))  # A wide character takes two columns.

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from gusjob.diagnostics import printable
+from gusjob.diagnostics import Phrase, all_of, printable, system_words
 from gusjob.limits import PowerMode
 from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
 
@@ -48,6 +48,10 @@ class Earlier:
 class _NotAReportError(Exception):
     """Why a file is no report."""
 
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
 
 def read_earlier(path: Path) -> tuple[Earlier | None, str]:
     """The report in a JSON file; None and the reason where there is none."""
@@ -56,46 +60,60 @@ def read_earlier(path: Path) -> tuple[Earlier | None, str]:
             data = file.read(MAX_EARLIER_MB * 1_000_000 + 1)
         return _earlier(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
     except OSError as error:
-        return None, f"can't read this file: {(error.strerror or type(error).__name__).lower()}"
+        why = system_words((error.strerror or type(error).__name__).lower())
+        return None, Phrase("can't read this file: {why}", why=why)
     except _NotAReportError as error:
-        return None, printable(str(error))
+        return None, error.reason
     except ValueError:  # A NUL in the name.
-        return None, "can't read this file: no such name"
+        return None, Phrase("can't read this file: no such name")
 
 
 def _earlier(path: str, data: bytes) -> Earlier:
     if len(data) > MAX_EARLIER_MB * 1_000_000:
-        raise _NotAReportError(f"this file is too large; gusjob reads up to {MAX_EARLIER_MB} MB")
+        raise _NotAReportError(Phrase("this file is too large; gusjob reads up to {most} MB", most=MAX_EARLIER_MB))
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise _NotAReportError("it looks like UTF-16; write the report with -o")
+        raise _NotAReportError(Phrase("it looks like UTF-16; write the report with -o"))
     try:
         found = orjson.loads(data)
     except orjson.JSONDecodeError as error:
-        raise _NotAReportError(
-            f"this is not JSON: {error.msg[:80]} (line {error.lineno}, column {error.colno})"
-        ) from None
+        reason = Phrase(
+            "this is not JSON: {why} (line {line}, column {column})",
+            why=printable(error.msg[:80]),
+            line=error.lineno,
+            column=error.colno,
+        )
+        raise _NotAReportError(reason) from None
     if type(found) is not dict or found.get("schema") != REPORT_SCHEMA:
-        raise _NotAReportError(f'this is no report of gusjob report --format json (schema "{REPORT_SCHEMA}")')
+        reason = Phrase('this is no report of gusjob report --format json (schema "{schema}")', schema=REPORT_SCHEMA)
+        raise _NotAReportError(reason)
     totals = flat_totals(_typed(found, "totals", dict)) | {("period_us", None, None): _figure(found, "period_us")}
     columns = _columns(_typed(found, "segments", dict)) if "segments" in found else None
     return Earlier(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)
 
 
-_JSON_WORDS: dict[type, str] = {dict: "object", list: "array", str: "string", int: "whole number"}
+_JSON_WORDS: dict[type, str] = {
+    dict: Phrase("object"),
+    list: Phrase("array"),
+    str: Phrase("string"),
+    int: Phrase("whole number"),
+}
 
 
 def _typed(holder: dict[str, Any], name: str, wanted: type) -> Any:
     if type(holder.get(name)) is not wanted:
-        raise _NotAReportError(
-            f"{name} is not a JSON {_JSON_WORDS[wanted]}" if name in holder else f"{name} is missing"
-        )
+        what = Phrase("{name} is not a JSON {wanted}", name=name, wanted=_JSON_WORDS[wanted])
+        raise _NotAReportError(what if name in holder else _missing(name))
     return holder[name]
+
+
+def _missing(name: str) -> Phrase:
+    return Phrase("{name} is missing", name=name)
 
 
 def _figure(holder: dict[str, Any], name: str, *kinds: type) -> float:
     """A number, or what else it may be; null is NaN."""
     if type(value := holder.get(name)) not in (int, float, *kinds) or name not in holder:
-        raise _NotAReportError(f"{name} is not a number" if name in holder else f"{name} is missing")
+        raise _NotAReportError(Phrase("{name} is not a number", name=name) if name in holder else _missing(name))
     return float("nan") if value is None else float(value)
 
 
@@ -108,10 +126,10 @@ def flat_totals(totals: dict[str, Any]) -> dict[Key, float]:
     }
     for entry in _typed(totals, "channels", list):
         if type(entry) is not dict:
-            raise _NotAReportError("channels holds something that is not a JSON object")
+            raise _NotAReportError(Phrase("channels holds something that is not a JSON object"))
         channel, unit = _typed(entry, "channel", int), _typed(entry, "unit", str)
         if channel not in CHANNELS or unit not in _UNITS:
-            raise _NotAReportError("channels holds an unknown channel or unit")
+            raise _NotAReportError(Phrase("channels holds an unknown channel or unit"))
         for name in _TOTALS:
             if name in entry or name in _REQUIRED:
                 flat[name, channel, unit] = _figure(entry, name, bool if name == "lit_at_end" else type(None))
@@ -131,22 +149,22 @@ def _columns(found: dict[str, Any]) -> Columns:
     columns: dict[str, npt.NDArray[Any]] = {name: _figures(found, name) for name in names}
     columns["kind"] = _kinds(_typed(found, "kind", list))
     if len({len(column) for column in columns.values()}) > 1:
-        raise _NotAReportError("the columns of segments are not equally long")
+        raise _NotAReportError(Phrase("the columns of segments are not equally long"))
     lines = columns["line"]
     if not ((lines == np.floor(lines)) & (lines >= 0) & (lines < 2**53)).all():
-        raise _NotAReportError("line holds something that is no line number")
+        raise _NotAReportError(Phrase("line holds something that is no line number"))
     return {**columns, "line": lines.astype(np.int64)}
 
 
 def _figures(found: dict[str, Any], name: str) -> Floats:
     values = _typed(found, name, list)
     if not set(map(type, values)) <= {int, float, type(None)}:
-        raise _NotAReportError(f"{name} holds something that is not a number")
+        raise _NotAReportError(Phrase("{name} holds something that is not a number", name=name))
     return np.array(values, dtype=np.float64)  # None becomes NaN.
 
 
 def _kinds(words: list[Any]) -> npt.NDArray[np.int8]:
     numbers = {kind.word: kind.value for kind in SegmentKind}
     if set(map(type, words)) - {str} or set(words) - numbers.keys():
-        raise _NotAReportError(f"kind holds something that is none of {', '.join(numbers)}")
+        raise _NotAReportError(Phrase("kind holds something that is none of {words}", words=all_of(numbers)))
     return np.array([numbers[word] for word in words], dtype=np.int8)

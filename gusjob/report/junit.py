@@ -47,7 +47,7 @@ class JUnitReport:
             time="0",
         )
         kind = self._kind(fault, readable=readable)
-        about = {} if kind == "system-out" else {"type": code, "message": printable(fault.message)}
+        about = {} if kind == "system-out" else {"type": code, "message": printable(fault.said)}
         SubElement(case, kind, about).text = "\n".join(map(printable, describe(fault).split("\n")))
         return case
 

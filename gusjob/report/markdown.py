@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.diagnostics import Diagnostic, figure, printable
+from gusjob.diagnostics import Diagnostic, Phrase, figure, printable, said
 from gusjob.report.compare import Comparison, segment_rows, totals_rows, verdict
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.match import Rows
-from gusjob.report.rows import Report, SegmentKind
+from gusjob.report.rows import Report, SegmentKind, while_off
 
 MAX_CHARACTERS = 65_000
 """A comment on GitHub holds 65,536."""
@@ -21,11 +21,17 @@ MAX_ROWS = 40
 MAX_DIAGNOSTICS = 30
 _MAX_NAME = 150
 _MAX_MESSAGE = 300
-_HEADS = {"line": "line", "kind": "kind", "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm", "duration_ms": "ms",
-          "vel_mean_mm_s": "mm/s"}  # fmt: skip
-_RUNS = {"run_in_mm": "run-ins mm", "run_out_mm": "run-outs mm"}
-_CHANNEL_HEADS = {"emission_ms": "on ms", "power_min": "min", "power_mean": "mean", "power_max": "max",
-                  "power_ms": "power*ms", "joules": "J"}  # fmt: skip
+_HEADS = {"line": Phrase("line"), "kind": Phrase("kind"), "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm",
+          "duration_ms": "ms", "vel_mean_mm_s": "mm/s"}  # fmt: skip
+_RUNS = {"run_in_mm": Phrase("run-ins mm"), "run_out_mm": Phrase("run-outs mm")}
+_CHANNEL_HEADS = {"emission_ms": Phrase("on ms"), "power_min": Phrase("min"), "power_mean": Phrase("mean"),
+                  "power_max": Phrase("max"), "power_ms": Phrase("power*ms"), "joules": "J"}  # fmt: skip
+_TOTAL_HEADS = (Phrase("segments"), Phrase("stages"), "ms", Phrase("marks mm"), Phrase("jumps mm"))
+_CHANNEL_TOTAL_HEADS = (Phrase("channel"), Phrase("unit"), Phrase("on ms"), Phrase("unit*ms"), Phrase("highest"), "J",
+                        Phrase("held by a limit ms"), Phrase("while off"))  # fmt: skip
+_MARKING_HEADS = (Phrase("channel"), Phrase("marking"), Phrase("unit"), Phrase("marks"), Phrase("worst"),
+                  Phrase("typical"))  # fmt: skip
+_MOVED_HEADS = (Phrase("total"), Phrase("unit"), Phrase("old"), Phrase("new"), Phrase("change"))
 
 
 def report_markdown(
@@ -38,7 +44,7 @@ def report_markdown(
 ) -> str:
     """Totals, comparison, diagnostics, and the segments unless `summary`; no report means that the job was not run."""
     lines = [f"## {code(name)}", ""]
-    lines += ["Not run: it has errors.", ""] if report is None else _totals(report)
+    lines += [said(Phrase("Not run: it has errors.")), ""] if report is None else _totals(report)
     lines += _comparison(comparison) if comparison is not None else []
     lines += _diagnostics(faults)
     lines += [] if summary or report is None else _segments(report)
@@ -56,7 +62,7 @@ def code(text: str, most: int = _MAX_NAME) -> str:
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]], left: int = 1) -> Iterator[str]:
     """A table: `left` columns of words, then figures. A user's text has no place in it: a pipe would end its cell."""
-    names = list(head)
+    names = [said(name) for name in head]
     yield _row(names)
     yield _row(["---"] * left + ["---:"] * (len(names) - left))
     yield from map(_row, rows)
@@ -73,29 +79,28 @@ def _totals(report: Report) -> Iterator[str]:
     names = ("duration_ms", "mark_mm", "jump_mm", *runs)
     figures = [*(figure(totals[name]) for name in names), figure(report.period_us)]
     yield from _table(
-        ["segments", "stages", "ms", "marks mm", "jumps mm", *runs.values(), "period us"],
+        [*_TOTAL_HEADS, *runs.values(), Phrase("period us")],
         [[str(totals["segments"]), str(totals["stages"]), *figures]],
         left=0,
     )
     sums = ("emission_ms", "power_ms", "power_max", "joules", "clamped_ms")
     rows = [
-        [str(one["channel"]), one["unit"], *(figure(one[name]) for name in sums), _while_off(one["off_output"])]
+        [str(one["channel"]), one["unit"], *(figure(one[name]) for name in sums), said(while_off(one["off_output"]))]
         for one in totals["channels"]
     ]
     if rows:
-        yield from _table(
-            ["channel", "unit", "on ms", "unit*ms", "highest", "J", "held by a limit ms", "while off"], rows, left=2
-        )
+        yield from _table(_CHANNEL_TOTAL_HEADS, rows, left=2)
     yield from _marking(totals)
     for channel in dict.fromkeys(entry["channel"] for entry in totals["channels"] if entry["lit_at_end"]):
-        yield from (f"**Channel {channel} is left ON.**", "")
+        left_on = Phrase("Channel {channel} is left ON.", channel=channel)
+        yield from (f"**{said(left_on)}**", "")
 
 
 def _marking(totals: dict[str, Any]) -> Iterator[str]:
     """Worst and typical of each figure that is not 0."""
     rows = [
         [
-            str(entry["channel"]), word, marking_unit(name, entry["unit"]), str(entry["marks"]),
+            str(entry["channel"]), said(word), marking_unit(name, entry["unit"]), str(entry["marks"]),
             figure(entry["worst"][name]), figure(entry["typical"][name]),
         ]
         for entry in totals["marking"] or ()
@@ -103,20 +108,18 @@ def _marking(totals: dict[str, Any]) -> Iterator[str]:
         if entry["worst"][name]
     ]  # fmt: skip
     if rows:
-        yield from _table(["channel", "marking", "unit", "marks", "worst", "typical"], rows, left=3)
-
-
-def _while_off(output: dict[str, float] | None) -> str:
-    return ", ".join(f"{name} {figure(value)}" for name, value in output.items()) if output else ""
+        yield from _table(_MARKING_HEADS, rows, left=3)
 
 
 def _comparison(comparison: Comparison) -> Iterator[str]:
-    first, *others = verdict(comparison)
-    yield from (f"### Against {code(comparison.path)}", "", f"{first[0].upper()}{first[1:]}.", "")
+    first, *others = map(said, verdict(comparison))
+    title = Phrase("Against {report}", report=code(comparison.path))
+    outcome = Phrase("{outcome}.", outcome=first[:1].upper() + first[1:])
+    yield from (f"### {said(title)}", "", said(outcome), "")
     yield from (f"- {line}" for line in others)
     yield from [""] if others else []
     if comparison.totals:
-        yield from _table(["total", "unit", "old", "new", "change"], totals_rows(comparison), left=2)
+        yield from _table(_MOVED_HEADS, totals_rows(comparison), left=2)
     if comparison.segments is not None and not comparison.same:
         head, *rows = segment_rows(comparison.segments, MAX_ROWS)
         if rows:
@@ -126,12 +129,14 @@ def _comparison(comparison: Comparison) -> Iterator[str]:
 def _diagnostics(faults: Sequence[Diagnostic]) -> Iterator[str]:
     if not faults:
         return
-    yield from ("### Diagnostics", "")
+    head = Phrase("Diagnostics")
+    yield from (f"### {said(head)}", "")
     for fault in islice(faults, MAX_DIAGNOSTICS):
         place = code(f"{fault.path}:{fault.span.line}")
-        yield f"- {fault.severity.value} {fault.rule.code} {place} {code(fault.message, _MAX_MESSAGE)}"
+        yield f"- {fault.severity.said} {fault.rule.code} {place} {code(fault.said, _MAX_MESSAGE)}"
     if len(faults) > MAX_DIAGNOSTICS:
-        yield f"- {len(faults) - MAX_DIAGNOSTICS} more"
+        more = Phrase("{count} more", count=len(faults) - MAX_DIAGNOSTICS)
+        yield f"- {said(more)}"
     yield ""
 
 
@@ -140,21 +145,25 @@ def _segments(report: Report) -> Iterator[str]:
     if not count:
         return
     rows = np.arange(count) if count <= MAX_ROWS else _worth_seeing(report)
-    some = f"### {len(rows)} of {count} segments: those that take longest, those with most energy"
-    yield from (some if count > MAX_ROWS else "### Segments", "")
+    some = Phrase(
+        "{shown} of {count} segments: those that take longest, those with most energy", shown=len(rows), count=count
+    )
+    title = some if count > MAX_ROWS else Phrase("Segments")
+    yield from (f"### {said(title)}", "")
     channels = [
         name
         for name, column in report.columns.items()
         if name[4:] in _CHANNEL_HEADS and name.startswith("ch") and not np.isnan(column).all()
     ]
     names = [*_HEADS, *channels]
-    head = ["segment", *_HEADS.values(), *(f"{name[:3]} {_CHANNEL_HEADS[name[4:]]}" for name in channels)]
+    of_channels = (Phrase("ch{channel} {what}", channel=name[2], what=_CHANNEL_HEADS[name[4:]]) for name in channels)
+    head = [Phrase("segment"), *_HEADS.values(), *of_channels]
     yield from _table(head, ([str(row + 1), *(_cell(report, name, row) for name in names)] for row in rows.tolist()))
 
 
 def _cell(report: Report, name: str, row: int) -> str:
     value = report.columns[name][row]
-    return SegmentKind(int(value)).word if name == "kind" else figure(float(value))
+    return SegmentKind(int(value)).said if name == "kind" else figure(float(value))
 
 
 def _worth_seeing(report: Report) -> Rows:
@@ -178,4 +187,5 @@ def _bounded(lines: Iterable[str]) -> str:
         return text
     kept = text[: MAX_CHARACTERS - 100].rsplit("\n", 1)[0]
     more = text.count("\n", len(kept)) - 1
-    return f"{kept}\n\n{more} more lines do not fit into a comment.\n"
+    left_out = Phrase("{count} more lines do not fit into a comment.", count=more)
+    return f"{kept}\n\n{said(left_out)}\n"

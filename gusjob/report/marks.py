@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.diagnostics import Phrase
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine
@@ -27,15 +28,15 @@ BIN_MM = 0.05
 """Energy per mm is taken over equal bins of at most so much of the beam's way."""
 
 MARKING_WORDS = {
-    "on_error_um": "on error",
-    "off_error_um": "off error",
-    "on_miss_um": "on miss",
-    "off_miss_um": "off miss",
-    "outside_power_ms": "outside",
-    "power_per_mm_mid": "middle",
-    "power_per_mm_peak": "peak",
-    "power_per_mm_rms_pct": "rms",
-    "corner_miss_um": "corner miss",
+    "on_error_um": Phrase("on error"),
+    "off_error_um": Phrase("off error"),
+    "on_miss_um": Phrase("on miss"),
+    "off_miss_um": Phrase("off miss"),
+    "outside_power_ms": Phrase("outside"),
+    "power_per_mm_mid": Phrase("middle"),
+    "power_per_mm_peak": Phrase("peak"),
+    "power_per_mm_rms_pct": Phrase("rms"),
+    "corner_miss_um": Phrase("corner miss"),
 }
 """The columns that say how good a mark is, in people's words; the totals hold worst and typical of each."""
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.diagnostics import Phrase, all_of, figure, said
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.state import LaserState
 from gusjob.machine import Machine
@@ -37,6 +38,35 @@ class SegmentKind(IntEnum):
     def word(self) -> str:
         """As in the JSON."""
         return self.name.lower()
+
+    @property
+    def said(self) -> str:
+        """For people, in their language."""
+        return said(_KINDS[self])
+
+
+_KINDS = {
+    SegmentKind.MARK: Phrase("mark"),
+    SegmentKind.JUMP: Phrase("jump"),
+    SegmentKind.RUN_IN: Phrase("run_in"),
+    SegmentKind.RUN_OUT: Phrase("run_out"),
+    SegmentKind.DWELL: Phrase("dwell"),
+}
+
+
+OFF_OUTPUT = {
+    "standby_khz": Phrase("standby_khz"),
+    "standby_pct": Phrase("standby_pct"),
+    "prevoltage_v": Phrase("prevoltage_v"),
+}
+"""What a laser gets while it is off: names as in the JSON, for people."""
+
+
+def while_off(output: dict[str, float] | None) -> str:
+    """What a laser gets while it is off; '' if nothing."""
+    return all_of(
+        Phrase("{name} {value}", name=OFF_OUTPUT[name], value=figure(value)) for name, value in (output or {}).items()
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,9 @@ from urllib.parse import quote
 import orjson
 
 from gusjob import __version__
-from gusjob.diagnostics import Diagnostic, Rule, Span, printable
+from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span, printable, said
 from gusjob.rules import RULES
+from gusjob.translate import language, translated
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
@@ -24,6 +25,8 @@ ROOT = "%SRCROOT%"
 FINGERPRINT = "gusjobLine/v1"
 """Our own name (§3.27.17): GitHub's upload adds its own, and complains of a foreign value under that name."""
 
+_LANGUAGES = {"en": "en-US", "zh": "zh-CN"}
+_FULL_STOP, _BAD, _GOOD = Phrase("."), Phrase("Bad"), Phrase("Good")
 _LINK = re.compile(r"\[(?=[^\[\]]*\]\()")
 
 
@@ -65,7 +68,7 @@ class SarifLog:
             }
         result["occurrenceCount"] += fault.count
         for remark in fault.remarks:
-            other = _place(path, fault.path, remark.span) | {"message": {"text": message_text(remark.message)}}
+            other = _place(path, fault.path, remark.span) | {"message": {"text": message_text(remark.said)}}
             if other not in result["relatedLocations"]:
                 result["relatedLocations"].append(other)
 
@@ -83,6 +86,7 @@ class SarifLog:
         results = [_tidy(result) for result in self.results.values()]
         rules, notices = _numbered(results, "ruleId"), _numbered(self.notifications, "ruleId")
         run = {
+            "language": _LANGUAGES[language()],
             "tool": {
                 "driver": {
                     "name": "gusjob",
@@ -109,7 +113,7 @@ def _said(fault: Diagnostic) -> dict[str, Any]:
     return {
         "ruleId": fault.rule.code,
         "level": fault.severity.value,
-        "message": {"text": message_text(fault.message)},
+        "message": {"text": message_text(fault.said)},
     }
 
 
@@ -179,21 +183,23 @@ def descriptor(rule: Rule) -> dict[str, Any]:
     return {
         "id": rule.code,
         "name": "".join(word[0].upper() + word[1:] for word in words),
-        "shortDescription": {"text": _sentence(rule.title)},
-        "fullDescription": {"text": _sentence(rule.why)},
+        "shortDescription": {"text": _sentence(translated(rule.title))},
+        "fullDescription": {"text": _sentence(translated(rule.why))},
         "help": {"text": _help(rule, "{}:\n\n{}"), "markdown": _help(rule, "**{}:**\n\n```\n{}\n```")},
         "defaultConfiguration": {"level": rule.severity.value},
     }
 
 
 def _sentence(text: str) -> str:
-    return text[0].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
+    return text[0].upper() + text[1:] + ("" if text.endswith((".", "!", "?", "。")) else said(_FULL_STOP))
 
 
 def _help(rule: Rule, example: str) -> str:
     """Why a rule is there, and its examples in a form of their own."""
-    parts = [_sentence(rule.why)]
-    examples = (("Bad", rule.bad), ("Good", rule.good))
-    parts += [example.format(name, text.rstrip("\n")) for name, text in examples if text]
-    parts += [f"Section {rule.section} of the controller's manual."] if rule.section else []
+    parts = [_sentence(translated(rule.why))]
+    examples = ((_BAD, rule.bad), (_GOOD, rule.good))
+    parts += [example.format(said(name), text.rstrip("\n")) for name, text in examples if text]
+    parts += (
+        [said(Phrase("Section {section} of the controller's manual.", section=rule.section))] if rule.section else []
+    )
     return "\n\n".join(parts)

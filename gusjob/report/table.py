@@ -11,21 +11,25 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.diagnostics import figure, printable
+from gusjob.diagnostics import Phrase, all_of, figure, printable, said
 from gusjob.report.marks import MARKING_WORDS, marking_unit
-from gusjob.report.rows import Report
+from gusjob.report.rows import Report, SegmentKind, while_off
 
 MAX_ROWS = 40
 _WIDTH = 400
 """Wide enough for two channels: a figure is never cut off; a narrow terminal wraps the line."""
-_HEADS = {"line": "line", "kind": "kind", "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm", "start_ms": "start ms",
-          "duration_ms": "ms", "vel_mean_mm_s": "mm/s", "vel_max_mm_s": "max mm/s"}  # fmt: skip
-_CHANNEL_HEADS = {"emission_ms": "on ms", "power_min": "min", "power_mean": "mean", "power_max": "max",
-                  "joules": "J", "clamped_ms": "held ms", "unit": "unit"}  # fmt: skip
-_MARK_HEADS = {"line": "line", "channel": "ch", "start_ms": "start ms", "length_mm": "mm", "on_error_um": "on err um",
-               "off_error_um": "off err um", "on_miss_um": "on miss um", "off_miss_um": "off miss um",
-               "outside_power_ms": "outside", "power_per_mm_mid": "per mm", "power_per_mm_peak": "peak",
-               "power_per_mm_rms_pct": "rms %", "corner_miss_um": "corner um"}  # fmt: skip
+_HEADS = {"line": Phrase("line"), "kind": Phrase("kind"), "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm",
+          "start_ms": Phrase("start ms"), "duration_ms": "ms", "vel_mean_mm_s": "mm/s",
+          "vel_max_mm_s": Phrase("max mm/s")}  # fmt: skip
+_CHANNEL_HEADS = {"emission_ms": Phrase("on ms"), "power_min": Phrase("min"), "power_mean": Phrase("mean"),
+                  "power_max": Phrase("max"), "joules": "J", "clamped_ms": Phrase("held ms"),
+                  "unit": Phrase("unit")}  # fmt: skip
+_MARK_HEADS = {"line": Phrase("line"), "channel": Phrase("ch"), "start_ms": Phrase("start ms"), "length_mm": "mm",
+               "on_error_um": Phrase("on err um"), "off_error_um": Phrase("off err um"),
+               "on_miss_um": Phrase("on miss um"), "off_miss_um": Phrase("off miss um"),
+               "outside_power_ms": Phrase("outside"), "power_per_mm_mid": Phrase("per mm"),
+               "power_per_mm_peak": Phrase("peak"), "power_per_mm_rms_pct": Phrase("rms %"),
+               "corner_miss_um": Phrase("corner um")}  # fmt: skip
 
 
 def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
@@ -43,64 +47,111 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
     if not summary and len(report):
         console.print(_segments(report))
     if not summary and report.marks and len(report.marks["line"]):
-        console.print(Text("\nmarks (+: late)"))
+        console.print(Text("\n" + said(Phrase("marks (+: late)"))))
         console.print(_marks(report.marks))
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
 
 
 def _summary(report: Report) -> Text:
     totals = report.totals
-    lines = [
-        printable(report.job),
-        f"  {totals['segments']} segments in {totals['stages']} stage{'s' if totals['stages'] != 1 else ''}, "
-        f"{figure(totals['duration_ms'])} ms; marks {figure(totals['mark_mm'])} mm, jumps "
-        f"{figure(totals['jump_mm'])} mm{_runs(totals)}; "
-        f"period {figure(report.period_us)} us{_scanner(report)}",
-    ]
+    lines = [_overall(report)]
     for entry in totals["channels"]:
-        unit = entry["unit"]
-        joules = f", {figure(entry['joules'])} J" if entry["joules"] is not None else ""
-        held = f", held by a limit {figure(entry['clamped_ms'])} ms" if entry["clamped_ms"] else ""
-        off = entry["off_output"]
-        rest = "; while off " + ", ".join(f"{k} {figure(v)}" for k, v in off.items()) if off else ""
-        lines.append(
-            f"  channel {entry['channel']}: on {figure(entry['emission_ms'])} ms, {figure(entry['power_ms'])} "
-            f"{unit}*ms, "
-            f"highest {figure(entry['power_max'])} {unit}{joules}{held}{rest}"
-        )
+        lines.append(_channel(entry))
         if entry["lit_at_end"]:
-            lines.append(f"  channel {entry['channel']} is left ON")
+            lines.append(Phrase("channel {channel} is left ON", channel=entry["channel"]))
     lines += [_marking(entry) for entry in totals["marking"] or ()]
     if report.marks is None:
-        lines.append("  marks are not judged: --marks judges them")
+        lines.append(Phrase("marks are not judged: --marks judges them"))
     lines += [
-        f"  line {r['line']}: GT_GetHSIOOpt reads {r['value']} on channel {r['channel']}"
-        for r in report.notes["readings"]
+        Phrase(
+            "line {line}: GT_GetHSIOOpt reads {value} on channel {channel}",
+            line=reading["line"],
+            value=reading["value"],
+            channel=reading["channel"],
+        )
+        for reading in report.notes["readings"]
     ]
-    return Text("\n".join(lines) + "\n")
+    return Text("\n".join([printable(report.job), *(f"  {said(line)}" for line in lines)]) + "\n")
+
+
+def _overall(report: Report) -> Phrase:
+    totals = report.totals
+    stages = (
+        Phrase("{count} stage", count=totals["stages"])
+        if totals["stages"] == 1
+        else Phrase("{count} stages", count=totals["stages"])
+    )
+    return Phrase(
+        "{segments} segments in {stages}, {duration} ms; marks {mark} mm, jumps {jump} mm{runs}; "
+        "period {period} us{scanner}",
+        segments=totals["segments"],
+        stages=stages,
+        duration=figure(totals["duration_ms"]),
+        mark=figure(totals["mark_mm"]),
+        jump=figure(totals["jump_mm"]),
+        runs=_runs(totals),
+        period=figure(report.period_us),
+        scanner=_scanner(report),
+    )
+
+
+def _channel(entry: dict[str, Any]) -> Phrase:
+    """How much light of a channel there was, in one unit of power."""
+    joules = Phrase(", {joules} J", joules=figure(entry["joules"])) if entry["joules"] is not None else ""
+    held = Phrase(", held by a limit {time} ms", time=figure(entry["clamped_ms"])) if entry["clamped_ms"] else ""
+    off = while_off(entry["off_output"])
+    return Phrase(
+        "channel {channel}: on {time} ms, {power} {unit}*ms, highest {highest} {unit}{joules}{held}{rest}",
+        channel=entry["channel"],
+        time=figure(entry["emission_ms"]),
+        power=figure(entry["power_ms"]),
+        unit=entry["unit"],
+        highest=figure(entry["power_max"]),
+        joules=joules,
+        held=held,
+        rest=Phrase("; while off {output}", output=off) if off else "",
+    )
 
 
 def _scanner(report: Report) -> str:
     """How the beam follows, where that is known."""
     scanner = report.notes["scanner"]
-    return f", scanner {scanner['model']} {figure(scanner['tracking_error_us'])} us" if scanner else ""
+    if not scanner:
+        return ""
+    lag = figure(scanner["tracking_error_us"])
+    return Phrase(", scanner {model} {lag} us", model=scanner["model"], lag=lag)
 
 
 def _runs(totals: dict[str, Any]) -> str:
     """Run-ins and run-outs, where there are any."""
-    words = {"run_in_mm": "run-ins", "run_out_mm": "run-outs"}
-    return "".join(f", {word} {figure(totals[name])} mm" for name, word in words.items() if totals.get(name))
+    run_ins, run_outs = totals.get("run_in_mm"), totals.get("run_out_mm")
+    return Phrase(
+        "{run_ins}{run_outs}",
+        run_ins=Phrase(", run-ins {length} mm", length=figure(run_ins)) if run_ins else "",
+        run_outs=Phrase(", run-outs {length} mm", length=figure(run_outs)) if run_outs else "",
+    )
 
 
-def _marking(entry: dict[str, Any]) -> str:
+def _marking(entry: dict[str, Any]) -> Phrase:
     """Worst and typical of each figure that is not 0."""
-    said = [
-        f"{word} {figure(value)} ({figure(entry['typical'][name])}) {marking_unit(name, entry['unit'])}"
+    figures = all_of(
+        Phrase(
+            "{word} {worst} ({typical}) {unit}",
+            word=word,
+            worst=figure(entry["worst"][name]),
+            typical=figure(entry["typical"][name]),
+            unit=marking_unit(name, entry["unit"]),
+        )
         for name, word in MARKING_WORDS.items()
-        if (value := entry["worst"][name])
-    ]
-    marks = f"{entry['marks']} mark{'s' if entry['marks'] != 1 else ''}"
-    return f"  channel {entry['channel']}: {marks}" + ", worst (typical): " * bool(said) + ", ".join(said)
+        if entry["worst"][name]
+    )
+    channel, count = entry["channel"], entry["marks"]
+    marks = Phrase("{count} mark", count=count) if count == 1 else Phrase("{count} marks", count=count)
+    if not figures:
+        return Phrase("channel {channel}: {marks}", channel=channel, marks=marks)
+    return Phrase(
+        "channel {channel}: {marks}, worst (typical): {figures}", channel=channel, marks=marks, figures=figures
+    )
 
 
 def _segments(report: Report) -> Table:
@@ -110,18 +161,19 @@ def _segments(report: Report) -> Table:
     channels = [n for n in channels if not (n.endswith("joules") and np.isnan(report.columns[n]).all())]
     channels = [n for n in channels if not (n.endswith("clamped_ms") and not report.columns[n].any())]
     for name in names:
-        table.add_column(_HEADS[name], justify="left" if name == "kind" else "right", no_wrap=True)
+        table.add_column(said(_HEADS[name]), justify="left" if name == "kind" else "right", no_wrap=True)
     for name in channels:
-        channel, _, what = name.partition("_")
-        table.add_column(f"{channel} {_CHANNEL_HEADS[what]}", justify="right", no_wrap=True)
-    _fill(table, {name: report.columns[name] for name in (*names, *channels)}, report.words)
+        head = Phrase("ch{channel} {what}", channel=name[2], what=_CHANNEL_HEADS[name[4:]])
+        table.add_column(said(head), justify="right", no_wrap=True)
+    words = report.words | {"kind": tuple(kind.said for kind in SegmentKind)}
+    _fill(table, {name: report.columns[name] for name in (*names, *channels)}, words)
     return table
 
 
 def _marks(marks: dict[str, npt.NDArray[Any]]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in _MARK_HEADS:
-        table.add_column(_MARK_HEADS[name], justify="right", no_wrap=True)
+        table.add_column(said(_MARK_HEADS[name]), justify="right", no_wrap=True)
     _fill(table, {name: marks[name] for name in _MARK_HEADS}, {})
     return table
 
@@ -132,7 +184,7 @@ def _fill(table: Table, columns: dict[str, npt.NDArray[Any]], words: dict[str, t
     shown = range(rows) if rows <= MAX_ROWS else [*range(MAX_ROWS // 2), -1, *range(rows - MAX_ROWS // 2, rows)]
     for i in shown:
         if i < 0:
-            table.add_row("...", f"{rows - MAX_ROWS} more")
+            table.add_row("...", said(Phrase("{count} more", count=rows - MAX_ROWS)))
             continue
         cells = []
         for name, column in columns.items():

@@ -10,13 +10,14 @@ import numpy as np
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, has_errors
+from gusjob.diagnostics import Diagnostic, Phrase, has_errors
 from gusjob.job import Job
 from gusjob.machine import Machine
 from gusjob.syntax.elaborate import Told, elaborate
 from gusjob.syntax.files import SourceMap
 from gusjob.syntax.job_reader import JobText, more_faults, plain, read_job_text
 from gusjob.syntax.source import Source, check_text, read_source
+from gusjob.syntax.spelling import small_note
 
 if TYPE_CHECKING:
     from gusjob.stream import Stream
@@ -56,8 +57,10 @@ def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     found += faults
     if text.faults_not_listed:
         found.append(more_faults(text))
+    if text.small_words and (note := small_note(source.data, source.name)) is not None:
+        found.append(note)
     if not len(told.rows.op) and not found:
-        found.append(Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": "statements"}))
+        found.append(Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": Phrase("statements")}))
     return job, [_named(f, source.name) for f in found]
 
 
@@ -87,7 +90,7 @@ def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
 
     stream, found = listing_reader.read_listing(source)
     if not len(stream.buffered) and not stream.calls and not found:
-        found = [Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": "GT_ calls"})]
+        found = [Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": Phrase("GT_ calls")})]
     return stream, [_named(f, source.name) for f in found]
 
 

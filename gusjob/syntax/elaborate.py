@@ -105,6 +105,7 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         text_of=told.sources.text_of,
         set_here=lambda line, word: told.sources.set_here(line, word, told.lets),
         files=told.sources.files,
+        included=tuple((source.name, source.data) for source in told.sources.sources[1:]),
         in_pulses=bool((told.rows.op == RowOp.UNITS_PULSE).any()),
         whole=told.whole,
         trails=told.trails,

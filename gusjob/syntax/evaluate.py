@@ -11,6 +11,7 @@ import numpy as np
 
 from gusjob import diagnostics as d
 from gusjob import rules
+from gusjob.diagnostics import Phrase, both_of, did_you_mean
 from gusjob.syntax.expressions import PLAIN, TRUTH, Expression, Mismatch, Type
 from gusjob.syntax.forms import Word
 from gusjob.syntax.lanes import Lanes, some
@@ -69,13 +70,13 @@ class Evaluator:
             self.ledger.fault(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count)
         elif name not in self.failed:
             near = nearest(name, {**lanes.scope.values, **lanes.top.values})
-            hint = f"; did you mean {near}?" if near else f": write LET {name} = ... before it"
+            hint = did_you_mean(near) or Phrase(": write LET {name} = ... before it", name=name)
             self.ledger.fault(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count, name=name, hint=hint)
         return np.float64(np.nan), _NO_KIND
 
     def mismatch(self, found: Mismatch, lanes: Lanes, line: int, word: str) -> None:
         """Operands that do not fit."""
-        given = " and ".join(kind_words(kind) for kind in found.given[:4])
+        given = both_of(kind_words(kind) for kind in found.given[:4])
         fields = {"operator": found.function.name, "wants": found.function.typing.value, "given": given}
         self.ledger.fault(rules.MISMATCH, line, word, lanes.trail, lanes.count, **fields)
 
@@ -89,13 +90,14 @@ class Evaluator:
             if np.any(unset):
                 if name not in self.failed:
                     count = int(np.count_nonzero(np.broadcast_to(unset, np.shape(value)) if np.ndim(value) else unset))
-                    hint = ": not every way leads through its LET"
+                    hint = Phrase(": not every way leads through its LET")
                     self.ledger.fault(
                         rules.UNKNOWN_NAME, line, word, lanes.first_trail(unset), count, name=name, hint=hint
                     )
                 wrong = wrong & ~unset
         if np.any(wrong):
-            fields = {"value": "no number" if np.any(np.isnan(value)) else "a number without end"}
+            endless = not np.any(np.isnan(value))
+            fields = {"value": Phrase("a number without end") if endless else Phrase("no number")}
             self.ledger.fault(
                 rules.NO_VALUE, line, word, lanes.first_trail(wrong), int(np.count_nonzero(wrong)), **fields
             )
@@ -130,13 +132,13 @@ class Evaluator:
             self.ledger.fault(rules.NOT_A_NUMBER, line, place, lanes.trail, lanes.count, what=what)
             return
         shown = Kind(kind[0]).words
-        fields = {"what": what, "wanted": WANTED[word.kind], "unit": "this expression", "kind": shown, "hint": ""}
-        self.ledger.fault(rules.WRONG_UNIT, line, place, lanes.trail, lanes.count, **fields)
+        fields = {"what": what, "wanted": WANTED[word.kind], "unit": Phrase("this expression"), "kind": shown}
+        self.ledger.fault(rules.WRONG_UNIT, line, place, lanes.trail, lanes.count, **fields, hint="")
 
     def count_of(self, value: Any, kind: Type, lanes: Lanes, line: int, word: str) -> Any:
         """A plain number for REPEAT and FOR; NaN where it is none."""
         if kind[0] == TRUTH:
-            self.ledger.fault(rules.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what="a loop")
+            self.ledger.fault(rules.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what=Phrase("a loop"))
             return np.float64(np.nan)
         return value
 
@@ -156,6 +158,9 @@ class Evaluator:
 def kind_words(kind: Type) -> str:
     """A kind for messages; a length or speed says whether it is in mm or in pulses."""
     if kind[0] == TRUTH:
-        return "a comparison"
-    of = {System.MM: " in mm", System.PULSE: " in pulses"} if kind[0] <= Kind.ACCELERATION else {}
-    return Kind(kind[0]).words + of.get(System(kind[1]), "") if of else Kind(kind[0]).words
+        return Phrase("a comparison")
+    words = Kind(kind[0]).words
+    if kind[0] > Kind.ACCELERATION or kind[1] == System.DEFAULT:
+        return words
+    in_mm = kind[1] == System.MM
+    return Phrase("{kind} in mm", kind=words) if in_mm else Phrase("{kind} in pulses", kind=words)

@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Diagnostic, Phrase, both_of
 from gusjob.job import Trails
 from gusjob.machine import Machine
 from gusjob.syntax.evaluate import Evaluator, kind_words
-from gusjob.syntax.expressions import PLAIN, TRUTH, Type
+from gusjob.syntax.expressions import PLAIN, TRUTH, Type, Typing
 from gusjob.syntax.job_reader import RowOp
 from gusjob.syntax.lanes import Lanes, Scope, some
 from gusjob.syntax.ledger import MAX_STEPS, Full, Ledger
@@ -211,12 +211,12 @@ class _Executor:
         start, end = found[0], found[1]
         step = found[2] if len(found) > 2 else np.float64(1)
         if any(kind != kinds[0] for kind in kinds) and not any(np.all(np.isnan(v)) for v in found):
-            given = " and ".join(kind_words(kind) for kind in kinds)
-            fields = {"operator": "FOR", "wants": "takes numbers of one kind", "given": given}
+            given = both_of(kind_words(kind) for kind in kinds)
+            fields = {"operator": "FOR", "wants": Typing.SAME.value, "given": given}
             self.ledger.fault(rules.MISMATCH, item.line, "", lanes.trail, lanes.count, **fields)
             return start, step, np.float64(0), PLAIN
         if np.any(step == 0):
-            hint = "it would never end"
+            hint = Phrase("it would never end")
             self.ledger.fault(
                 rules.COUNT, item.line, "#2", lanes.first_trail(step == 0), what="STEP", value=0.0, hint=hint
             )
@@ -229,14 +229,14 @@ class _Executor:
         """REPEAT's number of rounds."""
         wrong = ~np.isnan(count) & ((count < 0) | (count != np.floor(count)))
         if kind != PLAIN and not np.all(np.isnan(count)):
-            fields = {"operator": "REPEAT", "wants": "takes a plain number", "given": kind_words(kind)}
+            fields = {"operator": "REPEAT", "wants": Phrase("takes a plain number"), "given": kind_words(kind)}
             self.ledger.fault(rules.MISMATCH, item.line, "#0", lanes.trail, lanes.count, **fields)
             return np.float64(0)
         if np.any(wrong):
             value = float(count[wrong][0] if isinstance(count, np.ndarray) else count)
             self.ledger.fault(
                 rules.COUNT, item.line, "#0", lanes.first_trail(wrong), int(np.count_nonzero(wrong)), what="REPEAT",
-                value=value, hint="rounds are counted: 0, 1, 2 ...",
+                value=value, hint=Phrase("rounds are counted: 0, 1, 2 ..."),
             )  # fmt: skip
         return np.where(wrong | np.isnan(count), 0.0, count)[()]
 

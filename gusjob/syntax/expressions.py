@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from lark import Token, Tree
 
+from gusjob.diagnostics import Phrase
 from gusjob.geometry import sin_cos_deg
 from gusjob.units import Kind
 
@@ -36,15 +37,15 @@ NAMED_NUMBERS = {"pi": np.float64(np.pi)}
 class Typing(Enum):
     """How the kind of a result comes from those of the operands; the text says what it takes."""
 
-    SAME = "takes numbers of one kind"
-    KEEP = "takes a number"
-    TIMES = "needs a plain number on one side"
-    OVER = "needs a plain number below, or two numbers of one kind"
-    PLAIN = "takes plain numbers"
-    ANGLE = "takes an angle in degrees"
-    RATIO = "takes two numbers of one kind"
-    COMPARE = "compares two numbers of one kind"
-    TRUTH = "joins comparisons"
+    SAME = Phrase("takes numbers of one kind")
+    KEEP = Phrase("takes a number")
+    TIMES = Phrase("needs a plain number on one side")
+    OVER = Phrase("needs a plain number below, or two numbers of one kind")
+    PLAIN = Phrase("takes plain numbers")
+    ANGLE = Phrase("takes an angle in degrees")
+    RATIO = Phrase("takes two numbers of one kind")
+    COMPARE = Phrase("compares two numbers of one kind")
+    TRUTH = Phrase("joins comparisons")
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +159,8 @@ FUNCTIONS = {
     "min": Function("min", None, Typing.SAME, _known(_least)),
     "max": Function("max", None, Typing.SAME, _known(_most)),
     "floor": Function("floor", 1, Typing.PLAIN, np.floor),
-    "ceil": Function("ceil", 1, Typing.PLAIN, np.ceil),
-    "round": Function("round", 1, Typing.PLAIN, np.rint),
+    "ceil": Function("ceil", 1, Typing.PLAIN, lambda x: np.ceil(x) + 0.0),
+    "round": Function("round", 1, Typing.PLAIN, lambda x: np.rint(x) + 0.0),  # -0.3 is 0, not -0: atan2 knows both.
     "sin": Function("sin", 1, Typing.ANGLE, _sin),
     "cos": Function("cos", 1, Typing.ANGLE, _cos),
     "tan": Function("tan", 1, Typing.ANGLE, _tan),

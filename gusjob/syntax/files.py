@@ -6,7 +6,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import PureWindowsPath
 
-from gusjob.diagnostics import SET_HERE, Remark, Span
+from gusjob.diagnostics import SET_HERE, Phrase, Remark, Span
 from gusjob.syntax.source import Source, read_source
 from gusjob.syntax.statements import Statement, read_statement
 
@@ -71,22 +71,23 @@ class SourceMap:
 def included(name: str, source: Source, top: Source) -> tuple[Source | None, str]:
     """The text that an INCLUDE in `source` names, or why it is refused. Nothing outside the job's folder is read."""
     if source.path is None or top.path is None:
-        return None, "this text comes from no file, so there is no folder to look in"
+        return None, Phrase("this text comes from no file, so there is no folder to look in")
     if not name or "\0" in name or not name.isprintable():
-        return None, "this is no file name"
+        return None, Phrase("this is no file name")
     relative = name.replace("\\", "/")
     if relative.startswith("/") or PureWindowsPath(name).drive or PureWindowsPath(name).is_absolute():
-        return None, "write it relative to the file that includes it"
+        return None, Phrase("write it relative to the file that includes it")
     try:
         folder = top.path.resolve().parent
         path = (source.path.resolve().parent / relative).resolve()
         if not path.is_relative_to(folder):
-            return None, "it lies outside the job's folder"
+            return None, Phrase("it lies outside the job's folder")
         if not path.is_file():
-            return None, "there is no such file" if not path.exists() else "it is no file"
+            return None, Phrase("it is no file") if path.exists() else Phrase("there is no such file")
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of links.
-        return None, (getattr(error, "strerror", None) or "it can't be found").lower()
+        reason = getattr(error, "strerror", None)
+        return None, reason.lower() if reason else Phrase("it can't be found")
     shown = top.name.replace("\\", "/").rpartition("/")[0]
     inside = path.relative_to(folder).as_posix()
     found, faults = read_source(path, f"{shown}/{inside}" if shown else inside)
-    return found, faults[0].message if faults else ""
+    return found, faults[0].phrase if faults else ""

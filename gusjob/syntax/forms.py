@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from gusjob.diagnostics import Phrase, both_of
 from gusjob.units import Kind
 
 
@@ -51,7 +53,7 @@ class Form:
     name: str
     words: dict[str, Word] = field(default_factory=dict)
     needs: tuple[str, ...] = ()
-    hints: dict[str, str] = field(default_factory=dict)
+    hints: Mapping[str, str] = field(default_factory=dict)
 
 
 def _w(column: Field, kind: Kind, *, ms: bool = False) -> Word:
@@ -63,7 +65,8 @@ _SPEED = {"VEL": _w(Field.VEL, Kind.VELOCITY), "ACC": _w(Field.ACC, Kind.ACCELER
 _FORCED = {"END": _w(Field.END, Kind.VELOCITY)}
 _LIMITS = {"MIN": _w(Field.LOW, Kind.POWER), "MAX": _w(Field.HIGH, Kind.POWER)}
 _CENTRE = {"I": _w(Field.I, Kind.LENGTH), "J": _w(Field.J, Kind.LENGTH), "R": _w(Field.R, Kind.LENGTH)}
-_ARC_ONLY = dict.fromkeys("IJR", "it belongs to ARC")
+_ARC_ONLY = dict.fromkeys("IJR", Phrase("it belongs to {statement}", statement="ARC"))
+_OF_FREQUENCY = Phrase("it belongs to {statement}", statement="LASER MODE FREQUENCY")
 _DUTY_LIMITS = {"MIN": _w(Field.LOW, Kind.SHARE), "MAX": _w(Field.HIGH, Kind.SHARE)}
 _CARRIER = {"CARRIER": _w(Field.VALUE, Kind.FREQUENCY), **_DUTY_LIMITS}
 _WIDTH = {"WIDTH": _w(Field.VALUE, Kind.TIME)}
@@ -83,9 +86,9 @@ FORMS: dict[str, Form] = {
         words=_XY,
         hints={
             **_ARC_ONLY,
-            "VEL": "write JUMPVEL before it",
-            "ACC": "write JUMPACC before it",
-            "END": "it belongs to LINE and ARC",
+            "VEL": Phrase("write {statement} before it", statement="JUMPVEL"),
+            "ACC": Phrase("write {statement} before it", statement="JUMPACC"),
+            "END": Phrase("it belongs to {statement}", statement=both_of(("LINE", "ARC"))),
         },
     ),
     "arc": Form(name="ARC", words={**_XY, **_CENTRE, **_SPEED, **_FORCED}),
@@ -111,26 +114,26 @@ FORMS: dict[str, Form] = {
         name="LASER MODE DUTY",
         words=_CARRIER,
         needs=("CARRIER",),
-        hints={"WIDTH": "it belongs to LASER MODE FREQUENCY"},
+        hints={"WIDTH": _OF_FREQUENCY},
     ),
     "DUTY2": Form(
         name="LASER MODE DUTY2",
         words=_CARRIER,
         needs=("CARRIER",),
-        hints={"WIDTH": "it belongs to LASER MODE FREQUENCY"},
+        hints={"WIDTH": _OF_FREQUENCY},
     ),
     "FREQUENCY": Form(
         name="LASER MODE FREQUENCY",
         words={**_WIDTH, "MIN": _w(Field.LOW, Kind.FREQUENCY), "MAX": _w(Field.HIGH, Kind.FREQUENCY)},
         needs=("WIDTH",),
-        hints={"CARRIER": "in frequency mode the power is the frequency; a carrier belongs to LASER MODE DUTY"},
+        hints={"CARRIER": Phrase("in frequency mode the power is the frequency; a carrier belongs to LASER MODE DUTY")},
     ),
     "ANALOG": Form(
         name="LASER MODE ANALOG",
         words={"MIN": _w(Field.LOW, Kind.VOLTAGE), "MAX": _w(Field.HIGH, Kind.VOLTAGE)},
         hints={
-            "CARRIER": "it belongs to LASER MODE DUTY and DUTY2",
-            "WIDTH": "it belongs to LASER MODE FREQUENCY",
+            "CARRIER": Phrase("it belongs to {statement}", statement=both_of(("LASER MODE DUTY", "DUTY2"))),
+            "WIDTH": _OF_FREQUENCY,
         },
     ),
     "laser_delay": Form(

@@ -9,12 +9,13 @@ from enum import IntEnum
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Diagnostic, Phrase
 from gusjob.syntax.expressions import Apply, Expression, Literal
 from gusjob.syntax.forms import FORMS, Field
 from gusjob.syntax.shapes import MAX_FAULTS, Row, Rows, Slot, Template, number_runs, scan
 from gusjob.syntax.source import Source
-from gusjob.syntax.statements import CONTROLS, Quantity, Statement, read_statement
+from gusjob.syntax.spelling import may_hold_small_words, small_words
+from gusjob.syntax.statements import CONTROLS, Quantity, Statement, read_statement, strip_comment
 
 
 class RowOp(IntEnum):
@@ -64,6 +65,8 @@ class JobText:
     faults_not_listed: int
     unread_names: frozenset[str] = frozenset()
     """Names whose LET can't be read."""
+    small_words: bool = False
+    """Whether some word of the language stands in small letters."""
 
 
 def plain(text: JobText) -> bool:
@@ -73,7 +76,7 @@ def plain(text: JobText) -> bool:
 
 def more_faults(text: JobText) -> Diagnostic:
     """How many lines of a text are not listed."""
-    fields = {"count": text.faults_not_listed, "code": "the lines", "shown": len(text.diagnostics)}
+    fields = {"count": text.faults_not_listed, "code": Phrase("the lines"), "shown": len(text.diagnostics)}
     return Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=text.source.name)
 
 
@@ -89,6 +92,7 @@ def read_job_text(source: Source) -> JobText:
         diagnostics=tuple(reader.diagnostics),
         faults_not_listed=reader.not_listed,
         unread_names=frozenset(reader.unread_names),
+        small_words=reader.small_words,
     )
 
 
@@ -102,10 +106,27 @@ class _JobReader:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     not_listed: int = 0
     unread_names: set[str] = field(default_factory=set)
+    small_words: bool = False
+    looked_at: set[str] = field(default_factory=set)
+    """Shapes of lines in which no word stands in small letters."""
+
+    def look_at_letters(self, line: str) -> None:
+        """Notice words in small letters in a line that could be read; of each shape one line is looked at."""
+        if self.small_words or line.isupper():
+            return
+        code = strip_comment(line)
+        if not may_hold_small_words(code):
+            return
+        shape = _DIGITS.sub("0", code)
+        if shape not in self.looked_at:
+            self.small_words = bool(small_words(code))
+            self.looked_at.add(shape)
 
     def learn(self, line: str) -> Template | None:
         """The template of a path, modal or steering statement; None for all others."""
         statement, _ = read_statement(line, 1)
+        if statement is not None:
+            self.look_at_letters(line)
         op = row_op(statement) if statement else RowOp.SETUP
         runs = number_runs(line.encode()) if line.isascii() else None
         if statement is None or op is RowOp.SETUP or runs is None or statement.text:
@@ -160,6 +181,8 @@ class _JobReader:
             if word not in BLOCK_WORDS:
                 return ()
             statement = Statement(form=BROKEN, name=word)
+        else:
+            self.look_at_letters(text)
         op = row_op(statement)
         values: dict[int, float] = {Field.NODE: self.node(statement)} if is_node(statement) else {}
         if op is RowOp.SETUP:

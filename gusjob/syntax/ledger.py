@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from gusjob import rules
-from gusjob.diagnostics import Collector, Diagnostic, Rule
+from gusjob.diagnostics import Collector, Diagnostic, Phrase, Rule
 from gusjob.job import Trails, trail_remarks
 from gusjob.machine import Machine
 from gusjob.syntax.files import SourceMap
@@ -81,7 +81,7 @@ class Ledger:
         self.setups += run.setups * lanes.count
         limit = self.machine.expansion_max_statements
         if self.statements > limit:
-            self.stop(rules.TOO_MANY, line, lanes.trail, what="statements", limit=limit, key="max_statements")
+            self.stop(rules.TOO_MANY, line, lanes.trail, what=Phrase("statements"), limit=limit, key="max_statements")
         if self.setups > MAX_SETUPS:
             at = int(np.flatnonzero(run.rows.op == RowOp.SETUP)[0])
             self.stop(rules.TOO_MANY_SETUPS, int(run.rows.line[at]), lanes.trail, limit=MAX_SETUPS)
@@ -91,7 +91,7 @@ class Ledger:
         limit = self.machine.expansion_max_statements
         self.rounds += rounds
         if self.rounds > limit:
-            self.stop(rules.TOO_MANY, line, trail, what="rounds", limit=limit, key="max_statements")
+            self.stop(rules.TOO_MANY, line, trail, what=Phrase("rounds"), limit=limit, key="max_statements")
 
     def go_deeper(self, item: Item, lanes: Lanes) -> None:
         """Blocks and calls inside each other have a limit: a routine may call itself."""

@@ -13,6 +13,9 @@ from typing import Any
 import lark
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
+from gusjob.diagnostics import Phrase, any_of, did_you_mean
+
+END_OF_LINE = Phrase("the end of the line")
 _JOINS = {"AND", "OR", "NOT"}
 _WORD = re.compile(r"[A-Za-z_]\w*|\S")
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -82,15 +85,13 @@ class Misread:
     def expectation(self) -> str:
         """'expected X, Y or the end of the line'."""
         if not self.expected:
-            return "nothing can stand here"
-        *most, last = self.expected
-        shown = f"{', '.join(most)} or {last}" if most else last
-        return f"expected {shown}"
+            return Phrase("nothing can stand here")
+        return Phrase("expected {words}", words=any_of(self.expected))
 
     @property
     def hint(self) -> str:
         """'; did you mean LINE?' where a word is close to one that fits."""
-        return f"; did you mean {self.near}?" if self.near else ""
+        return did_you_mean(self.near)
 
 
 def misread(error: UnexpectedInput, grammar: str, text: str, names: dict[str, str]) -> Misread:
@@ -100,7 +101,7 @@ def misread(error: UnexpectedInput, grammar: str, text: str, names: dict[str, st
         accepted = sorted(error.accepts or error.expected)
         if error.token.type == "$END":
             column = len(text.rstrip()) + 1
-            return _misread("the end of the line", column, column + 1, accepted, names)
+            return _misread(END_OF_LINE, column, column + 1, accepted, names)
         start = error.token.column or 1
         return _misread(str(error.token), start, start + len(error.token), accepted, names)
     column = error.column if isinstance(error, UnexpectedCharacters) else 1
@@ -129,8 +130,8 @@ def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: d
     if len(readable) > len(keywords) + 1:  # Inside an expression much may follow: say the likely.
         readable = [word for word in readable if word not in _JOINS]
     if "$END" in accepted:
-        readable.append("the end of the line")
-    shown = f"'{found[:40]}'" if found != "the end of the line" else found
+        readable.append(END_OF_LINE)
+    shown = f"'{found[:40]}'" if found is not END_OF_LINE else found
     near = nearest(found.upper(), keywords)
     return Misread(found=shown, column=start, end_column=end, expected=tuple(readable), near=near)
 

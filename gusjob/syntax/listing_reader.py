@@ -14,7 +14,7 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span, did_you_mean
 from gusjob.stream import (
     BUFFERED,
     PASSED_OVER,
@@ -213,9 +213,9 @@ class _ListingReader:
     def finish(self) -> None:
         """A call that never ended is a fault."""
         if self.pending:
-            self.fault(rules.CALL_SYNTAX, self.pending_line, 1, 2, found="the end of the file inside a call")
+            self.fault(rules.CALL_SYNTAX, self.pending_line, 1, 2, found=Phrase("the end of the file inside a call"))
         if self.not_listed:
-            fields = {"count": self.not_listed, "code": "the lines", "shown": len(self.diagnostics)}
+            fields = {"count": self.not_listed, "code": Phrase("the lines"), "shown": len(self.diagnostics)}
             self.diagnostics.append(Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=self.source.name))
 
     def fault(self, rule: Rule, line: int, column: int, end_column: int, **fields: object) -> None:
@@ -292,7 +292,7 @@ class _ListingReader:
                 self.at(rules.CALL_IGNORED, token, line, call=name)
             else:
                 near = get_close_matches(name, SIGNATURES, 1, cutoff=0.8)
-                self.at(rules.CALL_UNKNOWN, token, line, call=name, hint=f"; did you mean {near[0]}?" if near else "")
+                self.at(rules.CALL_UNKNOWN, token, line, call=name, hint=did_you_mean(near[0] if near else ""))
             return []
         if len(args) != len(signature.args):
             names = ", ".join(a.name for a in signature.args)
@@ -313,7 +313,8 @@ class _ListingReader:
         """One argument's value, or None with a diagnostic."""
         first = next((t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)), None)
         if first is not None and (octal := re.fullmatch("oo?([0-9]+)", first)):
-            worth = "nothing (8 and 9 are no octal digits)" if set(octal[1]) & set("89") else str(int(octal[1], 8))
+            no_octal = bool(set(octal[1]) & set("89"))
+            worth = Phrase("nothing (8 and 9 are no octal digits)") if no_octal else str(int(octal[1], 8))
             self.at(rules.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=worth)
             return None
         if arg.kind is Kind.POINTER and tree.data == "pointer":
@@ -323,18 +324,18 @@ class _ListingReader:
             return value
         fields = {"argument": arg.name, "call": signature.name, "wanted": _WANTED[arg.kind]}
         if first is None:
-            self.fault(rules.CALL_VALUE, line, 1, 2, **fields, found="nothing")
+            self.fault(rules.CALL_VALUE, line, 1, 2, **fields, found=Phrase("nothing"))
         else:
             self.at(rules.CALL_VALUE, first, line, **fields, found=str(first)[:40])
         return None
 
 
 _WANTED = {
-    Kind.WHOLE: "a whole number",
-    Kind.REAL: "a number",
-    Kind.ARRAY: "an array of four numbers",
-    Kind.POINTER: "a variable",
-    Kind.STRUCT: "a TCrdPrm",
+    Kind.WHOLE: Phrase("a whole number"),
+    Kind.REAL: Phrase("a number"),
+    Kind.ARRAY: Phrase("an array of four numbers"),
+    Kind.POINTER: Phrase("a variable"),
+    Kind.STRUCT: Phrase("a TCrdPrm"),
 }
 
 

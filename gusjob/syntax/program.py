@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import FIRST_HERE, INCLUDED, Collector, Diagnostic, Remark, Rule
+from gusjob.diagnostics import FIRST_HERE, INCLUDED, Collector, Diagnostic, Phrase, Remark, Rule, any_of, did_you_mean
 from gusjob.machine import Machine
 from gusjob.syntax.expressions import Expression
 from gusjob.syntax.files import SourceMap, included
 from gusjob.syntax.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Field, Word
-from gusjob.syntax.job_reader import BROKEN, JobText, RowOp, literals, more_faults, read_job_text
+from gusjob.syntax.job_reader import BLOCK_WORDS, BROKEN, JobText, RowOp, literals, more_faults, read_job_text
 from gusjob.syntax.lines import nearest
 from gusjob.syntax.shapes import Rows
 from gusjob.syntax.source import Source
@@ -247,7 +247,7 @@ class _Builder:
         path = found.path
         assert path is not None
         if path in chain or (self.top.path is not None and path == self.top.path.resolve()):
-            self.fault(rules.INCLUDE, line, file=d.printable(name), reason="it includes itself")
+            self.fault(rules.INCLUDE, line, file=d.printable(name), reason=Phrase("it includes itself"))
             return (), 0
         if path not in self.read:
             text = read_job_text(found)
@@ -281,8 +281,7 @@ class _Builder:
             if routine is None and self.unread_routines:
                 continue  # It may be the one whose DEF can't be read.
             if routine is None:
-                near = nearest(name, self.routines)
-                hint = f"; did you mean {near}?" if near else ""
+                hint = did_you_mean(nearest(name, self.routines))
                 self.fault(rules.NO_ROUTINE, call.line, name=name, hint=hint)
             elif given != len(routine.parameters):
                 takes = ", ".join(routine.parameters)
@@ -363,7 +362,7 @@ class _FileBuilder:
                     stack[-1].otherwise = []
             case "end":
                 if len(stack) == 1:
-                    self.job.fault(rules.STRAY, line, word="END", begins="REPEAT, FOR, IF, DEF or FRAME")
+                    self.job.fault(rules.STRAY, line, word="END", begins=any_of(BLOCK_WORDS))
                 else:
                     self._close(rows, stack)
             case _:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Span
+from gusjob.diagnostics import Diagnostic, Phrase, Span
 
 MAX_FILE_MB = 1000
 
@@ -46,8 +46,7 @@ class Source:
 
 def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnostic]]:
     """The text of a file, or why it is none."""
-    # A name that is no text (POSIX allows any bytes) is written so that it can be shown and stored.
-    name = name or str(path).encode("utf-8", "backslashreplace").decode()
+    name = name or shown_name(path)
     try:
         limit = int(MAX_FILE_MB * 1_000_000)
         with path.open("rb") as file:
@@ -56,27 +55,33 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
             size = max(path.stat().st_size, len(data)) // 1_000_000
             return None, [_fault(rules.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
     except OSError as error:
-        return None, [_fault(rules.UNREADABLE, name, reason=(error.strerror or type(error).__name__).lower())]
+        reason = d.system_words((error.strerror or type(error).__name__).lower())
+        return None, [_fault(rules.UNREADABLE, name, reason=reason)]
     except ValueError:  # A NUL in the name.
-        return None, [_fault(rules.UNREADABLE, name, reason="no such name")]
+        return None, [_fault(rules.UNREADABLE, name, reason=Phrase("no such name"))]
     return check_text(data, name, path)
+
+
+def shown_name(path: Path) -> str:
+    """A file's name; one that is no text (POSIX allows any bytes) is written so that it can be shown and stored."""
+    return str(path).encode("utf-8", "backslashreplace").decode()
 
 
 def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source | None, list[Diagnostic]]:
     """Bytes as text: UTF-8 with or without BOM, no NUL."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return None, [_fault(rules.NOT_TEXT, name, reason="it looks like UTF-16; save it as UTF-8")]
+        return None, [_fault(rules.NOT_TEXT, name, reason=Phrase("it looks like UTF-16; save it as UTF-8"))]
     nul = data.find(b"\0")
     if nul >= 0:
-        return None, [
-            _fault(rules.NOT_TEXT, name, data.count(b"\n", 0, nul) + 1, reason="it holds NUL bytes (a binary file?)")
-        ]
+        line = data.count(b"\n", 0, nul) + 1
+        return None, [_fault(rules.NOT_TEXT, name, line, reason=Phrase("it holds NUL bytes (a binary file?)"))]
     try:
         data.decode("utf-8") if not data.isascii() else None
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        return None, [_fault(rules.NOT_TEXT, name, line, reason=f"byte 0x{data[error.start]:02x} in line {line}")]
+        reason = Phrase("byte {byte} in line {line}", byte=f"0x{data[error.start]:02x}", line=line)
+        return None, [_fault(rules.NOT_TEXT, name, line, reason=reason)]
     return Source(name=name, data=data, path=path), []
 
 

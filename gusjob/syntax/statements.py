@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from lark import Token, Tree, UnexpectedInput
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span, all_of, any_of, did_you_mean
 from gusjob.syntax.expressions import (
     FUNCTIONS,
     NAMED_NUMBERS,
@@ -23,35 +23,36 @@ from gusjob.syntax.expressions import (
     postfix,
 )
 from gusjob.syntax.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Form, Word
-from gusjob.syntax.lines import Misread, keywords, misread, nearest, parser, subtrees, tokens
+from gusjob.syntax.lines import END_OF_LINE, Misread, keywords, misread, nearest, parser, subtrees, tokens
 from gusjob.syntax.shapes import MAX_LINE, MAX_NUMBER
 from gusjob.units import UNITS, Kind, PowerUnit, spelling
 
 GRAMMAR = "job.lark"
+COMPARED = Phrase("; a comparison is written ==")
 _TERMINALS = {
-    **dict.fromkeys(("QUANTITY", "PLUS", "MINUS", "LPAR"), "a number"),
-    **dict.fromkeys(("STAR", "SLASH", "MODULO", "POWER_OF"), "an operator"),
-    **dict.fromkeys(("LT", "LE", "GT", "GE", "EQ", "NE"), "a comparison"),
+    **dict.fromkeys(("QUANTITY", "PLUS", "MINUS", "LPAR"), Phrase("a number")),
+    **dict.fromkeys(("STAR", "SLASH", "MODULO", "POWER_OF"), Phrase("an operator")),
+    **dict.fromkeys(("LT", "LE", "GT", "GE", "EQ", "NE"), Phrase("a comparison")),
     "RPAR": "')'",
     "COMMA": "','",
-    "NAME": "a name",
-    "STRING": 'a file in quotes, "setup.job"',
+    "NAME": Phrase("a name"),
+    "STRING": Phrase('a file in quotes, "setup.job"'),
 }
 CONTROLS = {"let", "repeat", "for", "if", "else", "end", "def", "call", "frame", "include"}
 """Forms that steer which statements are carried out, and how often."""
 
 POWER_KINDS = {Kind.SHARE, Kind.FREQUENCY, Kind.VOLTAGE}
 WANTED = {
-    Kind.LENGTH: "a length (um, mm, pulse)",
-    Kind.VELOCITY: "a velocity (mm/s, m/s, mm/min, pulse/ms)",
-    Kind.ACCELERATION: "an acceleration (mm/s2, m/s2, pulse/ms2)",
-    Kind.TIME: "a time (us, ms, s)",
-    Kind.FREQUENCY: "a frequency (Hz, kHz, MHz)",
-    Kind.SHARE: "a share (%)",
-    Kind.VOLTAGE: "a voltage (V, mV)",
-    Kind.ANGLE: "an angle (deg)",
-    Kind.PLAIN: "a plain number without unit",
-    Kind.POWER: "a power (%, kHz, V)",
+    Kind.LENGTH: Phrase("a length (um, mm, pulse)"),
+    Kind.VELOCITY: Phrase("a velocity (mm/s, m/s, mm/min, pulse/ms)"),
+    Kind.ACCELERATION: Phrase("an acceleration (mm/s2, m/s2, pulse/ms2)"),
+    Kind.TIME: Phrase("a time (us, ms, s)"),
+    Kind.FREQUENCY: Phrase("a frequency (Hz, kHz, MHz)"),
+    Kind.SHARE: Phrase("a share (%)"),
+    Kind.VOLTAGE: Phrase("a voltage (V, mV)"),
+    Kind.ANGLE: Phrase("an angle (deg)"),
+    Kind.PLAIN: Phrase("a plain number without unit"),
+    Kind.POWER: Phrase("a power (%, kHz, V)"),
 }
 
 
@@ -166,17 +167,18 @@ def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
 
 def _hint(text: str, fault: Misread) -> str:
     """What was probably meant."""
-    found, before = fault.found.strip("'"), text[: fault.column - 1].split()
+    found = fault.found if fault.found is END_OF_LINE else fault.found.strip("'")
+    before = text[: fault.column - 1].split()
     if found == "=" and before and before[0].upper() == "IF":
-        return "; a comparison is written =="
+        return COMPARED
     if found.lower() in UNITS and before and before[-1][-1:].isdigit():
-        return f"; a unit is glued to its number: {before[-1]}{found}"
+        return Phrase("; a unit is glued to its number: {glued}", glued=f"{before[-1]}{found}")
     if before and before[0].upper() in ("ELSE", "END"):
-        return f"; {before[0].upper()} stands alone in its line"
+        return Phrase("; {word} stands alone in its line", word=before[0].upper())
     if "a number" in fault.expected and (found[:1].isalpha() or found[:1] == "_"):
-        return f"; a name or expression stands in parentheses: ({found})"
+        return Phrase("; a name or expression stands in parentheses: ({found})", found=found)
     if found in ("*", "/", "%", "+", "-", "**") and before:
-        return "; an expression stands in parentheses"
+        return Phrase("; an expression stands in parentheses")
     return ""
 
 
@@ -274,9 +276,8 @@ class _Reader:
         """A name that a user gives to a number or a routine: no keyword, save those of one letter."""
         is_keyword = len(token) > 1 and token.upper() in keywords(GRAMMAR)
         if is_keyword or token in FUNCTIONS or token in NAMED_NUMBERS:
-            self.faults.append(
-                self.token_fault(rules.RESERVED, token, word=str(token), hint=f"write {token}_1 or another name")
-            )
+            hint = Phrase("write {name} or another name", name=f"{token}_1")
+            self.faults.append(self.token_fault(rules.RESERVED, token, word=str(token), hint=hint))
 
     def expression(self, root: Tree[Token] | Token, start: int = 0, end: int = 0) -> Expression | None:
         """A parsed expression as postfix code; it spans its own numbers and names, unless columns are given."""
@@ -315,10 +316,10 @@ class _Reader:
         found = FUNCTIONS.get(token)
         if found is None:
             near = nearest(token, FUNCTIONS)
-            hint = f"; did you mean {near}?" if near else f"; there are {', '.join(FUNCTIONS)}"
+            hint = did_you_mean(near) or Phrase("; there are {words}", words=all_of(FUNCTIONS))
             self.faults.append(self.token_fault(rules.NO_FUNCTION, token, word=str(token), hint=hint))
         elif count != (found.arity or max(count, 1)):
-            wanted = "at least one number" if found.arity is None else f"{found.arity} number{'s' * (found.arity > 1)}"
+            wanted = _numbers(found.arity)
             self.faults.append(self.token_fault(rules.ARITY, token, word=str(token), wanted=wanted, found=count))
         return found
 
@@ -352,9 +353,10 @@ class _Reader:
     def shift(self, head: Token, part: Tree[Token], form: Form, words: dict[str, Quantity]) -> None:
         """SHIFT X x Y y of FRAME."""
         if not subtrees(part):
-            self.faults.append(self.token_fault(rules.MISSING, head, statement="FRAME SHIFT", word="X or Y", hint=""))
-        for word in subtrees(part):
-            self.word(form, tokens(word)[0].type, subtrees(word)[0], words, tokens(word)[0])
+            word = any_of(("X", "Y"))
+            self.faults.append(self.token_fault(rules.MISSING, head, statement="FRAME SHIFT", word=word, hint=""))
+        for place in subtrees(part):
+            self.word(form, tokens(place)[0].type, subtrees(place)[0], words, tokens(place)[0])
 
     def twice(self, token: Token) -> None:
         self.faults.append(self.token_fault(rules.TWICE, token, word=str(token)))
@@ -377,7 +379,7 @@ class _Reader:
                 found[axis.type] = quantity
         for axis_name in "XY":
             if axis_name not in found and not self.faults:
-                hint = "; it needs X and Y, Z and A are free"
+                hint = Phrase("; it needs X and Y, Z and A are free")
                 self.faults.append(
                     self.token_fault(
                         rules.MISSING, head, statement=f"LASER DISTANCE {head.type}", word=axis_name, hint=hint
@@ -389,7 +391,7 @@ class _Reader:
         self, form: Form, name: str, value: Tree[Token], words: dict[str, Quantity], token: Token | None = None
     ) -> None:
         if token is not None and name not in form.words:
-            hint = form.hints.get(name, f"it takes {', '.join(w for w in form.words if w) or 'no words'}")
+            hint = form.hints.get(name) or _takes(form)
             self.faults.append(self.token_fault(rules.FOREIGN, token, word=name, statement=form.name, hint=hint))
             return
         if name in words and token is not None:
@@ -405,12 +407,12 @@ class _Reader:
         missing = [w for w in form.needs if w not in words]
         hint = ""
         if form.name in ("LINE", "JUMP") and not {"X", "Y"} & words.keys():
-            missing, hint = ["X or Y"], ""
+            missing = [any_of(("X", "Y"))]
         if form.name == "ARC":
             missing, hint = _arc_needs(words)
         if form.name == "LASER FOLLOW" and not missing and ("RATIO" in words) == ("AT" in words):
-            missing = ["either RATIO or AT, not both" if "AT" in words else "RATIO or AT"]
-            hint = "; RATIO r, or AT v for the ratio that reaches MAX at velocity v"
+            missing = [_either("RATIO", "AT") if "AT" in words else any_of(("RATIO", "AT"))]
+            hint = Phrase("; RATIO r, or AT v for the ratio that reaches MAX at velocity v")
         for word in missing:
             if not self.faults:
                 self.faults.append(
@@ -484,14 +486,31 @@ def _split_unit(token: str) -> tuple[str, str]:
     return (token[: -len(unit)], token[-len(unit) :]) if unit else (token, "")
 
 
+def _numbers(count: int | None) -> str:
+    """How many numbers a function takes; None: one or more."""
+    if count is None:
+        return Phrase("at least one number")
+    return Phrase("{count} number", count=count) if count == 1 else Phrase("{count} numbers", count=count)
+
+
+def _takes(form: Form) -> str:
+    """Which words a statement takes."""
+    words = [word for word in form.words if word]
+    return Phrase("it takes {words}", words=all_of(words)) if words else Phrase("it takes no words")
+
+
+def _either(first: str, second: str) -> str:
+    return Phrase("either {first} or {second}, not both", first=first, second=second)
+
+
 def _arc_needs(words: dict[str, object]) -> tuple[list[str], str]:
     ends, centre, radius = {"X", "Y"} & words.keys(), {"I", "J"} & words.keys(), "R" in words
     if radius and centre:
-        return ["either R or I J, not both"], ""
+        return [_either("R", "I J")], ""
     if not radius and not centre:
-        return ["I and J, or R"], "; I J is the centre relative to the start, R the radius"
+        return [Phrase("I and J, or R")], Phrase("; I J is the centre relative to the start, R the radius")
     if radius and not ends:
-        return ["X or Y"], "; a full circle is written with I J"
+        return [any_of(("X", "Y"))], Phrase("; a full circle is written with I J")
     return [], ""
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gusjob.checks import check
-from gusjob.diagnostics import Diagnostic, has_errors
+from gusjob.diagnostics import Diagnostic, Phrase, has_errors
 from gusjob.interpreter import ChannelTrace, Trace, interpret
 from gusjob.job import Job, LaserDelay, SkyWrite, auto_steps
 from gusjob.limits import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
@@ -18,7 +18,7 @@ from gusjob.syntax import Source, read_job
 from gusjob.tune.edit import with_statement
 from gusjob.tune.search import Band, nearest
 
-CLOSED_FORM, SEARCH = "closed form", "search on the interpreter"
+CLOSED_FORM, SEARCH = Phrase("closed form"), Phrase("search on the interpreter")
 
 _RUN_INS = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """Run-ins that are tried, in tracking errors, as long as the ends come nearer; the first is AUTO's."""
@@ -69,21 +69,27 @@ def run_job(source: Source, job: Job, faults: list[Diagnostic], machine: Machine
 def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:
     """LASER DELAY of a channel; where there is nothing to tune, the reason."""
     if run.job.sky_writes:
-        return "this job is sky-written, which makes up for LASER DELAY: tune SKYWRITE (--skywrite)"
+        return Phrase("this job is sky-written, which makes up for LASER DELAY: tune SKYWRITE (--skywrite)")
     at_once = _without_delays(run, machine, channel)
-    shining = at_once if isinstance(at_once, str) else _shining(at_once, channel)
-    if isinstance(at_once, str) or isinstance(shining, str):
-        return str(shining)
+    if isinstance(at_once, str):
+        return at_once
+    shining = _shining(at_once, channel)
+    if isinstance(shining, str):
+        return shining
     gap_us, late_us = _killer_us(shining)
     assert at_once.trace is not None and machine.scanner is not None
     lag_us = machine.scanner.tracking_error_us
     if lag_us > SWITCH_DELAY_US.high:
-        return f"the scanner {machine.scanner} lags more than a delay can be, {SWITCH_DELAY_US.high:g} us"
+        return Phrase(
+            "the scanner {scanner} lags more than a delay can be, {most} us",
+            scanner=str(machine.scanner),
+            most=SWITCH_DELAY_US.high,
+        )
     closed = machine.scanner.model is ScannerModel.DELAY or not round(lag_us)
     most_us = 0 if closed else SWITCH_DELAY_US.high + max(gap_us, late_us)
     found = nearest(at_once.trace, machine, shining, slack_pulse=1, most_us=most_us)
     if found is None:
-        return f"no mark of channel {channel} is switched by LASER ON and LASER OFF"
+        return Phrase("no mark of channel {channel} is switched by LASER ON and LASER OFF", channel=channel)
     on, off, how = *found, SEARCH
     if closed:
         on = off = Band(first_us=round(lag_us), last_us=round(lag_us), miss_mm=0)
@@ -138,9 +144,14 @@ def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None)
         return shining
     assert machine.scanner is not None
     if not round(machine.scanner.tracking_error_us):
-        return f"the scanner {machine.scanner} does not lag: there is nothing to make up for"
+        scanner = str(machine.scanner)
+        return Phrase("the scanner {scanner} does not lag: there is nothing to make up for", scanner=scanner)
     if machine.scanner.tracking_error_us > TIMELAG_US.high:
-        return f"the scanner {machine.scanner} lags more than a TIMELAG can be, {TIMELAG_US.high:g} us"
+        return Phrase(
+            "the scanner {scanner} lags more than a TIMELAG can be, {most} us",
+            scanner=str(machine.scanner),
+            most=TIMELAG_US.high,
+        )
     own = next((s.what.settings for s in run.job.setups if isinstance(s.what, SkyWrite) and s.what.settings), None)
     mode = mode or (int(own.mode) if own is not None else 3)
     lag_us, gap_us = round(machine.scanner.tracking_error_us), _killer_us(shining)[0]
@@ -167,7 +178,9 @@ def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None)
             # Later the beam may come by once more, on its way back.
             found = nearest(tuned.run.trace, machine, shining, slack_pulse=0, most_us=min(2 * lag_us, TIMELAG_US.high))
         if found is None:
-            return f"no mark of channel {channel} is left with {tuned.statement}"
+            return Phrase(
+                "no mark of channel {channel} is left with {statement}", channel=channel, statement=tuned.statement
+            )
         on, off = found
         if least_mm - on.miss_mm < _WORTH_PULSE / min(machine.pulses_per_mm):
             break
@@ -185,7 +198,9 @@ def _in_force(tuned: Tuned | str) -> Tuned | str:
     """A job with SKYWRITE, if marks are sky-written with it."""
     if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.intent is not None:
         return tuned
-    return "SKYWRITE behind LASER MODE is taken back by a SKYWRITE OFF before the first mark: put it there by hand"
+    return Phrase(
+        "SKYWRITE behind LASER MODE is taken back by a SKYWRITE OFF before the first mark: put it there by hand"
+    )
 
 
 def _tried(
@@ -208,7 +223,7 @@ def _shining(run: Run, channel: int) -> ChannelTrace | str:
     """The channel's trace, if it ever shines."""
     channels = run.trace.channels if run.trace is not None else ()
     found = next((c for c in channels if c.channel == channel and len(c.emission.stage)), None)
-    return found or f"channel {channel} marks nothing in this job"
+    return found or Phrase("channel {channel} marks nothing in this job", channel=channel)
 
 
 def _killer_us(shining: ChannelTrace) -> tuple[float, float]:

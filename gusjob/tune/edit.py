@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gusjob.diagnostics import Span
+from gusjob.diagnostics import Phrase, Span, all_of
 from gusjob.job import Job, LaserDelay, LaserMode, Setup, SkyWrite
 from gusjob.syntax import Source
 
@@ -22,18 +22,32 @@ def with_statement(
     own = [s for s in found if not job.locate(s.line, "").path]
     spans, lines = _spans(job, own), {s.line for s in own}
     if kind is LaserDelay and any(s.channel != channel for s in job.setups if s.line in lines):
-        return f"{name} in line {spans[0].line} speaks of more than one channel: write one for each"
+        return Phrase(
+            "{name} in line {line} speaks of more than one channel: write one for each", name=name, line=spans[0].line
+        )
     if len(spans) > 1:
-        where = ", ".join(str(span.line) for span in spans)
-        return f"the job has more than one {name}, in lines {where}: which of them is meant is yours to say"
+        return Phrase(
+            "the job has more than one {name}, in lines {lines}: which of them is meant is yours to say",
+            name=name,
+            lines=all_of(str(span.line) for span in spans),
+        )
     if own and found[-1] not in own:
         path = job.locate(found[-1].line, "").path
-        return f"{path}, an included file, sets {name} again behind line {spans[0].line}: one of them has to go"
+        return Phrase(
+            "{path}, an included file, sets {name} again behind line {line}: one of them has to go",
+            path=path,
+            name=name,
+            line=spans[0].line,
+        )
     if own:
         return replace(source, data=_replaced(source, spans[0], text), _ends=None)
     modes = [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel]
     if not modes:
-        return f"the job has no LASER MODE for channel {channel} behind which {name} could stand"
+        return Phrase(
+            "the job has no LASER MODE for channel {channel} behind which {name} could stand",
+            channel=channel,
+            name=name,
+        )
     return replace(source, data=_inserted(source, _line_of(job, found[-1] if found else modes[0]), text), _ends=None)
 
 

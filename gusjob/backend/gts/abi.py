@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from gusjob.diagnostics import Phrase
 from gusjob.machine import Abi
 from gusjob.stream import CRD_FIELDS, HOST_CALLS, SIGNATURES, Arg, CType, Kind, Signature
 
@@ -61,10 +62,10 @@ _GTS_CHANGES = {
 }
 
 ABI_PROFILES = {
-    Abi.GUS: AbiProfile(title="GUS, as in the laser manual", foreign=(_FOLLOW_RATIO, _FOLLOW)),
-    Abi.GTS: AbiProfile(title="GTS, one card", changes=_GTS_CHANGES, foreign=(_FOLLOW, _FOLLOW_RATIO)),
+    Abi.GUS: AbiProfile(title=Phrase("GUS, as in the laser manual"), foreign=(_FOLLOW_RATIO, _FOLLOW)),
+    Abi.GTS: AbiProfile(title=Phrase("GTS, one card"), changes=_GTS_CHANGES, foreign=(_FOLLOW, _FOLLOW_RATIO)),
     Abi.GTS_MULTI: AbiProfile(
-        title="GTS, several cards", leading_card=True, changes=_GTS_CHANGES, foreign=(_FOLLOW, _FOLLOW_RATIO)
+        title=Phrase("GTS, several cards"), leading_card=True, changes=_GTS_CHANGES, foreign=(_FOLLOW, _FOLLOW_RATIO)
     ),
 }
 

@@ -20,6 +20,7 @@ from gusjob.backend.gts.abi import Prototype
 from gusjob.backend.gts.control import Control
 from gusjob.backend.gts.link import FULL, BackendError, Link, TakenOver, failure, refused
 from gusjob.backend.rest import Part
+from gusjob.diagnostics import Phrase
 from gusjob.limits import FIFO_SLOTS
 from gusjob.listing import number_texts
 from gusjob.stream import BUFFERED, Arg, Buffered, BufferedCalls, Call, CType, Kind, Signature, crd_start
@@ -34,6 +35,7 @@ STILL_S = 3.0
 _CHUNK = 1024
 _TRIES = 3
 """So often a call may be refused as if the FIFO were full though GT_CrdSpace found room."""
+_A_CALL = Phrase("a buffered call")
 
 Rows = npt.NDArray[np.intp]
 Prepared = tuple[Callable[..., int], tuple[int | float, ...], bytes]
@@ -106,7 +108,10 @@ class Fifo:
         if not 0 < size <= FIFO_SLOTS:
             raise failure(
                 rules.WRONG_ABI, line, library=self.link.library.path, abi=self.link.library.abi,
-                reason=f"GT_CrdSpace finds {size} free slots behind GT_CrdClear, not 1 to {FIFO_SLOTS}", hint="",
+                reason=Phrase(
+                    "GT_CrdSpace finds {size} free slots behind GT_CrdClear, not 1 to {most}",
+                    size=size, most=FIFO_SLOTS,
+                ), hint="",
             )  # fmt: skip
         self.stage = Stage(crd=crd, fifo=fifo, first=row, sent=row, sent_at_look=row, size=size, room=size, line=line)
         return self.stage
@@ -142,7 +147,7 @@ class Fifo:
         until = clock() + POLL_S
         if me != link.owner:
             raise TakenOver
-        link.calling = "a buffered call"
+        link.calling = _A_CALL
         try:
             for function, args, text in prepared:
                 if control.asked:
@@ -251,9 +256,10 @@ class Fifo:
                 raise failure(rules.STARVED, line, rate=rate)
             raise failure(rules.HALTED, line, queued=queued)
         if stage.started and not look.run and not stage.ran and queued > 0 and now - stage.since_s > START_S:
-            raise failure(rules.NO_PROGRESS, line, what="the motion did not start", seconds=START_S)
+            raise failure(rules.NO_PROGRESS, line, what=Phrase("the motion did not start"), seconds=START_S)
         if look.run and now - stage.since_s > self.still_s:
-            raise failure(rules.NO_PROGRESS, line, what="the motion is at the same place", seconds=self.still_s)
+            what = Phrase("the motion is at the same place")
+            raise failure(rules.NO_PROGRESS, line, what=what, seconds=self.still_s)
 
     def heed(self) -> None:
         """Wishes of the user end the sending."""

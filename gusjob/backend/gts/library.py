@@ -12,7 +12,7 @@ from typing import Any
 
 from gusjob import rules
 from gusjob.backend.gts.abi import ABI_PROFILES, Prototype, prototypes
-from gusjob.diagnostics import NOWHERE, Diagnostic, Rule, printable
+from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Rule, printable
 from gusjob.machine import Abi
 
 BITS = 8 * struct.calcsize("P")
@@ -43,7 +43,7 @@ def load_library(path: str, abi: Abi, card: int, needed: Iterable[str]) -> tuple
         return None, [_fault(rules.WRONG_ABI, path, abi=abi, reason=hint[0], hint=hint[1])]
     missing = [known[name].symbol for name in sorted(needed) if not has_symbol(handle, known[name].symbol)]
     if missing:
-        hint_text = ": it is no Googol library, or one of another series" if len(missing) > 3 else ""
+        hint_text = Phrase(": it is no Googol library, or one of another series") if len(missing) > 3 else ""
         fields = {"abi": abi, "symbols": ", ".join(missing), "hint": hint_text}
         return None, [_fault(rules.NO_SYMBOLS, path, **fields)]
     functions = {name: bound(handle, known[name]) for name in known if has_symbol(handle, known[name].symbol)}
@@ -62,7 +62,7 @@ def opened(path: str) -> Any | str:
         return _why(path, printable(str(error)))
 
 
-NOT_THERE = "there is no such file"
+NOT_THERE = Phrase("there is no such file")
 
 
 def _unfit(path: str) -> str:
@@ -70,18 +70,25 @@ def _unfit(path: str) -> str:
     if not path or "\0" in path:
         return NOT_THERE
     if Path(path).is_dir():
-        return "it is a folder, not a library"
-    return "the file is cut short" if _cut_short(path) else ""
+        return Phrase("it is a folder, not a library")
+    return Phrase("the file is cut short") if _cut_short(path) else ""
 
 
 def _why(path: str, text: str) -> str:
     """What the loader's words mean."""
     if any(sign in text for sign in ("[WinError 193]", "wrong ELF class", "incompatible architecture")):
-        return f"it is not for this Python, which has {BITS} bits; install a Python of the library's kind ({text})"
+        return Phrase(
+            "it is not for this Python, which has {bits} bits; install a Python of the library's kind ({text})",
+            bits=BITS,
+            text=text,
+        )
     if (Path(path).name != path and not Path(path).exists()) or text == f"{printable(path)}: {_UNKNOWN}":
         return NOT_THERE
     if "one of its dependencies" in text:
-        return f"it, or a library that it needs, was not found; the vendor's driver may not be installed ({text})"
+        return Phrase(
+            "it, or a library that it needs, was not found; the vendor's driver may not be installed ({text})",
+            text=text,
+        )
     return text
 
 
@@ -131,8 +138,10 @@ def other_family(handle: Any, abi: Abi) -> tuple[str, str] | None:
     foreign, own = ABI_PROFILES[abi].foreign
     if not has_symbol(handle, foreign) or has_symbol(handle, own):
         return None
-    better = [Abi.GTS, Abi.GTS_MULTI] if abi is Abi.GUS else [Abi.GUS]
-    return f"it has {foreign} and no {own}", f"; try --abi {' or '.join(better)}"
+    reason = Phrase("it has {foreign} and no {own}", foreign=foreign, own=own)
+    if abi is Abi.GUS:
+        return reason, Phrase("; try --abi {one} or {other}", one=Abi.GTS, other=Abi.GTS_MULTI)
+    return reason, Phrase("; try --abi {abi}", abi=Abi.GUS)
 
 
 def bound(handle: Any, prototype: Prototype) -> Callable[..., int]:

@@ -11,35 +11,47 @@ from gusjob import rules
 from gusjob.backend.gts.abi import PROBE, PROBE_ARGUMENTS, PROBE_GUARD, c_value
 from gusjob.backend.gts.library import Library
 from gusjob.backend.journal import Journal
-from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span
 from gusjob.machine import Abi
 from gusjob.stream import Kind, Value
 
 FULL = 1
 """What a buffered call returns when the FIFO is full."""
 
-_CABLE = "check cable and power, and that no other program uses the controller"
+_CABLE = Phrase("check cable and power, and that no other program uses the controller")
 MEANINGS: dict[int, tuple[str, str]] = {
     1: (
-        "execution error, a condition is not met",
-        "look whether the axes are on and without alarm, at rest, and the coordinate system is built",
+        Phrase("execution error, a condition is not met"),
+        Phrase("look whether the axes are on and without alarm, at rest, and the coordinate system is built"),
     ),
-    2: ("no licence for it", "ask the vendor for a licence, or leave out the statement that needs it"),
-    3: ("library and firmware do not fit", "install the library of the controller's firmware"),
-    7: ("parameter error", "the controller does not take one of the arguments; is --abi the right one?"),
-    8: ("not supported by this firmware", "leave out the statement that needs it, or update the firmware"),
-    -6: ("the controller can't be opened", f"is it on, its driver installed? {_CABLE}; gusjob devices says more"),
-    -7: ("no response", _CABLE),
-    -8: ("lock time-out", _CABLE),
+    2: (
+        Phrase("no licence for it"),
+        Phrase("ask the vendor for a licence, or leave out the statement that needs it"),
+    ),
+    3: (Phrase("library and firmware do not fit"), Phrase("install the library of the controller's firmware")),
+    7: (
+        Phrase("parameter error"),
+        Phrase("the controller does not take one of the arguments; is --abi the right one?"),
+    ),
+    8: (
+        Phrase("not supported by this firmware"),
+        Phrase("leave out the statement that needs it, or update the firmware"),
+    ),
+    -6: (
+        Phrase("the controller can't be opened"),
+        Phrase("is it on, its driver installed? {cable}; gusjob devices says more", cable=_CABLE),
+    ),
+    -7: (Phrase("no response"), _CABLE),
+    -8: (Phrase("lock time-out"), _CABLE),
 }
 """Return codes (sister): what each means and what to do."""
+_NO_LINK = (Phrase("the link to the controller failed"), _CABLE)
+_UNKNOWN = (Phrase("an unknown return code"), Phrase("look it up in the library's manual"))
 
 
 def meaning(code: int) -> tuple[str, str]:
     """What a return code means and what to do."""
-    host = ("the link to the controller failed", _CABLE)
-    unknown = ("an unknown return code", "look it up in the library's manual")
-    return MEANINGS.get(code) or (host if code < 0 else unknown)
+    return MEANINGS.get(code) or (_NO_LINK if code < 0 else _UNKNOWN)
 
 
 class BackendError(Exception):
@@ -145,14 +157,14 @@ class Link:
         other = {Abi.GTS: Abi.GTS_MULTI, Abi.GTS_MULTI: Abi.GTS}.get(self.library.abi)
         raise failure(
             rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi,
-            reason=f"{PROBE}, which every controller takes, returned {code}",
-            hint=f"; try --abi {other}" if other else "; is it a library for several cards?",
+            reason=Phrase("{call}, which every controller takes, returned {code}", call=PROBE, code=code),
+            hint=Phrase("; try --abi {abi}", abi=other) if other else Phrase("; is it a library for several cards?"),
         )  # fmt: skip
 
     def crashed(self, name: str, error: OSError) -> BackendError:
         """On Windows an access violation within the library is an OSError."""
-        fields = {"library": self.library.path, "abi": self.library.abi, "hint": ""}
-        return failure(rules.WRONG_ABI, 0, **fields, reason=f"{name} failed within the library ({error})")
+        reason = Phrase("{call} failed within the library ({error})", call=name, error=str(error))
+        return failure(rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi, hint="", reason=reason)
 
     def _make(self, name: str, function: Any, args: tuple[Any, ...]) -> int:
         if threading.get_ident() != self.owner:

@@ -8,6 +8,7 @@ from gusjob.backend.gts.session import Session
 from gusjob.backend.journal import Recorded
 from gusjob.backend.place import START, Place, Route
 from gusjob.backend.rest import Part, point, rest
+from gusjob.diagnostics import Phrase
 from gusjob.stream import Stream
 
 
@@ -44,15 +45,16 @@ def find_place(session: Session, recorded: Recorded) -> Place:
         (space,) = session.link.must("GT_CrdSpace", crd, 0.0, fifo)
         x, y = session.position(int(crd))
     except BackendError as error:
-        raise _unknown(recorded, error.faults[0].message) from error
+        raise _unknown(recorded, error.faults[0].phrase) from error
     queued = stage.slots - int(space)
     if queued == 0 and (segment == 0 or segment < stage.segment):
-        raise _unknown(recorded, "it was started anew since")
+        raise _unknown(recorded, Phrase("it was started anew since"))
     route = Route.of(calls, part.start)
     taken = max(recorded.sent - queued, first)
     place = route.place(taken, taken, x, y)
     if not place.sure:
-        raise _unknown(recorded, f"the head is at X {x:.0f} Y {y:.0f} pulse, not on the path")
+        why = Phrase("the head is at X {x} Y {y} pulse, not on the path", x=f"{x:.0f}", y=f"{y:.0f}")
+        raise _unknown(recorded, why)
     if place.row < first:
         return part.place(Place(row=first))
     return part.place(route.back(place, session.ran_on_ms))

@@ -18,7 +18,7 @@ from gusjob.backend.gts.fifo import Interrupted
 from gusjob.backend.gts.link import BackendError, TakenOver
 from gusjob.backend.gts.session import Session
 from gusjob.backend.rest import Part
-from gusjob.diagnostics import NOWHERE, Diagnostic, Span
+from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Span
 
 TICK_S = 0.02
 _SLOW = ("GT_Open", "GT_Close", "GT_LoadConfig", "GT_Reset")
@@ -121,11 +121,11 @@ class Runner:
             self.tick()
         except OSError:
             self.tick = lambda: None
-            self.session.control.ask_stop("a closed terminal or pipe")
+            self.session.control.ask_stop(Phrase("a closed terminal or pipe"))
         except BaseException as bug:  # noqa: BLE001  (raised again at the end)
             self.tick = lambda: None
             self.outcome.bug = bug
-            self.session.control.ask_stop("an internal error")
+            self.session.control.ask_stop(Phrase("an internal error"))
 
     def _rescue(self, call: str, hung_s: float) -> None:
         """A call hangs: another thread turns everything off, as far as the library lets it."""
@@ -148,11 +148,12 @@ class Runner:
         if turned_off:
             faults += turned_off[0]
         else:
-            why = f"hangs behind {call}"
+            why = Phrase("hangs behind {call}", call=call)
             for channel in session.outputs.channels:
                 light = {"channel": channel, "call": f"GT_SetHSIOOpt(0,{channel})", "why": why}
                 faults.append(Diagnostic(rule=rules.LIGHT_UNKNOWN, span=NOWHERE, fields=light))
-            faults.append(Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": f"GT_Stop {why}"}))
+            why = Phrase("GT_Stop hangs behind {call}", call=call)
+            faults.append(Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why}))
         self.outcome.faults = faults
 
     def _placed(self, fault: Diagnostic) -> Diagnostic:
@@ -213,7 +214,7 @@ def _console_closed(control: Control) -> Iterator[None]:
     def handler(event: int) -> int:
         if event < 2:  # Ctrl+C and Ctrl+Break come as signals.
             return 0
-        control.ask_stop("the closed console", abrupt=True)
+        control.ask_stop(Phrase("the closed console"), abrupt=True)
         over.wait(10)
         return 1
 

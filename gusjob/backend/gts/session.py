@@ -15,7 +15,7 @@ from gusjob.backend.gts.link import BackendError, Link, failure, refused
 from gusjob.backend.gts.way_out import Outputs, WayOut
 from gusjob.backend.place import START, Place, Route
 from gusjob.backend.rest import Part, rest
-from gusjob.diagnostics import Diagnostic, Span
+from gusjob.diagnostics import Diagnostic, Phrase, Span
 from gusjob.limits import STANDBY_KHZ
 from gusjob.machine import Machine
 from gusjob.stream import BUFFERED, Buffered, Call, Stream, Value
@@ -29,7 +29,7 @@ AT_BEGIN: tuple[tuple[str, tuple[Value, ...]], ...] = (
     ("GT_SetPreVltg", (0.0, 0.0)),
 )
 """How each laser stands when a job begins: what is not said in a job is off."""
-_GO_ON = "go on with --resume"
+_GO_ON = Phrase("go on with --resume")
 _PAUSE_S = 0.05
 """How often light and interlock are looked after in a pause."""
 
@@ -57,7 +57,10 @@ def one_queue(stream: Stream) -> list[Diagnostic]:
     if not len(queue) or (queue == queue[0]).all():
         return []
     row = int(np.argmax(queue != queue[0]))
-    names = [f"GT_ calls of coordinate system {calls.crd[i]}, FIFO {calls.fifo[i]}" for i in (row, 0)]
+    names = [
+        Phrase("GT_ calls of coordinate system {crd}, FIFO {fifo}", crd=int(calls.crd[i]), fifo=int(calls.fifo[i]))
+        for i in (row, 0)
+    ]
     fields = {"what": names[0], "first": names[1]}
     return [Diagnostic(rule=rules.TWO_SYSTEMS, span=Span(line=int(calls.line[row])), fields=fields)]
 
@@ -125,7 +128,7 @@ class Session:
             if faults := self.way_out.stop(self.control, abrupt=True):
                 raise BackendError(*faults)
             self.ran_on_ms = (time.perf_counter() - dark_s) * MS_PER_S
-        self.interlock("start again")
+        self.interlock(Phrase("start again"))
 
     def position(self, crd: int) -> tuple[float, float]:
         """Where the head is, pulse."""
@@ -312,7 +315,7 @@ class Session:
         """Behind the end of a job it is dark and nothing moves."""
         self.dark()
         if self.way_out.moving():
-            raise failure(rules.MOTION_UNKNOWN, 0, why="something moves behind the end of the job")
+            raise failure(rules.MOTION_UNKNOWN, 0, why=Phrase("something moves behind the end of the job"))
 
     def dark(self) -> None:
         """The light is off, or it is an error."""

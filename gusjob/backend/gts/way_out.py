@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from gusjob import rules
 from gusjob.backend.gts.control import Control
 from gusjob.backend.gts.link import BackendError, Link, meaning
-from gusjob.diagnostics import NOWHERE, Diagnostic
+from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase
 from gusjob.limits import CHANNEL, CRD
 from gusjob.stream import Value
 
@@ -93,8 +93,7 @@ class WayOut:
                 code = self._stop(abrupt=True)
             patience = _REST_S if moving else self.patience_s
             if abrupt_since and now - abrupt_since > patience:
-                why = f"GT_Stop returned {code} ({meaning(code)[0]})" if code else "GT_CrdStatus still says so"
-                return [Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})]
+                return [_motion_fault(code)]
             for channel in _CHANNELS:
                 self._off(channel)
             for channel in self.outputs.channels:
@@ -132,7 +131,19 @@ class WayOut:
             return -1
 
 
+def _motion_fault(code: int) -> Diagnostic:
+    if code:
+        why = Phrase("GT_Stop returned {code} ({meaning})", code=code, meaning=meaning(code)[0])
+    else:
+        why = Phrase("GT_CrdStatus still says so")
+    return Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})
+
+
 def _light_fault(channel: int, code: int, powered: bool) -> Diagnostic:
-    why = f"returned {code} ({meaning(code)[0]})" + ("" if powered else "; its power was set to 0")
+    what = meaning(code)[0]
+    if powered:
+        why = Phrase("returned {code} ({meaning})", code=code, meaning=what)
+    else:
+        why = Phrase("returned {code} ({meaning}); its power was set to 0", code=code, meaning=what)
     fields = {"channel": channel, "call": f"GT_SetHSIOOpt(0,{channel})", "why": why}
     return Diagnostic(rule=rules.LIGHT_UNKNOWN, span=NOWHERE, fields=fields)

@@ -1,0 +1,52 @@
+"""Which files the arguments of a command name: files, folders, and globs that the shell has left as they are."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from glob import glob, has_magic
+from pathlib import Path
+
+from gusjob.cli.common import stop
+from gusjob.diagnostics import Phrase, any_of
+
+
+def files_named(paths: tuple[Path, ...], endings: tuple[str, ...]) -> list[Path]:
+    """The files that are named, each once, in their order; of folders those with one of the endings."""
+    files: dict[str, Path] = {}
+    for path in paths:
+        for file in _named(path, endings):
+            files.setdefault(_identity(file), file)
+    return list(files.values())
+
+
+def _named(path: Path, endings: tuple[str, ...]) -> list[Path]:
+    """A file as given; of a folder the files in it; of a glob what it matches.
+
+    A gate that looks at nothing must not open: a folder or glob without a file ends with 2.
+    """
+    if path.is_dir():
+        kinds = any_of(endings)
+        return list(_inside(path, endings)) or stop(
+            Phrase("{path}: there is no {kinds} file in this folder", path=path, kinds=kinds)
+        )
+    if not has_magic(str(path)) or path.exists():  # part[1].job is a name like any other.
+        return [path]
+    found = glob(str(path), recursive=True)  # noqa: PTH207  (Path.glob takes no absolute pattern)
+    matches = [Path(name) for name in sorted(found)]
+    files = [file for match in matches for file in (_inside(match, endings) if match.is_dir() else (match,))]
+    return files or stop(Phrase("{path}: no file matches", path=path))
+
+
+def _inside(folder: Path, endings: tuple[str, ...]) -> Iterator[Path]:
+    """The files in a folder and those below it, in order, hidden folders left out."""
+    inside = (p for p in folder.rglob("*") if p.suffix.lower() in endings and p.is_file())
+    yield from sorted(p for p in inside if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+
+
+def _identity(path: Path) -> str:
+    """The same for two ways to write a name. A link is a name of its own: it may lie beside another profile."""
+    try:
+        return os.path.normcase(path.parent.resolve() / path.name)
+    except (OSError, ValueError, RuntimeError):  # No such name, or a loop of links: it is told when it is read.
+        return str(path)

@@ -1,0 +1,113 @@
+"""The user's language: which one it is, and the catalogue of texts in it (gettext; made with Babel, see tests).
+
+The texts in the code are English, and are the catalogue's keys. What programs read (JSON, CSV, listings) stays English.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # Start-up time is part of the tool: English needs no catalogue.
+    from gettext import NullTranslations
+
+LANGUAGES = {"en": "", "zh": "zh_CN"}
+"""Every language by its name on the command line, with the folder of its catalogue; English needs none."""
+CATALOGUES = Path(__file__).parent / "locale"
+DOMAIN = "gusjob"
+_SIMPLIFIED = {"", "cn", "sg", "my", "hans"}
+"""What may follow `zh` in the name of a locale in which Simplified Chinese is read."""
+_WIDE = r"[\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60]"
+_BLANK_BEFORE, _BLANK_BEHIND = re.compile(rf"(?<={_WIDE}) (?=\{{(\w+)}})"), re.compile(rf"(?<=}}) (?={_WIDE})")
+_FIELD_BEFORE, _STARTS_WIDE, _ENDS_WIDE = re.compile(r"\{(\w+)}$"), re.compile(_WIDE), re.compile(f"{_WIDE}$")
+_VARIABLES = ("LANGUAGE", "LC_ALL", "LC_MESSAGES", "LANG")
+
+_catalogue: NullTranslations | None = None
+_own_variable: str | None = None
+"""What LANGUAGE was before click's own texts were turned over to our catalogue."""
+
+
+def translated(text: str) -> str:
+    """A text of the program in the user's language; as it is where that is English."""
+    return _catalogue.gettext(text) if _catalogue is not None and text else text
+
+
+def typeset(template: str, fields: Mapping[str, object]) -> str:
+    """A template in which blanks stand between Chinese and other letters, without those beside Chinese fields."""
+
+    def before(blank: re.Match[str]) -> str:
+        return "" if _STARTS_WIDE.match(str(fields[blank[1]])) else " "
+
+    def behind(blank: re.Match[str]) -> str:
+        field = _FIELD_BEFORE.search(template, 0, blank.start())
+        return "" if field and _ENDS_WIDE.search(str(fields[field[1]])) else " "
+
+    if _catalogue is None:
+        return template
+    template = _BLANK_BEFORE.sub(before, template)
+    return _BLANK_BEHIND.sub(behind, template)
+
+
+def speak(language: str) -> None:
+    """Say everything in a language of LANGUAGES from here on."""
+    global _catalogue, _own_variable  # A process speaks one language, as gettext's own functions do.
+    import gettext
+
+    if _catalogue is not None:
+        _catalogue, _own_variable = None, _set_language(_own_variable)
+        gettext.textdomain("messages")
+    if folder := LANGUAGES[language]:
+        _catalogue = gettext.translation(DOMAIN, CATALOGUES, [folder])
+        # click takes its own texts from gettext's domain, which follows this variable.
+        _own_variable = _set_language(folder)
+        gettext.bindtextdomain(DOMAIN, CATALOGUES)
+        gettext.textdomain(DOMAIN)
+
+
+def _set_language(value: str | None) -> str | None:
+    """Set LANGUAGE, or take it away; what it was."""
+    before = os.environ.pop("LANGUAGE", None)
+    if value is not None:
+        os.environ["LANGUAGE"] = value
+    return before
+
+
+def language() -> str:
+    """The language that is spoken, a key of LANGUAGES."""
+    return "en" if _catalogue is None else "zh"
+
+
+def system_language(environment: Mapping[str, str] | None = None) -> str:
+    """The language that the system is set to, as gettext finds it; English where it is none of ours.
+
+    Windows sets no variables; there it is the language in which Windows itself speaks.
+    """
+    if environment is None:
+        environment = os.environ
+        if _catalogue is not None:  # What speak() has set is not the system's.
+            environment = {name: value for name, value in environment.items() if name != "LANGUAGE"}
+            environment |= {"LANGUAGE": _own_variable} if _own_variable else {}
+    for variable in _VARIABLES:
+        if value := environment.get(variable):
+            return language_of(value.split(":")[0])
+    return language_of(_windows_language())
+
+
+def language_of(locale: str) -> str:
+    """The language of LANGUAGES that a locale's name asks for: zh_CN.UTF-8, zh-Hans-CN, zh_SG ... are `zh`."""
+    head, *rest = locale.partition(".")[0].partition("@")[0].replace("-", "_").lower().split("_")
+    return "zh" if head == "zh" and (rest or [""])[0] in _SIMPLIFIED else "en"
+
+
+def _windows_language() -> str:
+    """The language of Windows' own menus, as a locale's name."""
+    if sys.platform != "win32":
+        return ""
+    import ctypes
+    from locale import windows_locale
+
+    return windows_locale.get(ctypes.windll.kernel32.GetUserDefaultUILanguage(), "")
