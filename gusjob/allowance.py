@@ -11,7 +11,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, Severity, Span, printable
+from gusjob.diagnostics import Diagnostic, Severity, Span
+from gusjob.phrases import Phrase, printable
 from gusjob.rules import RULES
 
 _COMMENT = re.compile(

@@ -27,6 +27,8 @@ import numpy.typing as npt
 from gusjob.diagnostics import Diagnostic, Severity, has_errors
 from gusjob.loading import Loaded, compiled, interpreted, load
 from gusjob.machine import Scanner, parse_scanner
+from gusjob.phrases import Phrase, plural, said
+from gusjob.translate import speak
 
 if TYPE_CHECKING:
     import polars
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from gusjob.report.rows import Report
     from gusjob.stream import Stream
 
+__all__ = ["Fault", "Job", "JobError", "Run", "read", "speak"]
+
 Columns = dict[str, npt.NDArray[Any]]
 
 
@@ -44,14 +48,19 @@ class JobError(Exception):
 
     def __init__(self, name: str, faults: tuple[Fault, ...]) -> None:
         errors = [fault for fault in faults if fault.severity == "error"]
-        first = f": {errors[0]}" if errors else ""
-        super().__init__(f"{name} has {len(errors)} error{'s' if len(errors) != 1 else ''}{first}")
+        first = Phrase(": {fault}", fault=str(errors[0])) if errors else ""
+        count = len(errors)
+        found = plural(count, Phrase("{count} error", count=count), Phrase("{count} errors", count=count))
+        super().__init__(said(Phrase("{name} has {errors}{first}", name=name, errors=found, first=first)))
         self.faults = faults
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """One diagnostic. Lines and columns from 1; `count`: how often it was met in loops and routines."""
+    """One diagnostic. Lines and columns from 1; `count`: how often it was met in loops and routines.
+
+    `message` is in English, or in the language that gusjob.speak("zh") has chosen before the faults were asked for.
+    """
 
     path: str
     line: int
@@ -99,7 +108,7 @@ def _fault(fault: Diagnostic) -> Fault:
         column=fault.span.column,
         severity=severity[fault.severity],
         code=fault.rule.code,
-        message=fault.message,
+        message=fault.said,
         count=fault.count,
     )
 

@@ -2,93 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import reduce
-from typing import Any, Self
+from typing import Any
 
-from gusjob.translate import translated, typeset
-
-
-def _filled(text: str, fields: dict[str, Any]) -> str:
-    shown = {k: number(v) if isinstance(v, float) else v for k, v in fields.items()}
-    for name in (name for name, value in shown.items() if value == ""):
-        text = text.replace(f" {{{name}}} ", " ")  # A number without a unit leaves one blank.
-    return text.format_map(shown)
-
-
-def number(value: float) -> str:
-    """A number as people read it: no trailing .0, at most ten significant digits."""
-    if value != value or value in (float("inf"), float("-inf")):
-        return str(value)
-    return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else f"{value:.10g}"
-
-
-class Phrase(str):
-    """An English text that can be said in the user's language: it remembers its template, and what was filled in."""
-
-    __slots__ = ("fields", "template")
-    template: str
-    fields: dict[str, Any]
-
-    def __new__(cls, template: str, /, **fields: Any) -> Self:
-        """A text, with fields in braces."""
-        phrase = super().__new__(cls, _filled(template, fields))
-        phrase.template, phrase.fields = template, fields
-        return phrase
-
-    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]:
-        """What a copy is made of: the text alone may hold a user's braces."""
-        return (self.template,), self.fields
-
-
-def said(text: str) -> str:
-    """A phrase in the user's language. Other texts, a user's names among them, are what they are."""
-    if not isinstance(text, Phrase):
-        return text
-    fields = {k: said(v) if isinstance(v, str) else v for k, v in text.fields.items()}
-    return _filled(typeset(translated(text.template), fields), fields)
-
-
-def did_you_mean(near: str) -> str:
-    """The hint that another word was meant; '' where none is near."""
-    return Phrase("; did you mean {near}?", near=near) if near else ""
-
-
-def any_of(words: Sequence[str]) -> str:
-    """One of some words: A, B or C."""
-    return Phrase("{first} or {last}", first=all_of(words[:-1]), last=words[-1]) if len(words) > 1 else words[0]
-
-
-def both_of(words: Iterable[str]) -> str:
-    """A and B, perhaps and C."""
-    return reduce(lambda first, second: Phrase("{first} and {second}", first=first, second=second), words)
-
-
-def all_of(words: Iterable[str]) -> str:
-    """Words behind each other: A, B, C."""
-    first, *others = [*words] or [""]
-    for other in others:
-        first = Phrase("{first}, {second}", first=first, second=other)
-    return first
-
-
-_SYSTEM = {
-    str(phrase): phrase
-    for phrase in (
-        Phrase("no such file or directory"), Phrase("permission denied"), Phrase("is a directory"),
-        Phrase("not a directory"), Phrase("file exists"), Phrase("no space left on device"),
-        Phrase("read-only file system"), Phrase("input/output error"), Phrase("file name too long"),
-        Phrase("operation not permitted"), Phrase("address already in use"),
-        Phrase("too many levels of symbolic links"),
-    )
-}  # fmt: skip
-
-
-def system_words(text: str) -> str:
-    """What the system says of a file, in small letters, as a phrase where we know it; Windows speaks for itself."""
-    return _SYSTEM.get(text, text)
+from gusjob.phrases import Phrase, said
 
 
 class Severity(Enum):
@@ -157,7 +76,7 @@ class Remark:
     @property
     def message(self) -> str:
         """The text with the fields filled in, in English."""
-        return _filled(self.text, self.fields)
+        return Phrase(self.text, **self.fields)
 
     @property
     def said(self) -> str:
@@ -185,7 +104,7 @@ class Diagnostic:
     @property
     def message(self) -> str:
         """The rule's text with the fields filled in, in English."""
-        return _filled(self.rule.text, self.fields)
+        return self.phrase
 
     @property
     def phrase(self) -> Phrase:
@@ -211,16 +130,6 @@ class Diagnostic:
     def severity(self) -> Severity:
         """The profile's where it says one, else the rule's."""
         return self.weight or self.rule.severity
-
-
-def figure(value: float | None, digits: int = 6) -> str:
-    """A figure as people compare it, in so many digits; -0 is 0, and what is not known is a dash."""
-    return "-" if value is None or value != value else number(float(f"{value:.{digits}g}") + 0.0)
-
-
-def printable(text: str) -> str:
-    """A user's text without control characters: a job must not steer the terminal that shows it."""
-    return "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Phrase, Remark, Span, number
+from gusjob.diagnostics import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span
 from gusjob.geometry import Arcs, arcs_by_either
 from gusjob.limits import AUTO_SHARE, RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase, number
 from gusjob.units import PowerUnit
 
 Floats = npt.NDArray[np.float64]

@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gusjob import diagnostics as d
 from gusjob.limits import POWER_NOW, PowerMode
+from gusjob.phrases import Phrase, printable
 from gusjob.selection import Selection
 from gusjob.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
@@ -58,7 +58,7 @@ class Scanner:
         return f"{self.model.value}:{self.tracking_error_us:g}us"
 
 
-SCANNER_FORM = d.Phrase(
+SCANNER_FORM = Phrase(
     "delay:TIME, first-order:TIME or second-order:TIME, such as first-order:250us, with a TIME of 0 to 1 s"
 )
 """How a scanner is written."""
@@ -69,14 +69,14 @@ _SCANNER_TEXT = re.compile(rf"({'|'.join(ScannerModel)}):((?:\d+\.?\d*|\.\d+)(?:
 
 def parse_scanner(text: str) -> Scanner | str:
     """A scanner from `first-order:250us`, or what is wrong with the text. Units: us (also without a unit), ms, s."""
-    shown = f'"{d.printable(text)[:40]}"'
+    shown = f'"{printable(text)[:40]}"'
     found = _SCANNER_TEXT.fullmatch(text.strip())
     if not found:
-        return d.Phrase("{text} is not a scanner: write {form}", text=shown, form=SCANNER_FORM)
+        return Phrase("{text} is not a scanner: write {form}", text=shown, form=SCANNER_FORM)
     unit_us = {"ms": US_PER_MS, "s": US_PER_MS**2}.get(found[3], 1.0)
     lag_us = float(found[2]) * unit_us
     if lag_us > _SCANNER_MAX_US:
-        return d.Phrase("the time in {text} is above 1 s: write {form}", text=shown, form=SCANNER_FORM)
+        return Phrase("the time in {text} is above 1 s: write {form}", text=shown, form=SCANNER_FORM)
     return Scanner(model=ScannerModel(found[1]), tracking_error_us=lag_us)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, Span, all_of, any_of, did_you_mean
+from gusjob.diagnostics import Diagnostic, Span
 from gusjob.limits import ACCELERATION, CARRIER_KHZ, CHANNEL, LOOKAHEAD_TIME_MS, SHORT, SWITCH_VALUE, VELOCITY, Range
 from gusjob.machine import (
     SCANNER_FORM,
@@ -23,6 +23,7 @@ from gusjob.machine import (
     Scanner,
     parse_scanner,
 )
+from gusjob.phrases import Phrase, all_of, any_of, did_you_mean, number, printable, reason_of
 from gusjob.selection import Layer, Selection
 
 PROFILE_NAME = "gusjob.toml"
@@ -105,8 +106,8 @@ def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        reason = error.strerror or Phrase("unreadable")
-        return Machine(), [Diagnostic(rule=rules.UNREADABLE, span=d.NOWHERE, fields={"reason": reason}, path=str(path))]
+        fields = {"reason": reason_of(error)}
+        return Machine(), [Diagnostic(rule=rules.UNREADABLE, span=d.NOWHERE, fields=fields, path=str(path))]
     except UnicodeDecodeError as error:
         return Machine(), [
             Diagnostic(rule=rules.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
@@ -158,8 +159,8 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
         reader.fault(rules.PROFILE_TYPE, "laser", "", wanted=wanted, found=_kind(lasers))
         lasers = []
     sources: list[Laser] = []
-    for number, entry in enumerate(lasers):
-        reader.laser_table = number
+    for at, entry in enumerate(lasers):
+        reader.laser_table = at
         row = reader.table(reader.as_table(entry, "laser"), _LASER_KEYS, "laser")
         if "channel" not in row:
             if isinstance(entry, dict) and "channel" in entry:
@@ -168,7 +169,7 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
             reader.fault(rules.PROFILE_TYPE, "channel", "laser", wanted=numbers, found=found)
             continue
         if any(source.channel == row["channel"] for source in sources):
-            taken, value = Phrase("another: it is taken"), d.number(row["channel"])
+            taken, value = Phrase("another: it is taken"), number(row["channel"])
             reader.fault(rules.PROFILE_RANGE, "channel", "laser", value=value, range=taken)
             continue
         sources.append(Laser(**{**row, "channel": int(row["channel"])}))
@@ -231,7 +232,7 @@ class _Reader:
             self.fault(rules.PROFILE_TYPE, key, table, wanted=_TEXT, found=_kind(value))
             return None
         if wanted is Abi and value not in list(Abi):
-            shown = f'"{d.printable(value)[:40]}"'
+            shown = f'"{printable(value)[:40]}"'
             self.fault(rules.PROFILE_RANGE, key, table, value=shown, range=Phrase("one of {names}", names=all_of(Abi)))
             return None
         return Abi(value) if wanted is Abi else value
@@ -314,7 +315,7 @@ class _Reader:
         scanner = parse_scanner(value)
         if isinstance(scanner, Scanner):
             return scanner
-        self.fault(rules.PROFILE_RANGE, "scanner", "", value=f'"{d.printable(value)[:40]}"', range=SCANNER_FORM)
+        self.fault(rules.PROFILE_RANGE, "scanner", "", value=f'"{printable(value)[:40]}"', range=SCANNER_FORM)
         return None
 
     def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
@@ -336,7 +337,7 @@ class _Reader:
         except OverflowError:
             real = math.inf
         if limits.verdict(real) or not limits.carries(real):
-            self.fault(rules.PROFILE_RANGE, key, table, value=d.number(real), range=_within(limits))
+            self.fault(rules.PROFILE_RANGE, key, table, value=number(real), range=_within(limits))
             return None
         return real
 
@@ -347,7 +348,7 @@ class _Reader:
             ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
         ):
             if limits.verdict(value):
-                written, pulses = d.number(getattr(machine, key)), f"{d.number(value)} {limits.unit}"
+                written, pulses = number(getattr(machine, key)), f"{number(value)} {limits.unit}"
                 shown = Phrase("{value}, that is {pulses}", value=written, pulses=pulses)
                 self.fault(rules.PROFILE_RANGE, key, "", value=shown, range=_within(limits))
 
@@ -371,7 +372,7 @@ class _Reader:
 
 
 def _quoted(text: str) -> str:
-    return f'"{d.printable(text)[:40]}"'
+    return f'"{printable(text)[:40]}"'
 
 
 def _kind(value: Any) -> str:

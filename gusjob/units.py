@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import Phrase
+from gusjob.phrases import Phrase
 
 
 class Kind(IntEnum):

@@ -87,3 +87,18 @@ def test_what_can_not_be_read(tmp_path: Path) -> None:
         gusjob.read(tmp_path / "none.job")
     with pytest.raises(AttributeError):
         _ = gusjob.nothing
+
+
+def test_messages_in_chinese(tmp_path: Path) -> None:
+    path = tmp_path / "a.job"
+    path.write_text("LNE X 1\n", encoding="utf-8")
+    try:
+        gusjob.speak("zh")
+        (fault,) = gusjob.read(path).faults
+        assert fault.message == "没有以 'LNE' 开头的语句；是否想写 LINE？"
+        with pytest.raises(gusjob.JobError, match="有 1 个错误"):
+            gusjob.read(path).simulate()
+    finally:
+        gusjob.speak("en")
+    (fault,) = gusjob.read(path).faults
+    assert fault.message == "no statement begins with 'LNE'; did you mean LINE?"

@@ -17,7 +17,8 @@ from tools import ROOT
 
 from gusjob.cli import cli
 from gusjob.cli.text import width, wrapped
-from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Severity, said
+from gusjob.diagnostics import NOWHERE, Diagnostic, Severity
+from gusjob.phrases import Phrase, said
 from gusjob.rules import RULES
 from gusjob.translate import CATALOGUES, language, language_of, speak, system_language, translated, typeset
 

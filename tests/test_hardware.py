@@ -218,11 +218,13 @@ def test_fault_matrix_link_lost(gus: Bench, capsys: pytest.CaptureFixture[str]) 
             gus.controller.fault(Fault.RETURN, nth=nth, count=count, value=-7)
             cases += 1
             ran, case = gus.run(stream, machine), f"{count} calls from {nth}, {names[nth - 1]}"
-            said = " ".join(fault.message for fault in ran.faults)
+            said, made = " ".join(fault.message for fault in ran.faults), gus.controller.names()
             if count > 0:
                 assert is_safe(gus), case
                 assert "MAY BE ON" not in said, case
-            elif nth < len(names):
+            elif not ran.faults and made[-1] == "GT_Close" and len(made) <= nth:
+                continue  # Looks come by time: this run was done with fewer, or with its last call.
+            else:
                 # Nothing can be switched any more: that is said, first of all.
                 assert ran.codes[0] == "GJ912", case
                 assert "THE LIGHT OF CHANNEL 0 MAY BE ON" in said, case

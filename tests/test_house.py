@@ -11,8 +11,8 @@ import pytest
 from tools import ROOT
 
 ORDER = (
-    "limits", "translate", "diagnostics", "rules", "selection", "allowance", "units", "columns", "machine", "profile",
-    "motion", "geometry", "job", "stream", "listing", "c_program", "syntax", "layout", "checks", "planner",
+    "limits", "translate", "phrases", "diagnostics", "rules", "selection", "allowance", "units", "columns", "machine",
+    "profile", "motion", "geometry", "job", "stream", "listing", "c_program", "syntax", "layout", "checks", "planner",
     "interpreter", "backend", "report", "loading", "mend", "signals", "drawing", "page", "lsp", "tune", "api", "cli",
 )  # fmt: skip
 """Top to bottom: a room imports from itself and from rooms above it."""

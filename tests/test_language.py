@@ -8,6 +8,7 @@ import pytest
 from tools import MARK, calls_of, faults_in, job_of, path_calls
 
 from gusjob.machine import Machine
+from gusjob.syntax import check_text, read_job, read_listing
 
 
 def body(text: str) -> list[str]:
@@ -220,3 +221,32 @@ def test_spans_are_found_again() -> None:
     assert (span.line, span.column, span.end_column) == (4, 15, 18)
     whole = job.locate(4, "")
     assert (whole.column, whole.end_column) == (3, 29)
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        # Both ends of the straight angle are +180 degrees: rounding up to zero leaves no sign.
+        ("atan2(ceil(-0.5), -1)", 180.0),
+        ("atan2(round(-0.3), -1)", 180.0),
+        ("atan2(0, -1)", 180.0),
+    ],
+)
+def test_rounding_gives_no_minus_zero(expression: str, value: float) -> None:
+    assert body(f"LINE X 1 Y ({expression} / 100)") == [
+        f"GT_LnXY(1,1000,{value * 10:.0f},100,10,0,0)"
+    ]  # fmt: skip
+
+
+def test_a_line_that_ends_too_soon_has_no_hint_of_names() -> None:
+    source, _ = check_text(b"LINE X\n", "a.job")
+    assert source is not None
+    _, (fault, *_) = read_job(source, Machine())
+    assert fault.message == "the end of the line does not belong here; expected a number"
+
+
+def test_an_octal_number_is_shown_as_it_was_written() -> None:
+    source, _ = check_text(b"GT_LnXY(1,010 020,0,50,2,0,0)\n", "a.gts")
+    assert source is not None
+    _, (fault, *_) = read_listing(source)
+    assert "'020'" in fault.message

@@ -23,9 +23,9 @@ pytest.importorskip("jinja2", reason="jinja2 is not installed")
 from browser import Chromium, Tab, chromium, rest
 from tools import ROOT
 
-from gusjob.diagnostics import number as as_text
 from gusjob.page.encode import MANTISSA_BITS, UNITS_PER_MM, Encoded, decode, encode, rounded
 from gusjob.page.render import MAX_BYTES, Page, render
+from gusjob.phrases import number as as_text
 from gusjob.report.marks import MARKING_WORDS
 
 __all__ = ["chromium"]

@@ -24,8 +24,9 @@ from catalogue import needed
 from tools import ROOT
 
 from gusjob import translate
-from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Remark, Rule, all_of, any_of, both_of, did_you_mean, said
+from gusjob.diagnostics import NOWHERE, Diagnostic, Remark, Rule
 from gusjob.machine import Abi, Budget, Controller, Interlock, Laser, Machine, parse_scanner
+from gusjob.phrases import Phrase, all_of, any_of, both_of, did_you_mean, said
 from gusjob.profile import parse_machine, read_machine
 from gusjob.rules import (
     CALL_OCTAL,

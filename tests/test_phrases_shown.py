@@ -42,8 +42,8 @@ from gusjob.cli import (
 from gusjob.cli.hardware import _light_left
 from gusjob.cli.page import too_long
 from gusjob.cli.panel import _STOP_KEYS, Light, Progress, panel, plain_line
-from gusjob.diagnostics import said
 from gusjob.machine import Abi
+from gusjob.phrases import said
 from gusjob.report.earlier import read_earlier
 
 UNITS = {"kHz", "mm", "mm/s", "ms", "us", "um", "s", "x", "y", "ms/mm"}

@@ -20,8 +20,8 @@ from typing import Any
 from gusjob.backend.gts.abi import ABI_PROFILES, prototypes
 from gusjob.backend.gts.library import BITS, NOT_THERE, has_symbol, opened, other_family
 from gusjob.backend.gts.session import NEEDED
-from gusjob.diagnostics import Phrase, printable
 from gusjob.machine import Abi
+from gusjob.phrases import Phrase, printable
 
 # Vendor libraries.
 

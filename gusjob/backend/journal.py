@@ -17,8 +17,8 @@ from typing import Any
 import orjson
 
 from gusjob.backend import JOURNAL_SCHEMA
-from gusjob.diagnostics import Phrase, system_words
 from gusjob.limits import FIFO_SLOTS
+from gusjob.phrases import Phrase, reason_of
 
 
 class Journal:
@@ -37,7 +37,7 @@ class Journal:
 
     def give_up(self, error: OSError) -> None:
         """Nothing can be written any more: a full disk must not keep the light from being switched off."""
-        self.lost = system_words(error.strerror.lower()) if error.strerror else Phrase("unknown error")
+        self.lost = reason_of(error)
         self.write = lambda _line: None
 
     def now_s(self) -> float:

@@ -13,8 +13,9 @@ from gusjob import rules
 from gusjob.backend import JOURNAL_SCHEMA
 from gusjob.backend.place import Place
 from gusjob.backend.rest import about_centre, point
-from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Span
+from gusjob.diagnostics import NOWHERE, Diagnostic, Span
 from gusjob.limits import FIFO_SLOTS
+from gusjob.phrases import Phrase
 from gusjob.stream import HOST_CALLS, Buffered, BufferedCalls, Stream
 from gusjob.syntax import Source, read_listing
 

@@ -8,8 +8,9 @@ import numpy.typing as npt
 from gusjob import diagnostics as d
 from gusjob import rules
 from gusjob.checks.view import CHANNELS, Findings, Floats, Indices, Remarks, View
-from gusjob.diagnostics import Phrase, Remark
+from gusjob.diagnostics import Remark
 from gusjob.job import LaserDelay, LaserFpk, Op, opens_stage
+from gusjob.phrases import Phrase
 
 
 def left_on(view: View, findings: Findings) -> None:

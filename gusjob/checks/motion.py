@@ -6,9 +6,9 @@ import numpy as np
 
 from gusjob import limits, rules
 from gusjob.checks.view import CHANNELS, Findings, Indices, View
-from gusjob.diagnostics import Phrase
 from gusjob.geometry import CLOSES_MM, arcs_by_either
 from gusjob.job import SPEED_WORDS, Op, arcs_mm
+from gusjob.phrases import Phrase
 
 
 def speeds(view: View, findings: Findings) -> None:

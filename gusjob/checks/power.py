@@ -8,9 +8,9 @@ import numpy as np
 
 from gusjob import rules
 from gusjob.checks.view import CHANNELS, Findings, ModeSpan, View, unit_fields
-from gusjob.diagnostics import Phrase
 from gusjob.job import Op, PowerNow, SwitchNow
 from gusjob.limits import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, PowerMode, Verdict
+from gusjob.phrases import Phrase
 from gusjob.units import PowerUnit
 
 UNIT_OF_MODE = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 from gusjob import limits, rules
 from gusjob.checks.power import UNIT_OF_MODE
 from gusjob.checks.view import Findings, View
-from gusjob.diagnostics import Phrase
 from gusjob.job import (
     Crd,
     LaserDelay,
@@ -20,6 +19,7 @@ from gusjob.job import (
     opens_stage,
 )
 from gusjob.limits import DISTANCE_LIMIT, MODE_LIMIT, PULSE_DUTY_PCT, PowerMode, Verdict
+from gusjob.phrases import Phrase
 
 _MODE_MIN, _MODE_MAX, _PULSE_WIDTH = Phrase("mode MIN"), Phrase("mode MAX"), Phrase("pulse WIDTH")
 _ON_DELAY, _OFF_DELAY, _PREVOLTAGE = Phrase("on delay"), Phrase("off delay"), Phrase("pre-voltage")

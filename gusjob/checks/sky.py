@@ -9,8 +9,8 @@ import numpy as np
 from gusjob import limits, rules
 from gusjob.checks.light import switched_on
 from gusjob.checks.view import CHANNELS, Bools, Findings, View
-from gusjob.diagnostics import Phrase
 from gusjob.job import Op, Setup, SkyWrite, SkyWriting, SwitchNow, opens_stage
+from gusjob.phrases import Phrase
 
 _LAG_SLACK = 0.2
 """Share of a scanner's tracking error by which TIMELAG may miss it: what tuning makes of it, and more."""

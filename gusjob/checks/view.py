@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Collector, Phrase, Remark, Rule
+from gusjob.diagnostics import Collector, Remark, Rule
 from gusjob.job import Job, LaserMode, Op, PowerNow, Setup, Shown, SwitchNow, arcs_mm, shown_units, stages_of_setups
 from gusjob.limits import Range, Verdict
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase
 from gusjob.units import Kind, PowerUnit
 
 Floats = npt.NDArray[np.float64]

@@ -14,8 +14,9 @@ from gusjob.cli.gathering import gathering
 from gusjob.cli.language import Command
 from gusjob.cli.mending import Mending
 from gusjob.cli.text import padded
-from gusjob.diagnostics import Diagnostic, Phrase, Severity, all_of, printable, said
+from gusjob.diagnostics import Diagnostic, Severity
 from gusjob.loading import Loaded, load, look_closer, selected
+from gusjob.phrases import Phrase, all_of, plural, printable, said
 from gusjob.rules import RULES
 from gusjob.selection import Layer
 from gusjob.translate import translated
@@ -110,11 +111,11 @@ def _told(files: int, counts: Counter[Severity], left_out: int) -> str:
     """'3 files: 1 error, 2 warnings (1 not selected)', in the user's language."""
     errors, warnings, notes = (counts[severity] for severity in Severity)
     words = {
-        Phrase("{count} error", count=errors) if errors == 1 else Phrase("{count} errors", count=errors): errors,
-        Phrase("{count} note", count=notes) if notes == 1 else Phrase("{count} notes", count=notes): notes,
-        Phrase("{count} warning", count=warnings)
-        if warnings == 1
-        else Phrase("{count} warnings", count=warnings): warnings,
+        plural(errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors)): errors,
+        plural(notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes)): notes,
+        plural(
+            warnings, Phrase("{count} warning", count=warnings), Phrase("{count} warnings", count=warnings)
+        ): warnings,
     }
     found = all_of([word for word, count in words.items() if count]) or Phrase("clean")
     hidden = Phrase(" ({count} not selected)", count=left_out) if left_out else ""

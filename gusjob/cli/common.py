@@ -13,9 +13,10 @@ from typing import BinaryIO, NoReturn
 
 import click
 
-from gusjob.diagnostics import Phrase, Severity, has_errors, printable, said, system_words
+from gusjob.diagnostics import Severity, has_errors
 from gusjob.loading import Loaded
 from gusjob.machine import SCANNER_FORM, Scanner, parse_scanner
+from gusjob.phrases import Phrase, plural, printable, reason_of, said
 
 machine_option = click.option(
     "--machine",
@@ -129,11 +130,6 @@ def rewrite(path: Path, before: bytes, after: bytes) -> str:
     return ""
 
 
-def reason_of(error: OSError) -> str:
-    """Why the system refused something, in the system's own words."""
-    return system_words(error.strerror.lower()) if error.strerror else Phrase("unknown error")
-
-
 def _replace(output: Path, pieces: Iterable[bytes]) -> None:
     """Write beside a file, then put it in its place."""
     if output.exists():
@@ -160,7 +156,7 @@ def _umask() -> int:
 
 def files_of(count: int) -> str:
     """So many files."""
-    return Phrase("{count} file", count=count) if count == 1 else Phrase("{count} files", count=count)
+    return plural(count, Phrase("{count} file", count=count), Phrase("{count} files", count=count))
 
 
 def need(extra: str, module: str, *, to: str) -> None:

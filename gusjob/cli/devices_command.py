@@ -13,9 +13,9 @@ import click
 from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.cli.language import Command
 from gusjob.cli.text import width, wrapped
-from gusjob.diagnostics import Phrase, all_of, any_of, both_of, printable, said
 from gusjob.loading import Loaded
 from gusjob.machine import Abi
+from gusjob.phrases import Phrase, all_of, any_of, both_of, printable, said
 from gusjob.profile import find_profile, read_machine
 from gusjob.syntax import read_source
 
@@ -168,7 +168,7 @@ def _wrapped(text: str) -> Iterator[str]:
 
 
 def _steps(steps: Iterable[str]) -> Iterator[str]:
-    head = said(Phrase("next:")) + " "
+    head = said(Phrase("next: "))
     for number, step in enumerate(steps):
         yield f"      {' ' * width(head) if number else head}{said(step)}"
 

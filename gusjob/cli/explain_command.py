@@ -9,7 +9,8 @@ import click
 
 from gusjob.cli.language import Command
 from gusjob.cli.text import padded, wrapped
-from gusjob.diagnostics import Phrase, Rule, printable, said
+from gusjob.diagnostics import Rule
+from gusjob.phrases import Phrase, printable, said
 from gusjob.rules import RULES
 from gusjob.syntax.lines import nearest
 from gusjob.translate import translated

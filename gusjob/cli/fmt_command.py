@@ -12,8 +12,9 @@ import click
 from gusjob.cli.common import BOM, bom_of, files_of, rewrite, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
-from gusjob.diagnostics import Diagnostic, Phrase, all_of, printable, said
+from gusjob.diagnostics import Diagnostic
 from gusjob.loading import Loaded
+from gusjob.phrases import Phrase, all_of, plural, printable, said
 from gusjob.syntax import Source, check_text, is_listing, read_source
 
 _STANDARD_INPUT = Path("-")
@@ -112,14 +113,16 @@ class _Run:
     def said(self) -> str:
         """'3 files: 1 changed, 2 right'."""
         changed, right, failed, listings = (self.counts[kind] for kind in (_CHANGED, _RIGHT, _FAILED, _LISTING))
-        one = listings == 1
         words = {
             Phrase("{count} changed", count=changed): changed if self.writes else 0,
             Phrase("{count} would change", count=changed): 0 if self.writes else changed,
             Phrase("{count} right", count=right): right,
             Phrase("{count} failed", count=failed): failed,
-            Phrase("{count} listing left alone", count=listings): listings if one else 0,
-            Phrase("{count} listings left alone", count=listings): 0 if one else listings,
+            plural(
+                listings,
+                Phrase("{count} listing left alone", count=listings),
+                Phrase("{count} listings left alone", count=listings),
+            ): listings,
         }
         told = all_of([word for word, count in words.items() if count])
         return said(Phrase("{files}: {counts}", files=files_of(self.counts.total()), counts=told))

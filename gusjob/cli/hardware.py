@@ -27,12 +27,13 @@ from gusjob.backend.gts.session import Session, needed_calls, one_queue, outputs
 from gusjob.backend.journal import Journal, Recorded, mark_resumed, read_journal
 from gusjob.backend.place import START, Place
 from gusjob.backend.rest import Part, rest, whole
-from gusjob.cli.common import reason_of, show, stop
+from gusjob.cli.common import show, stop
 from gusjob.cli.text import padded, width
-from gusjob.diagnostics import Diagnostic, Phrase, Span, has_errors, printable, said
+from gusjob.diagnostics import Diagnostic, Span, has_errors
 from gusjob.interpreter import Trace, interpret
 from gusjob.loading import Loaded, interpreted_faults
 from gusjob.machine import Abi, Machine
+from gusjob.phrases import Phrase, printable, reason_of, said
 from gusjob.stream import BufferedCalls, Stream
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from gusjob.cli.common import need, output_option, reason_of, stop, write
+from gusjob.cli.common import need, output_option, stop, write
 from gusjob.cli.language import Command, language_was_asked
-from gusjob.diagnostics import Phrase, said
+from gusjob.phrases import Phrase, reason_of, said
 
 
 @click.command(name="lsp", cls=Command)

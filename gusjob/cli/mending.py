@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import bom_of, rewrite, write
-from gusjob.diagnostics import Phrase, printable, said
 from gusjob.loading import Loaded, load
+from gusjob.phrases import Phrase, printable, said
 from gusjob.selection import Layer
 
 

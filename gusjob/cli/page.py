@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from gusjob.diagnostics import Diagnostic, Phrase
+from gusjob.diagnostics import Diagnostic
 from gusjob.loading import Loaded
+from gusjob.phrases import Phrase
 from gusjob.report.files import diagnostic_object
 
 if TYPE_CHECKING:

@@ -20,8 +20,8 @@ import orjson
 
 from gusjob.backend.gts.control import Control, Phase, View
 from gusjob.cli.keys import Keys
-from gusjob.diagnostics import Phrase, printable, said
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase, printable, said
 from gusjob.stream import Buffered, Stream
 
 if TYPE_CHECKING:  # The interpreter and rich are imported by who needs them.

@@ -11,8 +11,8 @@ import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
 from gusjob.cli.language import Command
-from gusjob.diagnostics import Phrase, printable, said
 from gusjob.loading import Loaded, interpreted, load
+from gusjob.phrases import Phrase, printable, said
 
 if TYPE_CHECKING:
     from gusjob.drawing.plot import View

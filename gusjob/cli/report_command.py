@@ -23,8 +23,8 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
-from gusjob.diagnostics import Phrase, printable, said
 from gusjob.loading import Loaded, interpreted, load
+from gusjob.phrases import Phrase, printable, said
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

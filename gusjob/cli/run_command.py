@@ -12,9 +12,10 @@ import click
 
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
 from gusjob.cli.language import Command
-from gusjob.diagnostics import Phrase, all_of, has_errors, said
+from gusjob.diagnostics import has_errors
 from gusjob.loading import Loaded, budget_faults, compiled, interpreted_faults, load
 from gusjob.machine import Abi, Scanner
+from gusjob.phrases import Phrase, all_of, said
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.
     from gusjob.cli.hardware import Wishes

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from gusjob.cli.common import bom_of, file_argument, machine_option, reason_of, rewrite, scanner_option, show, stop
+from gusjob.cli.common import bom_of, file_argument, machine_option, rewrite, scanner_option, show, stop
 from gusjob.cli.language import Command
 from gusjob.cli.text import padded, width
-from gusjob.diagnostics import Phrase, figure, has_errors, said
+from gusjob.diagnostics import has_errors
 from gusjob.loading import in_order, load
 from gusjob.machine import Scanner
+from gusjob.phrases import Phrase, figure, reason_of, said
 
 if TYPE_CHECKING:
     from gusjob.syntax import Source

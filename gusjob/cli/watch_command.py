@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob import rules
-from gusjob.cli.common import file_argument, machine_option, need, reason_of, scanner_option, show, stop
+from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
 from gusjob.cli.language import Command
-from gusjob.diagnostics import Phrase, printable, said
 from gusjob.loading import Loaded, interpreted, load
+from gusjob.phrases import Phrase, printable, reason_of, said
 from gusjob.profile import find_profile
 
 if TYPE_CHECKING:

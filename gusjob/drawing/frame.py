@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
-from gusjob.diagnostics import figure as figure_text
 from gusjob.drawing.lettering import FAINT, INK, line_in, put, width_in
 from gusjob.drawing.pens import PT_PER_INCH, Sight, colours, norm
 from gusjob.drawing.shades import Shade
+from gusjob.phrases import figure as figure_text
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.8, 0.25, 0.12, 0.12
 _BAR = 1.1

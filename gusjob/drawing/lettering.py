@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager, get_font
 from matplotlib.textpath import text_to_path
 
-from gusjob.diagnostics import printable
+from gusjob.phrases import printable
 
 INK, FAINT = "#1f2328", "#57606a"
 LINE_SPACING = 1.35

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.columns import counted
-from gusjob.diagnostics import figure
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine
+from gusjob.phrases import figure
 from gusjob.report.rows import Report, scale_mm
 from gusjob.signals.steps import follows, ticks_in
 from gusjob.signals.timeline import timeline_of

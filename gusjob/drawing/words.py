@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gusjob.diagnostics import figure as figure_text
 from gusjob.drawing.shades import Shade
 from gusjob.drawing.strokes import FINE_STROKES, Strokes, left_out
+from gusjob.phrases import figure as figure_text
 from gusjob.report.rows import Report
 
 _WAYS = (("mark_mm", "marks"), ("jump_mm", "jumps"), ("run_in_mm", "run-ins"), ("run_out_mm", "run-outs"))

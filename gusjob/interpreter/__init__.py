@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span
+from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.interpreter.clock import Clock, path_faults, run_clock
 from gusjob.interpreter.path import Motion
 from gusjob.interpreter.power import emitted
@@ -18,6 +18,7 @@ from gusjob.interpreter.switch import emission
 from gusjob.interpreter.trace import ChannelTrace, Trace
 from gusjob.limits import FIFO_SLOTS, PowerMode
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase
 from gusjob.stream import Stream
 from gusjob.units import US_PER_MS
 

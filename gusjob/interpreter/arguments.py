@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Collector, Phrase, Rule, Span
+from gusjob.diagnostics import Collector, Rule, Span
 from gusjob.interpreter.state import PARAMETER_ERROR, Rows
 from gusjob.limits import FOLLOW, POWER, PowerMode, Range, Verdict
+from gusjob.phrases import Phrase, number
 from gusjob.stream import BUFFERED, SIGNATURES, Arg, Buffered, BufferedCalls, Call, Kind, Signature
 
 Bools = npt.NDArray[np.bool_]
@@ -27,15 +27,15 @@ def bad_argument(call: Call) -> str:
     for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
         if arg.range is None or (switched_off and arg.kind in (Kind.REAL, Kind.ARRAY)):
             continue
-        for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and (reason := out_of(arg.range, arg.name, number)):
+        for one in value if isinstance(value, tuple) else (value,):
+            if isinstance(one, float) and (reason := out_of(arg.range, arg.name, one)):
                 return reason
     return ""
 
 
 def out_of(allowed: Range, name: str, value: float) -> str:
     """Why a value is none for a range; '' if it is one."""
-    shown = f"{name} {d.number(value)} {allowed.unit}".rstrip()
+    shown = f"{name} {number(value)} {allowed.unit}".rstrip()
     if allowed.verdict(value) is Verdict.OUTSIDE:
         return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
     return "" if allowed.carries(value) else Phrase("{value} is not whole", value=shown)

@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Collector, Diagnostic, Phrase, Rule, Span
+from gusjob.diagnostics import Collector, Diagnostic, Rule, Span
 from gusjob.geometry import Arcs, Segments, arcs_by_centre, arcs_by_radius, segments
 from gusjob.interpreter.state import Program
 from gusjob.machine import Machine
 from gusjob.motion import Trapezoids, reached_ends, running_sum, trapezoids
+from gusjob.phrases import Phrase
 from gusjob.stream import Buffered, BufferedCalls
 
 Floats = npt.NDArray[np.float64]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gusjob import rules
-from gusjob.diagnostics import Collector, Phrase, Rule, Span
+from gusjob.diagnostics import Collector, Rule, Span
 from gusjob.interpreter.arguments import BufferedJudge, bad_argument, out_of
 from gusjob.interpreter.state import (
     EXECUTION_ERROR,
@@ -25,6 +25,7 @@ from gusjob.interpreter.state import (
     StageRun,
 )
 from gusjob.limits import DIMENSION, DISTANCE_LIMIT, EVEN_TIME_MS, MODE_LIMIT, POWER_NOW, PowerMode, Range
+from gusjob.phrases import Phrase
 from gusjob.stream import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
 
 _DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")

@@ -9,7 +9,7 @@ import numpy as np
 from lsprotocol import types as lsp
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, said
+from gusjob.diagnostics import Diagnostic
 from gusjob.loading import Loaded, load, look_closer
 from gusjob.lsp.asked import Asked
 from gusjob.lsp.asked import key_of as place_key
@@ -17,6 +17,7 @@ from gusjob.lsp.desk import Desk
 from gusjob.lsp.judge import replacement
 from gusjob.lsp.text import Text, utf8
 from gusjob.mend import MENDS, key_of, mended
+from gusjob.phrases import Phrase, said
 from gusjob.syntax.statements import strip_comment
 
 _BOM = b"\xef\xbb\xbf"

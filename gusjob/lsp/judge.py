@@ -18,11 +18,12 @@ from lsprotocol.types import (
 )
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, Severity, Span, printable, said
+from gusjob.diagnostics import Diagnostic, Severity, Span
 from gusjob.loading import Loaded, load, look_closer, selected
 from gusjob.loading import judge as judge_source
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.text import Text
+from gusjob.phrases import Phrase, printable, said
 from gusjob.selection import NOTHING_ASKED
 from gusjob.syntax import check_text
 from gusjob.syntax.statements import COMPARED

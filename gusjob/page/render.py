@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from gusjob.diagnostics import figure, printable
 from gusjob.page.encode import UNITS_PER_MM, Encoded, encode
+from gusjob.phrases import figure, printable
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 
 MAX_BYTES = 30_000_000

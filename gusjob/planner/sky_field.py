@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Collector, Phrase
+from gusjob.diagnostics import Collector
+from gusjob.phrases import Phrase
 from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
 from gusjob.stream import Run

@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from gusjob import rules
 from gusjob.checks.view import CHANNELS
-from gusjob.diagnostics import Collector, Diagnostic, Phrase, Rule, has_errors
+from gusjob.diagnostics import Collector, Diagnostic, Rule, has_errors
 from gusjob.job import Op, shown_units
 from gusjob.limits import RUN_STEP_US
 from gusjob.motion import distance_run
+from gusjob.phrases import Phrase
 from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
 from gusjob.planner.timeline import Events, Timeline

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import orjson
 from rich.cells import cell_len
 
-from gusjob.diagnostics import Phrase, figure, number, said
+from gusjob.phrases import Phrase, figure, number, plural, said
 from gusjob.report.earlier import (
     ANY_UNIT,
     CHANNELS,
@@ -269,11 +269,11 @@ def _word(kind: int) -> str:
 
 
 def _count_totals(count: int) -> Phrase:
-    return Phrase("{count} total", count=count) if count == 1 else Phrase("{count} totals", count=count)
+    return plural(count, Phrase("{count} total", count=count), Phrase("{count} totals", count=count))
 
 
 def _count_segments(count: int) -> Phrase:
-    return Phrase("{count} segment", count=count) if count == 1 else Phrase("{count} segments", count=count)
+    return plural(count, Phrase("{count} segment", count=count), Phrase("{count} segments", count=count))
 
 
 def verdict(comparison: Comparison) -> list[str]:

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from gusjob.diagnostics import Phrase, all_of, printable, system_words
 from gusjob.limits import PowerMode
+from gusjob.phrases import Phrase, all_of, printable, reason_of
 from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
 
 Floats = npt.NDArray[np.float64]
@@ -60,7 +60,7 @@ def read_earlier(path: Path) -> tuple[Earlier | None, str]:
             data = file.read(MAX_EARLIER_MB * 1_000_000 + 1)
         return _earlier(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
     except OSError as error:
-        why = system_words((error.strerror or type(error).__name__).lower())
+        why = reason_of(error)
         return None, Phrase("can't read this file: {why}", why=why)
     except _NotAReportError as error:
         return None, error.reason

@@ -13,7 +13,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from gusjob.diagnostics import Diagnostic, Severity, printable
+from gusjob.diagnostics import Diagnostic, Severity
+from gusjob.phrases import printable
 
 CLEAN = "no fault"
 """The case of a file in which nothing was found."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.diagnostics import Diagnostic, Phrase, figure, printable, said
+from gusjob.diagnostics import Diagnostic
+from gusjob.phrases import Phrase, figure, printable, said
 from gusjob.report.compare import Comparison, segment_rows, totals_rows, verdict
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.match import Rows

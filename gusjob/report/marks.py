@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import Phrase
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase
 from gusjob.report.corners import Corners, corners_of, largest_misses
 from gusjob.report.ends import Ends, Place, ends_of, mark_lines
 from gusjob.report.way import Way, way_of

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import Phrase, all_of, figure, said
 from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.state import LaserState
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase, all_of, figure, said
 from gusjob.report.marks import marking_totals, marks_of
 from gusjob.stream import Run
 

@@ -15,7 +15,8 @@ from urllib.parse import quote
 import orjson
 
 from gusjob import __version__
-from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span, printable, said
+from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.phrases import Phrase, printable, said
 from gusjob.rules import RULES
 from gusjob.translate import language, translated
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.diagnostics import Phrase, all_of, figure, printable, said
+from gusjob.phrases import Phrase, all_of, figure, plural, printable, said
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.rows import Report, SegmentKind, while_off
 
@@ -146,7 +146,7 @@ def _marking(entry: dict[str, Any]) -> Phrase:
         if entry["worst"][name]
     )
     channel, count = entry["channel"], entry["marks"]
-    marks = Phrase("{count} mark", count=count) if count == 1 else Phrase("{count} marks", count=count)
+    marks = plural(count, Phrase("{count} mark", count=count), Phrase("{count} marks", count=count))
     if not figures:
         return Phrase("channel {channel}: {marks}", channel=channel, marks=marks)
     return Phrase(

@@ -10,9 +10,10 @@ import numpy as np
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, has_errors
+from gusjob.diagnostics import Diagnostic, has_errors
 from gusjob.job import Job
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase
 from gusjob.syntax.elaborate import Told, elaborate
 from gusjob.syntax.files import SourceMap
 from gusjob.syntax.job_reader import JobText, more_faults, plain, read_job_text

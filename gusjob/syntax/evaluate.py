@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Phrase, both_of, did_you_mean
+from gusjob.phrases import Phrase, both_of, did_you_mean, number
 from gusjob.syntax.expressions import PLAIN, TRUTH, Expression, Mismatch, Type
 from gusjob.syntax.forms import Word
 from gusjob.syntax.lanes import Lanes, some
@@ -118,7 +117,7 @@ class Evaluator:
             value = value / 1000.0
         large = abs(value) > MAX_NUMBER
         if some(large):
-            shown = d.number(float(np.max(np.abs(value))))
+            shown = number(float(np.max(np.abs(value))))
             self.ledger.fault(
                 rules.TOO_BIG, line, slot.word, lanes.first_trail(large), int(np.count_nonzero(large)), value=shown,
                 limit=MAX_NUMBER,

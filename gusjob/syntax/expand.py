@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, both_of
+from gusjob.diagnostics import Diagnostic
 from gusjob.job import Trails
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase, both_of
 from gusjob.syntax.evaluate import Evaluator, kind_words
 from gusjob.syntax.expressions import PLAIN, TRUTH, Type, Typing
 from gusjob.syntax.job_reader import RowOp

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from lark import Token, Tree
 
-from gusjob.diagnostics import Phrase
 from gusjob.geometry import sin_cos_deg
+from gusjob.phrases import Phrase
 from gusjob.units import Kind
 
 Floats = npt.NDArray[np.float64]

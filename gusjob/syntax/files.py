@@ -6,7 +6,8 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import PureWindowsPath
 
-from gusjob.diagnostics import SET_HERE, Phrase, Remark, Span
+from gusjob.diagnostics import SET_HERE, Remark, Span
+from gusjob.phrases import Phrase
 from gusjob.syntax.source import Source, read_source
 from gusjob.syntax.statements import Statement, read_statement
 

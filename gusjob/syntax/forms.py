@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from gusjob.diagnostics import Phrase, both_of
+from gusjob.phrases import Phrase, both_of
 from gusjob.units import Kind
 
 

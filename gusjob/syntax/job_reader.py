@@ -9,7 +9,8 @@ from enum import IntEnum
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase
+from gusjob.diagnostics import Diagnostic
+from gusjob.phrases import Phrase
 from gusjob.syntax.expressions import Apply, Expression, Literal
 from gusjob.syntax.forms import FORMS, Field
 from gusjob.syntax.shapes import MAX_FAULTS, Row, Rows, Slot, Template, number_runs, scan

@@ -8,9 +8,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from gusjob import rules
-from gusjob.diagnostics import Collector, Diagnostic, Phrase, Rule
+from gusjob.diagnostics import Collector, Diagnostic, Rule
 from gusjob.job import Trails, trail_remarks
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase
 from gusjob.syntax.files import SourceMap
 from gusjob.syntax.job_reader import RowOp
 from gusjob.syntax.lanes import Lanes, some

@@ -13,7 +13,7 @@ from typing import Any
 import lark
 from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
-from gusjob.diagnostics import Phrase, any_of, did_you_mean
+from gusjob.phrases import Phrase, any_of, did_you_mean
 
 END_OF_LINE = Phrase("the end of the line")
 _JOINS = {"AND", "OR", "NOT"}

@@ -14,7 +14,8 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span, did_you_mean
+from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.phrases import Phrase, did_you_mean
 from gusjob.stream import (
     BUFFERED,
     PASSED_OVER,
@@ -197,7 +198,10 @@ class _ListingReader:
             self.run_ons.add(number)
             return ()
         fault = misread(error, GRAMMAR, code, _TERMINALS)
-        self.fault(rules.CALL_SYNTAX, line, fault.column, fault.end_column, found=fault.found)
+        found = fault.found
+        if found.strip("'") not in self.source.line(line):  # An octal number: o10 is what stands for it.
+            found = re.sub("^'oo?(?=[0-9])", "'0", found)
+        self.fault(rules.CALL_SYNTAX, line, fault.column, fault.end_column, found=found)
         return ()
 
     def is_run_on(self, number: int, code: str) -> bool:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import FIRST_HERE, INCLUDED, Collector, Diagnostic, Phrase, Remark, Rule, any_of, did_you_mean
+from gusjob.diagnostics import FIRST_HERE, INCLUDED, Collector, Diagnostic, Remark, Rule
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase, any_of, did_you_mean, printable
 from gusjob.syntax.expressions import Expression
 from gusjob.syntax.files import SourceMap, included
 from gusjob.syntax.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Field, Word
@@ -242,12 +242,12 @@ class _Builder:
             return (), 0
         found, reason = included(name, source, self.top)
         if found is None:
-            self.fault(rules.INCLUDE, line, file=d.printable(name), reason=reason)
+            self.fault(rules.INCLUDE, line, file=printable(name), reason=reason)
             return (), 0
         path = found.path
         assert path is not None
         if path in chain or (self.top.path is not None and path == self.top.path.resolve()):
-            self.fault(rules.INCLUDE, line, file=d.printable(name), reason=Phrase("it includes itself"))
+            self.fault(rules.INCLUDE, line, file=printable(name), reason=Phrase("it includes itself"))
             return (), 0
         if path not in self.read:
             text = read_job_text(found)

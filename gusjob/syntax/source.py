@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from gusjob import diagnostics as d
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, Span
+from gusjob.diagnostics import Diagnostic, Span
+from gusjob.phrases import Phrase, reason_of
 
 MAX_FILE_MB = 1000
 
@@ -55,8 +56,7 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
             size = max(path.stat().st_size, len(data)) // 1_000_000
             return None, [_fault(rules.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
     except OSError as error:
-        reason = d.system_words((error.strerror or type(error).__name__).lower())
-        return None, [_fault(rules.UNREADABLE, name, reason=reason)]
+        return None, [_fault(rules.UNREADABLE, name, reason=reason_of(error))]
     except ValueError:  # A NUL in the name.
         return None, [_fault(rules.UNREADABLE, name, reason=Phrase("no such name"))]
     return check_text(data, name, path)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from lark import Token, Tree, UnexpectedInput
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span, all_of, any_of, did_you_mean
+from gusjob.diagnostics import Diagnostic, Rule, Span
+from gusjob.phrases import Phrase, all_of, any_of, did_you_mean, plural
 from gusjob.syntax.expressions import (
     FUNCTIONS,
     NAMED_NUMBERS,
@@ -167,7 +168,9 @@ def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
 
 def _hint(text: str, fault: Misread) -> str:
     """What was probably meant."""
-    found = fault.found if fault.found is END_OF_LINE else fault.found.strip("'")
+    if fault.found is END_OF_LINE:
+        return ""
+    found = fault.found.strip("'")
     before = text[: fault.column - 1].split()
     if found == "=" and before and before[0].upper() == "IF":
         return COMPARED
@@ -490,7 +493,7 @@ def _numbers(count: int | None) -> str:
     """How many numbers a function takes; None: one or more."""
     if count is None:
         return Phrase("at least one number")
-    return Phrase("{count} number", count=count) if count == 1 else Phrase("{count} numbers", count=count)
+    return plural(count, Phrase("{count} number", count=count), Phrase("{count} numbers", count=count))
 
 
 def _takes(form: Form) -> str:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gusjob.checks import check
-from gusjob.diagnostics import Diagnostic, Phrase, has_errors
+from gusjob.diagnostics import Diagnostic, has_errors
 from gusjob.interpreter import ChannelTrace, Trace, interpret
 from gusjob.job import Job, LaserDelay, SkyWrite, auto_steps
 from gusjob.limits import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.machine import Machine, ScannerModel
+from gusjob.phrases import Phrase
 from gusjob.planner import compile_job
 from gusjob.report.marks import marking_totals, marks_of
 from gusjob.syntax import Source, read_job

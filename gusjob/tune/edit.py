@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gusjob.diagnostics import Phrase, Span, all_of
+from gusjob.diagnostics import Span
 from gusjob.job import Job, LaserDelay, LaserMode, Setup, SkyWrite
+from gusjob.phrases import Phrase, all_of
 from gusjob.syntax import Source
 
 

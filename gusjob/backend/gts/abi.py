@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gusjob.diagnostics import Phrase
 from gusjob.machine import Abi
+from gusjob.phrases import Phrase
 from gusjob.stream import CRD_FIELDS, HOST_CALLS, SIGNATURES, Arg, CType, Kind, Signature
 
 

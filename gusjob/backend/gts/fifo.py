@@ -20,9 +20,9 @@ from gusjob.backend.gts.abi import Prototype
 from gusjob.backend.gts.control import Control
 from gusjob.backend.gts.link import FULL, BackendError, Link, TakenOver, failure, refused
 from gusjob.backend.rest import Part
-from gusjob.diagnostics import Phrase
 from gusjob.limits import FIFO_SLOTS
 from gusjob.listing import number_texts
+from gusjob.phrases import Phrase
 from gusjob.stream import BUFFERED, Arg, Buffered, BufferedCalls, Call, CType, Kind, Signature, crd_start
 from gusjob.units import MS_PER_S
 

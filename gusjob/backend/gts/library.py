@@ -12,8 +12,9 @@ from typing import Any
 
 from gusjob import rules
 from gusjob.backend.gts.abi import ABI_PROFILES, Prototype, prototypes
-from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Rule, printable
+from gusjob.diagnostics import NOWHERE, Diagnostic, Rule
 from gusjob.machine import Abi
+from gusjob.phrases import Phrase, printable
 
 BITS = 8 * struct.calcsize("P")
 """Of this Python: a library must have the same."""

@@ -11,8 +11,9 @@ from gusjob import rules
 from gusjob.backend.gts.abi import PROBE, PROBE_ARGUMENTS, PROBE_GUARD, c_value
 from gusjob.backend.gts.library import Library
 from gusjob.backend.journal import Journal
-from gusjob.diagnostics import Diagnostic, Phrase, Rule, Span
+from gusjob.diagnostics import Diagnostic, Rule, Span
 from gusjob.machine import Abi
+from gusjob.phrases import Phrase
 from gusjob.stream import Kind, Value
 
 FULL = 1

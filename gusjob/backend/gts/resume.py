@@ -8,7 +8,7 @@ from gusjob.backend.gts.session import Session
 from gusjob.backend.journal import Recorded
 from gusjob.backend.place import START, Place, Route
 from gusjob.backend.rest import Part, point, rest
-from gusjob.diagnostics import Phrase
+from gusjob.phrases import Phrase
 from gusjob.stream import Stream
 
 

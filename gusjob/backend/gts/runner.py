@@ -18,7 +18,8 @@ from gusjob.backend.gts.fifo import Interrupted
 from gusjob.backend.gts.link import BackendError, TakenOver
 from gusjob.backend.gts.session import Session
 from gusjob.backend.rest import Part
-from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase, Span
+from gusjob.diagnostics import NOWHERE, Diagnostic, Span
+from gusjob.phrases import Phrase
 
 TICK_S = 0.02
 _SLOW = ("GT_Open", "GT_Close", "GT_LoadConfig", "GT_Reset")

@@ -15,9 +15,10 @@ from gusjob.backend.gts.link import BackendError, Link, failure, refused
 from gusjob.backend.gts.way_out import Outputs, WayOut
 from gusjob.backend.place import START, Place, Route
 from gusjob.backend.rest import Part, rest
-from gusjob.diagnostics import Diagnostic, Phrase, Span
+from gusjob.diagnostics import Diagnostic, Span
 from gusjob.limits import STANDBY_KHZ
 from gusjob.machine import Machine
+from gusjob.phrases import Phrase
 from gusjob.stream import BUFFERED, Buffered, Call, Stream, Value
 from gusjob.units import MS_PER_S
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from gusjob import rules
 from gusjob.backend.gts.control import Control
 from gusjob.backend.gts.link import BackendError, Link, meaning
-from gusjob.diagnostics import NOWHERE, Diagnostic, Phrase
+from gusjob.diagnostics import NOWHERE, Diagnostic
 from gusjob.limits import CHANNEL, CRD
+from gusjob.phrases import Phrase
 from gusjob.stream import Value
 
 _CHANNELS = tuple(range(int(CHANNEL.low), int(CHANNEL.high) + 1))
