@@ -489,8 +489,9 @@ def pixel(tab: Tab, x: float, y: float) -> list[int]:
 
 
 def click_path(tab: Tab, x: float, y: float) -> None:
-    """Click at a place in mm."""
+    """Click at a place in mm, when the map has come to rest: on its way the place is somewhere else."""
     tab.page.locator("#map").scroll_into_view_if_needed()
+    tab.drawn()
     at = tab.page.evaluate(
         """([x, y]) => { const m = gusjob.path.view.map, p = m.latLngToContainerPoint([y, x]);
         const r = m.getContainer().getBoundingClientRect(); return [r.left + p.x, r.top + p.y]; }""",
@@ -703,12 +704,12 @@ def test_arrow_keys_in_the_table_move_the_selection(square_tab: Tab) -> None:
 
 def test_a_selection_out_of_sight_is_brought_into_it(square_tab: Tab) -> None:
     page = square_tab.page
+    page.click("#next")
+    page.click("#next")
+    square_tab.drawn()
     page.evaluate("gusjob.path.view.map.setView([100, -100], 20, { animate: false })")
     page.click("#next")
-    page.click("#next")
-    page.click("#next")
-    rest(page, 600)
-    assert page.evaluate("gusjob.path.view.map.getBounds().contains([10, 60])")
+    page.wait_for_function("() => gusjob.path.view.map.getBounds().contains([10, 60])", timeout=20_000)
     page.evaluate("gusjob.time.zoomTo(0, 10)")
     rest(page, 100)
     click_path(square_tab, 60, 10)
