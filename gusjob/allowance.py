@@ -77,6 +77,8 @@ class Allowances:
 
 
 def _allowances(name: str, data: bytes, path: str) -> Iterator[Allowance]:
+    if b"allow" not in data.lower():  # Five times as fast as the search, and most texts have none.
+        return
     line, counted = 1, 0
     for number, found in enumerate(_MAYBE.finditer(data)):
         if number == MAX_ALLOWANCES:
