@@ -1,6 +1,7 @@
 """The catalogue of Chinese texts: which texts of the program have to be in it, and how Babel keeps it.
 
-Rules and the command line are asked for their texts; all others are the literals of Phrase(...) in the code.
+Rules and the command line are asked for their texts; all others are the literals of Phrase(...) in the code, and of
+_(...) in the page's template.
 """
 
 from __future__ import annotations
@@ -61,6 +62,8 @@ def needed() -> Catalog:
         catalog.add(pair, auto_comments=["click"])
     for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("**.py", "python")], keywords={"Phrase": None}):
         catalog.add(phrase, auto_comments=[Path(file).as_posix()])
+    for file, _, text, _, _ in extract_from_dir(PACKAGE, [("page/static/*.html", "jinja2")], keywords={"_": None}):
+        catalog.add(text, auto_comments=[Path(file).as_posix()])
     return catalog
 
 

@@ -42,9 +42,10 @@ def html_page(loaded: Loaded, trace: Trace | None, report: Report | None, *, wat
 
 
 def _with_source(loaded: Loaded, fault: Diagnostic) -> dict[str, Any]:
-    """A diagnostic as in the JSON, with the text of its line."""
-    found = diagnostic_object(fault)
+    """A diagnostic as in the JSON, but said in the user's language, with the text of its line."""
+    found = diagnostic_object(fault) | {"message": fault.said}
     found["source"] = loaded.text_of(fault.span, fault.path)
     for note, remark in zip(found.get("notes", ()), fault.remarks, strict=False):
+        note["message"] = remark.said
         note["source"] = loaded.text_of(remark.span, fault.path)
     return found

@@ -10,11 +10,20 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from gusjob.phrases import Phrase, said
+from gusjob.translate import language
+
 _EVENTS = "/events/"
 _HEARTBEAT_S = 10.0
 """A browser that is gone is noticed by a line that can't be sent."""
 
-_WAITING = b"<!DOCTYPE html><meta charset=utf-8><title>gusjob</title><p>The page is not ready yet; load it again."
+_WAITING = "<!DOCTYPE html>{html}<meta charset=utf-8><title>gusjob</title><p>{text}"
+
+
+def _waiting() -> bytes:
+    """What is served before there is a page."""
+    html = "" if language() == "en" else "<html lang=zh-CN>"
+    return _WAITING.format(html=html, text=said(Phrase("The page is not ready yet; load it again."))).encode()
 
 
 class _Server(ThreadingHTTPServer):
@@ -35,7 +44,7 @@ class PageServer:
 
     def __init__(self, port: int = 0) -> None:
         """Listen; port 0 takes any that is free. Raises OSError."""
-        self._page = _WAITING
+        self._page = _waiting()
         self._shown = ""
         self._changed = threading.Condition()
         self._server = _Server(("127.0.0.1", port), self._handler())

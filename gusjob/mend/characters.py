@@ -6,6 +6,8 @@ each stands for one character of the language and can mean no other. (NFKC would
 
 from __future__ import annotations
 
+import re
+
 _FULL_WIDTH = {chr(c): chr(c - 0xFEE0) for c in range(0xFF01, 0xFF5F)}
 _MEANT = {
     **_FULL_WIDTH,
@@ -19,6 +21,7 @@ _MEANT = {
     "\u00d7": "*", "\u00f7": "/",
     "\u2264": "<=", "\u2265": ">=", "\u2260": "!=",
 }  # fmt: skip
+_PER_TIME = re.compile(r"\d\s*(?:mm|m|pulse)/m?s$", re.IGNORECASE)
 _SQUARE = "\u00b2"
 
 
@@ -34,7 +37,7 @@ def as_meant(line: str) -> str:
         elif meant == ";" or (meant == "/" and _MEANT.get(line[i + 1 : i + 2], line[i + 1 : i + 2]) == "/"):
             behind = i + 1 if meant == ";" else i + 2
             return "".join([*found, ";" if meant == ";" else "//", line[behind:]])
-        elif c == _SQUARE and found and found[-1] in ("s", "S"):  # mm/s2.
+        elif c == _SQUARE and _PER_TIME.search("".join(found)):  # mm/s2; elsewhere it is a power, of a name perhaps.
             found.append("2")
         else:
             quoted = meant == '"'

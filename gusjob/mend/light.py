@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics import Diagnostic, Severity
 from gusjob.mend.text import Edit, Edits, Look
+from gusjob.syntax.files import may_be_a_part
 
 _BLANKS = b" \t\r\n"
 
@@ -11,10 +12,13 @@ _BLANKS = b" \t\r\n"
 def left_on(look: Look, fault: Diagnostic) -> Edits:
     """LASER OFF as the last statement.
 
-    Where a line can't be read, a block has no END or a routine is unknown, the LASER OFF may be there already.
+    Where a line can't be read, a block has no END or a routine is unknown, the LASER OFF may be there already. A file
+    that another job includes, or that can't run alone, may leave the light on for what comes behind it there.
     """
     job = look.loaded.job
-    if job is None or not job.whole:
+    if job is None or not job.whole or may_be_a_part(look.loaded.path):
+        return ()
+    if any(other.severity is Severity.ERROR and other.rule is not fault.rule for other in look.loaded.faults):
         return ()
     channel = int(fault.fields["channel"])
     # CHANNEL may be in force for another one.

@@ -5,7 +5,7 @@ gives is proved before it is kept (proof.py), so it need not look at the rest of
 
 A mend that needs a guess has no place here, though an editor may offer it: what a misspelt word was meant to be, where
 a block was meant to end, which of two numbers is wrong, whether a power that nothing uses belongs to a mark that is
-missing.
+missing, whether a comment with somebody's reason has had its day.
 """
 
 from __future__ import annotations
@@ -13,14 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gusjob.diagnostics import Diagnostic
-from gusjob.mend import comments, letters, light, reading, setup
+from gusjob.mend import letters, light, reading, setup
 from gusjob.mend.text import Edits, Look
 
 MENDS: dict[str, Callable[[Look, Diagnostic], Edits]] = {
     "GJ101": reading.line,
     "GJ102": reading.line,
     "GJ143": letters.capitals,
-    "GJ145": comments.idle_allow,
     "GJ306": setup.off_delay,
     "GJ401": light.left_on,
     "GJ805": setup.sky_writing_off,

@@ -17,8 +17,10 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
+from gusjob.diagnostics import Severity
 from gusjob.page.encode import UNITS_PER_MM, Encoded, encode
-from gusjob.phrases import figure, printable
+from gusjob.page.words import page_language, script_words
+from gusjob.phrases import Phrase, all_of, figure, plural, printable, said
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 
 MAX_BYTES = 30_000_000
@@ -49,7 +51,8 @@ class Page:
     `facts`: job, version, totals and what the columns mean. `tables`: equally long columns each: "rows" (a segment
     each), "strokes", "marks" where they were judged; {} where the job was not run. `diagnostics` as in the JSON, each
     with its line's text as `source`. `marking` as in the totals. `watched`: path of a stream of events that tells when
-    the page is to be loaded anew, "" if there is none. The texts in all of them are the user's: untrusted.
+    the page is to be loaded anew, "" if there is none. The texts in all of them are the user's: untrusted. Phrases
+    among them are said in the language that is spoken when the page is made; messages of diagnostics are said already.
     """
 
     facts: dict[str, Any]
@@ -92,6 +95,8 @@ def _shell(page: Page, found: Encoded | None) -> str:
     totals = page.facts.get("totals")
     versions = json.loads(_read("vendor/versions.json"))
     return _template().render(
+        language=page_language(),
+        words=_json(script_words()),
         job=printable(str(page.facts.get("job", ""))),
         version=str(page.facts.get("version", "")),
         policy=_policy(scripts, watched=bool(page.watched)),
@@ -106,13 +111,13 @@ def _shell(page: Page, found: Encoded | None) -> str:
         channels=[_channel(entry) for entry in totals["channels"]] if totals else [],
         readings=_readings(page.facts),
         remarks=_remarks(page.facts, found),
-        why_no_report=page.facts.get("reason") or _why_no_report(page.diagnostics),
+        why_no_report=said(page.facts.get("reason") or _why_no_report(page.diagnostics)),
         diagnostics=[_diagnostic(fault) for fault in page.diagnostics],
         counts=_counts(page.diagnostics),
         shown=_SHOWN,
         marking=_marking(page.marking or []),
         not_judged=bool(totals) and page.marking is None,
-        libraries=list(dict.fromkeys((v["name"], v["version"], v["licence"]) for v in versions)),
+        libraries=_libraries(versions),
         licences=[(v["name"], _read(f"vendor/{v['file']}")) for v in versions if v["file"].endswith("LICENSE.txt")],
     )
 
@@ -121,7 +126,14 @@ def _template() -> jinja2.Template:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.globals["_"] = lambda text, **fields: said(Phrase(text, **fields))
     return environment.from_string(_read("page.html"))
+
+
+def _libraries(versions: Sequence[Mapping[str, str]]) -> str:
+    """Whose libraries a page holds, each once."""
+    known = dict.fromkeys((v["name"], v["version"], v["licence"]) for v in versions)
+    return all_of(Phrase("{name} {version} ({licence})", name=n, version=v, licence=of) for n, v, of in known)
 
 
 def _read(name: str) -> str:
@@ -187,22 +199,28 @@ def _plain(value: object) -> object:
 # Figures.
 
 
+def _figure(head: Phrase, value: float | None) -> Figure:
+    """A figure below a head that ends in its unit."""
+    name, _, unit = said(head).rpartition(" ")
+    return name, figure(value), unit
+
+
 def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure]:
-    runs = (("run-ins", "run_in_mm"), ("run-outs", "run_out_mm"))
+    runs = ((Phrase("run-ins mm"), "run_in_mm"), (Phrase("run-outs mm"), "run_out_mm"))
     found = [
-        ("segments", f"{totals['segments']:,}", ""),
-        ("stages", f"{totals['stages']:,}", ""),
-        ("duration", figure(totals["duration_ms"]), "ms"),
-        ("marks", figure(totals["mark_mm"]), "mm"),
-        ("jumps", figure(totals["jump_mm"]), "mm"),
-        *((word, figure(totals[name]), "mm") for word, name in runs if totals.get(name)),
+        (said(Phrase("segments")), f"{totals['segments']:,}", ""),
+        (said(Phrase("stages")), f"{totals['stages']:,}", ""),
+        _figure(Phrase("duration ms"), totals["duration_ms"]),
+        _figure(Phrase("marks mm"), totals["mark_mm"]),
+        _figure(Phrase("jumps mm"), totals["jump_mm"]),
+        *(_figure(head, totals[name]) for head, name in runs if totals.get(name)),
     ]
     if facts.get("period_us"):
-        found.append(("period", figure(facts["period_us"]), "us"))
+        found.append(_figure(Phrase("period us"), facts["period_us"]))
     scanner = (facts.get("notes") or {}).get("scanner")
     if scanner:
         lag = figure(scanner.get("tracking_error_us"))
-        found.append(("scanner", printable(str(scanner.get("model", ""))), f"{lag} us"))
+        found.append((said(Phrase("scanner")), printable(str(scanner.get("model", ""))), f"{lag} us"))
     return found
 
 
@@ -213,45 +231,62 @@ class _Channel:
     lit_at_end: bool
 
 
+_OFF_OUTPUT = {
+    "standby_khz": Phrase("while off: standby kHz"),
+    "standby_pct": Phrase("while off: standby %"),
+    "prevoltage_v": Phrase("while off: prevoltage V"),
+}
+
+
 def _channel(entry: Mapping[str, Any]) -> _Channel:
     """The figures of a channel and power unit."""
     unit = printable(str(entry["unit"]))
     found = [
-        ("on", figure(entry["emission_ms"]), "ms"),
-        ("energy", figure(entry["power_ms"]), f"{unit}*ms"),
-        ("highest power", figure(entry["power_max"]), unit),
+        _figure(Phrase("on ms"), entry["emission_ms"]),
+        (said(Phrase("energy")), figure(entry["power_ms"]), f"{unit}*ms"),
+        (said(Phrase("highest power")), figure(entry["power_max"]), unit),
     ]
     if entry["joules"] is not None:
-        found.append(("joules", figure(entry["joules"]), "J"))
+        found.append(_figure(Phrase("joules J"), entry["joules"]))
     if entry["clamped_ms"]:
-        found.append(("held by a limit", figure(entry["clamped_ms"]), "ms"))
+        found.append(_figure(Phrase("held by a limit ms"), entry["clamped_ms"]))
     if entry.get("before_motion_power_ms"):
-        found.append(("before the first motion", figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
-    for name, value in (entry["off_output"] or {}).items():
-        word, _, its = name.rpartition("_")
-        found.append((f"while off: {word}", figure(value), {"khz": "kHz", "pct": "%", "v": "V"}.get(its, its)))
-    return _Channel(name=f"Channel {entry['channel']}", figures=found, lit_at_end=bool(entry["lit_at_end"]))
+        before = said(Phrase("before the first motion"))
+        found.append((before, figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
+    found += [_figure(_OFF_OUTPUT[name], value) for name, value in (entry["off_output"] or {}).items()]
+    name = said(Phrase("Channel {channel}", channel=entry["channel"]))
+    return _Channel(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
 
 
 def _readings(facts: Mapping[str, Any]) -> list[str]:
     return [
-        f"Line {r['line']}: GT_GetHSIOOpt reads {r['value']} on channel {r['channel']}."
+        said(
+            Phrase(
+                "Line {line}: GT_GetHSIOOpt reads {value} on channel {channel}.",
+                line=r["line"],
+                value=r["value"],
+                channel=r["channel"],
+            )
+        )
         for r in (facts.get("notes") or {}).get("readings") or ()
     ]
 
 
 def _remarks(facts: Mapping[str, Any], found: Encoded | None) -> list[str]:
-    said = []
+    remarks: list[str] = []
     if facts.get("exact") is False:
-        said.append("So many segments: the curves show each segment's highest velocity and mean power.")
+        remarks.append(Phrase("So many segments: the curves show each segment's highest velocity and mean power."))
     if found is not None and found.digits < _DIGITS:
-        said.append(
-            f"Figures in drawings and tables are rounded to about {found.digits} digits so that the page stays small."
+        remarks.append(
+            Phrase(
+                "Figures in drawings and tables are rounded to about {digits} digits so that the page stays small.",
+                digits=found.digits,
+            )
         )
-    said += facts.get("remarks", [])
+    remarks += facts.get("remarks", [])
     if facts.get("marks_left_out"):
-        said.append("The table of marks is left out so that the page stays small; the JSON report has it.")
-    return said
+        remarks.append(Phrase("The table of marks is left out so that the page stays small; the JSON report has it."))
+    return [said(remark) for remark in remarks]
 
 
 def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -259,7 +294,7 @@ def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     return [
         {
             "channel": str(entry["channel"]),
-            "word": word,
+            "word": said(word),
             "unit": printable(marking_unit(name, entry["unit"])),
             "marks": f"{entry['marks']:,}",
             "worst": figure(entry["worst"][name]),
@@ -274,27 +309,30 @@ def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
 # Diagnostics.
 
 
-def _why_no_report(diagnostics: Sequence[Mapping[str, Any]]) -> str:
+def _why_no_report(diagnostics: Sequence[Mapping[str, Any]]) -> Phrase:
     if any(d["severity"] == "error" for d in diagnostics):
-        return "The job was not run, for it has errors."
-    return "There is no report."
+        return Phrase("The job was not run, for it has errors.")
+    return Phrase("There is no report.")
 
 
 def _counts(diagnostics: Sequence[Mapping[str, Any]]) -> str:
     counted = Counter(str(d["severity"]) for d in diagnostics)
-    return ", ".join(
-        f"{counted[word]} {word}{'s' if counted[word] != 1 else ''}"
-        for word in ("error", "warning", "note")
-        if counted[word]
+    errors, warnings, notes = (counted[severity.value] for severity in Severity)
+    said_of_each = (
+        (errors, plural(errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors))),
+        (warnings, plural(warnings, Phrase("{count} warning", count=warnings), Phrase("{count} warnings", count=warnings))),
+        (notes, plural(notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes))),
     )
+    return said(all_of(phrase for count, phrase in said_of_each if count))
 
 
 def _diagnostic(fault: Mapping[str, Any]) -> dict[str, Any]:
     """A diagnostic with its source line in three parts: before the fault, the fault, behind it."""
-    severity = str(fault["severity"])
+    severity = Severity(fault["severity"])
     return {
         **_placed(fault),
-        "severity": severity if severity in ("error", "warning") else "note",
+        "severity": severity.value,
+        "word": severity.said,
         "code": printable(str(fault["code"])),
         "count": int(fault.get("count", 1)),
         "notes": [_placed(note) for note in fault.get("notes", ())],

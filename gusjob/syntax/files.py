@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from pathlib import PureWindowsPath
+from pathlib import Path, PureWindowsPath
 
 from gusjob.diagnostics import SET_HERE, Remark, Span
 from gusjob.phrases import Phrase
@@ -67,6 +68,34 @@ class SourceMap:
         path = "" if source is self.sources[0] else source.name
         statement = read_statement(source.line(number), number)[0]
         return statement.span(number, word, path) if statement else Span(line=number, path=path)
+
+
+_INCLUDES = re.compile(rb'include[ \t]*"([^"\n]*)"', re.IGNORECASE)
+_MOST_JOBS, _MOST_BYTES = 1000, 10_000_000
+"""So many jobs near by are looked at, and so much of each."""
+
+
+def may_be_a_part(path: Path) -> bool:
+    """Whether a job near a file (in its folder, one or two above, or one below those) seems to include it.
+
+    Where there are too many to look at, one may.
+    """
+    here = path.resolve()
+    folders = here.parents[:3]
+    near = [job for folder in folders for pattern in ("*.job", "*/*.job") for job in folder.glob(pattern)]
+    return len(near) > _MOST_JOBS or any(_includes(job, here) for job in near)
+
+
+def _includes(job: Path, part: Path) -> bool:
+    """Whether a job names a file to be included, with loops and conditions not looked at."""
+    try:
+        with job.open("rb") as file:
+            data = file.read(_MOST_BYTES)
+        names = {found[1].decode("utf-8", "replace").replace("\\", "/") for found in _INCLUDES.finditer(data)}
+        # Other jobs may name files that are gone, or none at all.
+        return any((job.parent / name).resolve() == part for name in names if "\0" not in name)
+    except (OSError, RuntimeError):
+        return False
 
 
 def included(name: str, source: Source, top: Source) -> tuple[Source | None, str]:

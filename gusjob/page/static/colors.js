@@ -44,13 +44,13 @@
     const beam = strokes.beam || strokes;
     const lengthMm = (i) => Math.hypot(beam.x[i + 1] - beam.x[i], beam.y[i + 1] - beam.y[i]) / gusjob.UNITS_PER_MM;
     return {
-      power: { word: "emitted power", unit: light.unit, value: (i) => light.power[i] },
+      power: { word: gusjob.said("measures", "power"), unit: light.unit, value: (i) => light.power[i] },
       energy: {
-        word: "energy per mm", unit: `${light.unit}*ms/mm`,
+        word: gusjob.said("measures", "energy"), unit: `${light.unit}*ms/mm`,
         value: (i) => { const mm = lengthMm(i); return mm > 0 ? (light.power[i] * strokes.duration[i]) / mm : NaN; },
       },
-      velocity: { word: "velocity", unit: "mm/s", value: (i) => (strokes.vel0[i] + strokes.vel1[i]) / 2 },
-      order: { word: "order in time", unit: "ms", value: (i) => strokes.start[i] },
+      velocity: { word: gusjob.said("measures", "velocity"), unit: "mm/s", value: (i) => (strokes.vel0[i] + strokes.vel1[i]) / 2 },
+      order: { word: gusjob.said("measures", "order"), unit: "ms", value: (i) => strokes.start[i] },
     };
   }
 

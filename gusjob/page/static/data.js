@@ -11,7 +11,25 @@
   }
 
   gusjob.facts = readJson("gusjob-facts");
+  gusjob.words = readJson("gusjob-words") || {};
   const UNITS_PER_MM = (gusjob.facts || {}).units_per_mm || 10000;
+
+  const WIDE = /[\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60]/;
+  const isWide = (text, at) => WIDE.test(text.charAt(at));
+
+  // A text with its fields filled in; between Chinese and a Chinese field no blank stays.
+  function filled(text, fields) {
+    return text.replace(/( ?)\{(\w+)\}( ?)/g, (_, before, name, behind, from) => {
+      const value = String(fields[name]);
+      const to = from + before.length + name.length + 2 + behind.length;
+      const joined = (blank, here, there) => (here && there ? "" : blank);
+      return joined(before, isWide(text, from - 1), isWide(value, 0)) + value
+        + joined(behind, isWide(text, to), isWide(value, value.length - 1));
+    });
+  }
+
+  // A word of the page in its reader's language: by script and name.
+  const said = (script, name, fields) => filled(gusjob.words[script][name], fields || {});
 
   // Lets the browser paint and answer between long steps.
   function breathe() {
@@ -36,7 +54,7 @@
       while (at < count) {
         if (!left.length) {
           const next = await reader.read();
-          if (next.done) throw new Error("the page's data are cut off");
+          if (next.done) throw new Error(said("data", "cut-off"));
           left = next.value;
         }
         const some = left.subarray(0, count - at);
@@ -205,7 +223,8 @@
   }
 
   const kindOf = (row) => gusjob.facts.kinds[gusjob.rows.kind.values[row]];
-  const kindWord = (kind) => (kind || "?").replace("_", "-");
+  const kindWord = (kind) => gusjob.words.kinds[kind] || "?";
+  const kindName = (kind) => (kind || "?").replace("_", "-"); // in files, whatever the language
   function fileOf(row) {
     const files = gusjob.facts.notes && gusjob.facts.notes.files;
     const column = gusjob.rows.file;
@@ -213,39 +232,21 @@
   }
   function placeOf(row) {
     const file = fileOf(row);
-    return `line ${gusjob.rows.line.values[row]}${file ? ` of ${file}` : ""}`;
+    const line = gusjob.rows.line.values[row];
+    return file ? said("data", "line-of-file", { line, file }) : said("data", "line", { line });
   }
-
-  const HEADS = {
-    segment: ["segment", "number of the segment, from 1"], line: ["line", "line of the job"],
-    file: ["file", "file of the line"], kind: ["kind", "what the segment is"], stage: ["stage", "stage of the job"],
-    x_mm: ["x mm", "x of the end"], y_mm: ["y mm", "y of the end"], length_mm: ["length mm", "length"],
-    start_ms: ["start ms", "time from the start of the first stage"], duration_ms: ["time ms", "duration"],
-    vel_mean_mm_s: ["mm/s", "mean velocity"], vel_max_mm_s: ["max mm/s", "highest velocity"],
-    channel: ["ch", "laser channel"], on_error_um: ["on error um", "light comes late (+) or early (-)"],
-    off_error_um: ["off error um", "light goes late (+) or early (-)"],
-    on_miss_um: ["on miss um", "distance of the beam from the meant start"],
-    off_miss_um: ["off miss um", "distance of the beam from the meant end"],
-    outside_power_ms: ["outside", "power integral emitted before the start and after the end"],
-    power_per_mm_mid: ["per mm", "power integral per mm, middle"], power_per_mm_peak: ["peak", "highest power integral per mm"],
-    power_per_mm_rms_pct: ["rms %", "evenness of the power integral per mm"],
-    corner_miss_um: ["corner um", "largest miss at a corner"],
-  };
-  const OF_CHANNEL = {
-    emission_ms: ["on ms", "time with light"], power_min: ["min U", "lowest power"], power_mean: ["mean U", "mean power"],
-    power_max: ["max U", "highest power"], power_ms: ["U*ms", "power integral"], joules: ["J", "energy"],
-    clamped_ms: ["held ms", "time held by a limit"],
-  };
 
   // [short head, what it is]
   function headOf(name) {
-    if (HEADS[name]) return HEADS[name];
-    const parts = /^ch(\d+)_(.+)$/.exec(name);
-    const known = parts && OF_CHANNEL[parts[2]];
+    const { heads, headsOfChannel, ofChannel, unitOfChannel } = gusjob.words;
+    if (heads[name]) return heads[name];
+    const [, number, what] = /^ch(\d+)_(.+)$/.exec(name) || [];
+    if (what === "unit") return [filled(unitOfChannel, { channel: number }), filled(unitOfChannel, { channel: number })];
+    const known = headsOfChannel[what];
     if (!known) return [name, name];
-    const channel = (gusjob.facts.channels || []).find((one) => one.channel === Number(parts[1]));
-    const unit = channel ? (channel.units || [channel.unit]).join("/") : "";
-    return [`ch${parts[1]} ${known[0].replace("U", () => printable(unit))}`, `channel ${parts[1]}: ${known[1]}`];
+    const channel = (gusjob.facts.channels || []).find((one) => one.channel === Number(number));
+    const unit = printable(channel ? (channel.units || [channel.unit]).join("/") : "");
+    return known.map((text, n) => filled(ofChannel[n], { channel: number, what: filled(text, { unit }) }));
   }
 
   // The units of a channel whose mode changes, in the order of its unit column.
@@ -254,10 +255,11 @@
     return ((channel && channel.units) || []).map(printable);
   }
 
-  // A column of a table as the grid, the order and the CSV need it.
+  // A column of a table as the grid, the order and the CSV need it. `words` are written and ordered, `shown` is what
+  // people see of them and look for, where that is something else.
   function columnOf(name, get, rest) {
     const [head, title] = headOf(name);
-    return Object.assign({ name, head, title, get, words: null, ascending: false, keep: false }, rest);
+    return Object.assign({ name, head, title, get, words: null, shown: null, ascending: false, keep: false }, rest);
   }
 
   function columnsOf(table) {
@@ -271,7 +273,7 @@
         columns.push(columnOf("start_ms", (i) => found.starts[i], { ascending: true }));
       }
       const own = { source: column, whole: !column.scale && !(column.values instanceof Float32Array) };
-      if (table === "rows" && name === "kind") own.words = gusjob.facts.kinds.map(kindWord);
+      if (table === "rows" && name === "kind") Object.assign(own, { words: gusjob.facts.kinds.map(kindName), shown: gusjob.facts.kinds.map(kindWord) });
       if (/^ch\d+_unit$/.test(name)) own.words = unitsOf(name);
       if (name === "file") own.words = ((gusjob.facts.notes || {}).files || []).map(printable);
       if (column.values instanceof Float32Array && count && column.values.every(Number.isNaN)) continue;
@@ -285,7 +287,7 @@
 
   function shown(column, i) {
     const value = column.get(i);
-    if (column.words) return column.words[value] || "?";
+    if (column.words) return (column.shown || column.words)[value] || "?";
     return column.whole ? String(value) : figure(value);
   }
 
@@ -359,7 +361,7 @@
       notEqual: (w) => w !== wanted, startsWith: (w) => w.startsWith(wanted), endsWith: (w) => w.endsWith(wanted),
       blank: (w) => !w, notBlank: (w) => !!w,
     }[one.type] || (() => true);
-    const known = column.words.map((word) => fits(word.toLowerCase()));
+    const known = (column.shown || column.words).map((word) => fits(word.toLowerCase()));
     return (v) => known[v];
   }
 
@@ -419,6 +421,6 @@
 
   Object.assign(gusjob, {
     UNITS_PER_MM, breathe, load, figure, printable, kindOf, kindWord, fileOf, placeOf, headOf, columnsOf, shown, chosen,
-    csvOf, element, isLit,
+    csvOf, element, isLit, said,
   });
 })();

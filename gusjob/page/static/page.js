@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const { element, figure } = gusjob;
+  const { element, said } = gusjob;
   const byId = (id) => document.getElementById(id);
   gusjob.selected = null;
 
@@ -64,12 +64,12 @@
     byId("previous").setAttribute("aria-disabled", String(row === 0));
     byId("next").setAttribute("aria-disabled", String(row === gusjob.count - 1));
     if (row === null) {
-      title.textContent = "No segment selected";
+      title.textContent = said("page", "none-selected");
       body.replaceChildren();
       return;
     }
     const kind = gusjob.kindWord(gusjob.kindOf(row));
-    title.textContent = `Segment ${row + 1} of ${gusjob.count}: ${kind}, ${gusjob.placeOf(row)}`;
+    title.textContent = said("page", "segment", { segment: row + 1, count: gusjob.count, kind, place: gusjob.placeOf(row) });
     body.replaceChildren(detailsOf(row));
     byId("line").value = gusjob.rows.line.values[row];
   }
@@ -107,7 +107,8 @@
       if (lines[i] === wanted) { best = i; break; }
       if (lines[i] > wanted && (best < 0 || lines[i] < lines[best] || (lines[i] === lines[best] && i < best))) best = i;
     }
-    byId("line-none").textContent = best < 0 ? `no segment from line ${wanted} on` : lines[best] === wanted ? "" : `line ${wanted} has no segment: the next is line ${lines[best]}`;
+    byId("line-none").textContent = best < 0 ? said("page", "no-line", { line: wanted })
+      : lines[best] === wanted ? "" : said("page", "next-line", { line: wanted, next: lines[best] });
     if (best >= 0) select(best, "line");
   }
 
@@ -131,19 +132,19 @@
   function watch() {
     if (!gusjob.facts.watched) return;
     const source = new EventSource(gusjob.facts.watched);
-    const said = byId("watched");
+    const state = byId("watched");
     const changed = () => {
       if (gusjob.ready) {
-        const state = { path: gusjob.path.state(), time: gusjob.time.state(), table: gusjob.table.state(), scroll: window.scrollY };
-        kept(session, KEPT, JSON.stringify(state));
+        const view = { path: gusjob.path.state(), time: gusjob.time.state(), table: gusjob.table.state(), scroll: window.scrollY };
+        kept(session, KEPT, JSON.stringify(view));
       }
       source.close();
       location.reload();
     };
     source.addEventListener("message", (event) => { if (event.data === "changed") changed(); });
     source.addEventListener("changed", changed);
-    source.addEventListener("open", () => { said.textContent = "follows the job"; });
-    source.addEventListener("error", () => { said.textContent = "no longer follows the job: is gusjob still running?"; });
+    source.addEventListener("open", () => { state.textContent = said("page", "follows"); });
+    source.addEventListener("error", () => { state.textContent = said("page", "follows-no-more"); });
   }
 
   function restore() {
@@ -164,12 +165,12 @@
   async function start() {
     const status = byId("status");
     if (typeof DecompressionStream === "undefined") {
-      status.textContent = "This browser can't unpack the page's data (it lacks DecompressionStream): path, curves and table are left out. A browser from 2023 or later shows them.";
+      status.textContent = said("page", "old-browser");
       return;
     }
     const began = performance.now();
-    await gusjob.load((share) => { status.textContent = `Reading the data: ${Math.round(share * 100)} %`; });
-    status.textContent = "Drawing";
+    await gusjob.load((share) => { status.textContent = said("page", "reading", { share: Math.round(share * 100) }); });
+    status.textContent = said("page", "drawing");
     await gusjob.breathe();
     byId("views").hidden = false;
     gusjob.columnsShown = gusjob.columnsOf("rows");
@@ -193,7 +194,7 @@
   watch();
   if (byId("gusjob-columns")) {
     start().catch((fault) => {
-      byId("status").textContent = `The data can't be shown: ${fault.message}`;
+      byId("status").textContent = said("page", "failed", { why: fault.message });
       console.error(fault);
     });
   }

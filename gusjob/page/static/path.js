@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const { element, figure } = gusjob;
+  const { element, figure, said } = gusjob;
   const TILE = 256;
   const STEP = 4; // zoom levels for a factor of two
   const MS_A_TURN = 24; // drawing time before the page may answer again
@@ -135,10 +135,11 @@
   function makeMap(host) {
     const L = window.L;
     const map = L.map(host, {
-      crs: crs(), minZoom: -16, maxZoom: 56, zoomSnap: 1, zoomDelta: 2, wheelPxPerZoomLevel: 30, attributionControl: false,
+      crs: crs(), minZoom: -16, maxZoom: 56, zoomSnap: 1, zoomDelta: 2, wheelPxPerZoomLevel: 30, attributionControl: false, zoomControl: false,
       zoomAnimation: !calm, fadeAnimation: false, markerZoomAnimation: !calm, inertia: !calm, maxBoundsViscosity: 0,
     });
     view.map = map;
+    L.control.zoom({ zoomInTitle: said("path", "zoom-in"), zoomOutTitle: said("path", "zoom-out") }).addTo(map);
     const field = gusjob.facts.field_mm;
     wholePath();
     view.layer = tileLayer().addTo(map);
@@ -184,11 +185,13 @@
     const { strokes } = view;
     const row = strokes.row[i];
     const v0 = figure(strokes.vel0[i]), v1 = figure(strokes.vel1[i]);
+    const velocity = v0 === v1 ? v0 : said("path", "from-to", { low: v0, high: v1 });
     const lit = gusjob.lights.filter((light) => gusjob.isLit(light, i))
       .map((light) => `ch${light.channel} ${figure(light.power[i])} ${gusjob.printable(light.unit)}`);
+    const light = lit.length && lit.reduce((first, second) => said("data", "and", { first, second }));
     return [
-      `${gusjob.placeOf(row)}: ${gusjob.kindWord(gusjob.kindOf(row))} (segment ${row + 1})`,
-      `${v0 === v1 ? v0 : `${v0} to ${v1}`} mm/s, ${lit.length ? lit.join(", ") : "dark"}`,
+      said("path", "place", { place: gusjob.placeOf(row), kind: gusjob.kindWord(gusjob.kindOf(row)), segment: row + 1 }),
+      light ? said("path", "lit", { velocity, light }) : said("path", "dark", { velocity }),
     ];
   }
 
@@ -256,11 +259,13 @@
     bar.style.background = one ? stops[12] : `linear-gradient(to right, ${stops.join(", ")})`;
     const light = view.lights && view.lights[view.lightNumber];
     const unit = measure ? gusjob.printable(measure.unit) : "";
-    const said = (id, text) => { document.getElementById(id).textContent = text; };
-    const channel = light && view.lights.length > 1 && (view.by === "power" || view.by === "energy") ? `, channel ${light.channel}` : "";
-    said("legend-name", range ? `${measure.word}${channel}, ${unit}` : "no light");
-    said("legend-low", range && !one ? figure(range.low) : "");
-    said("legend-high", range ? `${range.cut ? "\u2265 " : ""}${figure(range.high)}${one ? " everywhere" : ""}` : "");
+    const tell = (id, text) => { document.getElementById(id).textContent = text; };
+    const ofChannel = light && view.lights.length > 1 && (view.by === "power" || view.by === "energy");
+    const about = range && { what: measure.word, unit, channel: light.channel };
+    tell("legend-name", range ? said("path", ofChannel ? "legend-channel" : "legend", about) : said("path", "no-light"));
+    tell("legend-low", range && !one ? figure(range.low) : "");
+    const high = range ? `${range.cut ? "\u2265 " : ""}${figure(range.high)}` : "";
+    tell("legend-high", range && one ? said("path", "everywhere", { value: high }) : high);
   }
 
   function drawScale() {
@@ -297,7 +302,7 @@
 
   function selects() {
     const by = document.getElementById("color-by"), channel = document.getElementById("color-channel");
-    view.lights.forEach((light, n) => channel.append(element("option", { value: n }, `channel ${light.channel}, ${gusjob.printable(light.unit)}`)));
+    view.lights.forEach((light, n) => channel.append(element("option", { value: n }, said("path", "channel", { channel: light.channel, unit: gusjob.printable(light.unit) }))));
     channel.closest("label").hidden = view.lights.length < 2;
     by.closest("label").hidden = !view.lights.length;
     const changed = () => {

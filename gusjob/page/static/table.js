@@ -3,8 +3,16 @@
   "use strict";
   const gusjob = window.gusjob;
   const { element } = gusjob;
-  const NUMBER_FILTERS = ["equals", "notEqual", "lessThan", "lessThanOrEqual", "greaterThan", "greaterThanOrEqual", "inRange", "blank", "notBlank"];
+  const EITHER = ["blank", "notBlank"].map(option);
+  const NUMBER_FILTERS = ["equals", "notEqual", "lessThan", "lessThanOrEqual", "greaterThan", "greaterThanOrEqual", "inRange", ...EITHER];
+  const WORD_FILTERS = ["contains", "notContains", "equals", "notEqual", "startsWith", "endsWith", ...EITHER];
   const grids = {}; // by table: {api, columns, count, order, name}
+
+  // Of two conditions the grid shows such an option's key and not its word, unless the option is our own.
+  function option(name) {
+    const displayName = gusjob.words.grid[name];
+    return displayName ? { displayKey: name, displayName, numberOfInputs: 0, predicate: () => true } : name;
+  }
 
   let theme = null;
   function themeOf() {
@@ -26,7 +34,7 @@
       colId: column.name, headerName: column.head, headerTooltip: column.title, width: NARROW[column.name] || 120,
       valueGetter: (p) => (p.data ? gusjob.shown(column, p.data.row) : ""), type: words ? undefined : "rightAligned",
       filter: words ? "agTextColumnFilter" : "agNumberColumnFilter",
-      filterParams: words ? { maxNumConditions: 2, debounceMs: 200 }
+      filterParams: words ? { filterOptions: WORD_FILTERS, maxNumConditions: 2, debounceMs: 200 }
         : { filterOptions: NUMBER_FILTERS, inRangeInclusive: true, maxNumConditions: 2, debounceMs: 200 },
       pinned: column.name === "segment" && window.innerWidth > 700 ? "left" : undefined,
     };
@@ -54,12 +62,12 @@
   const say = (n) => n.toLocaleString("en-US");
   function tellCount(grid) {
     document.getElementById(`${grid.name}-count`).textContent =
-      `${say(grid.order.length)} of ${say(grid.count)} ${grid.count === 1 ? "row" : "rows"}`;
+      gusjob.said("table", grid.count === 1 ? "one" : "many", { shown: say(grid.order.length), count: say(grid.count) });
   }
 
   function optionsOf(grid, focused) {
     return {
-      theme: themeOf(), rowModelType: "infinite", datasource: datasourceOf(grid), cacheBlockSize: 200, maxBlocksInCache: 30,
+      theme: themeOf(), localeText: gusjob.words.grid, rowModelType: "infinite", datasource: datasourceOf(grid), cacheBlockSize: 200, maxBlocksInCache: 30,
       infiniteInitialRowCount: grid.count, blockLoadDebounceMillis: 20, columnDefs: grid.columns.map(definition),
       defaultColDef: { sortable: true, resizable: true, floatingFilter: true, suppressHeaderMenuButton: true, sortingOrder: ["asc", "desc", null] },
       getRowId: (p) => String(p.data.row), rowSelection: { mode: "singleRow", checkboxes: false, enableClickSelection: false },

@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const { element, figure } = gusjob;
+  const { element, figure, said } = gusjob;
   const FEW = 4000;
   const BAND = 9; // px: height of a switch's band
   const WHEEL = 1.25;
@@ -106,7 +106,8 @@
     });
     refreshing = false;
     placeMarker();
-    document.getElementById("time-range").textContent = `${figure(view.from)} to ${figure(view.to)} ms of ${figure(view.end)} ms`;
+    const range = { low: figure(view.from), high: figure(view.to), end: figure(view.end) };
+    document.getElementById("time-range").textContent = said("time", "range", range);
   }
 
   let asked = false;
@@ -208,7 +209,7 @@
       ctx.font = `${10 * ratio}px system-ui, sans-serif`;
       ctx.textAlign = "right";
       ctx.textBaseline = "middle";
-      ctx.fillText(`ch${light.channel} on`, bbox.left - 4 * ratio, top + (BAND / 2) * ratio);
+      ctx.fillText(said("time", "switch", { channel: light.channel }), bbox.left - 4 * ratio, top + (BAND / 2) * ratio);
     });
     ctx.restore();
   }
@@ -306,8 +307,8 @@
       line.style.borderColor = `var(--${color})`;
       return element("span", {}, line, words);
     };
-    key.replaceChildren(entry("velocity", false, "velocity"), ...gusjob.lights.map((light, n) =>
-      entry(`power${n % 2}`, n % 2 === 1, `power of channel ${light.channel}, ${gusjob.printable(light.unit)}`)));
+    key.replaceChildren(entry("velocity", false, said("time", "velocity")), ...gusjob.lights.map((light, n) =>
+      entry(`power${n % 2}`, n % 2 === 1, said("time", "power", { channel: light.channel, unit: gusjob.printable(light.unit) }))));
   }
 
   function takeColors() {
