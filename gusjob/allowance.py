@@ -7,24 +7,27 @@ is not there is told, so that it goes when its reason has gone.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Severity, Span
+from gusjob.diagnostics import Collector, Diagnostic, Severity, Span
 from gusjob.phrases import Phrase, printable
 from gusjob.rules import RULES
 
 _COMMENT = re.compile(
-    r"(?:;|//)\s*allow\s+(?P<codes>GJ\w*(?:[\s,，]+GJ\w*)*)\s*(?:[:：]\s*(?P<reason>\S))?", re.IGNORECASE
+    r"(?:;|//)\s*allow(?P<gap>[\s:：,，]*)(?P<codes>GJ\w*(?:[\s,，]+GJ\w*)*)\s*(?:[:：]\s*(?P<reason>\S))?",
+    re.IGNORECASE,
 )
-_MAYBE = re.compile(rb"(?:;|//)[ \t]*allow[ \t]+GJ", re.IGNORECASE)
-MAX_ALLOWANCES = 100_000
-"""A file with more of them is judged as if it had no others."""
+_CODE = re.compile(r"GJ\w*", re.IGNORECASE)
 
 _UNKNOWN = Phrase("there is no such rule")
 _ERROR = Phrase("an error can't be allowed")
+_ITSELF = Phrase("what is wrong with a comment can't be allowed")
+_FORM = Phrase("write it as in ; allow GJ304: why it is right here")
 _NO_REASON = Phrase("a reason is missing: write it behind a colon, as in ; allow GJ304: why it is right here")
+MAX_BYTES = 100_000
+"""No statement is that long."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -64,50 +67,53 @@ class Allowances:
         found.used = not found.why_not
         return found.used
 
-    def faults(self, path: str, judged: Iterable[str]) -> Iterator[Diagnostic]:
-        """Comments that are not followed, and those that allow what is not there. `judged`: beginnings of the codes
-        that were looked for."""
-        prefixes = tuple(judged)
+    def allowed(self) -> set[str]:
+        """Rules of which something was allowed."""
+        return {one.code for one in self.by_place.values() if one.used}
+
+    def faults(self, path: str, judged: Callable[[str], bool]) -> list[Diagnostic]:
+        """Comments that are not followed, and those that allow what is not there.
+
+        `judged`: whether a rule was looked for wherever it may be. An included file's comments may be meant for another
+        job.
+        """
+        told = Collector(path)
         for one in self.by_place.values():
-            fields = {"code": one.code, "why": one.why_not}
             if one.why_not:
-                yield Diagnostic(rule=rules.ALLOWED_IN_VAIN, span=one.span, fields=fields, path=path)
-            elif not one.used and one.code.startswith(prefixes):
-                yield Diagnostic(rule=rules.ALLOWS_NOTHING, span=one.span, fields={"code": one.code}, path=path)
+                told.add(rules.ALLOWED_IN_VAIN, one.span, {"code": one.code, "why": one.why_not})
+            elif not one.used and not one.span.path and judged(one.code):
+                told.add(rules.ALLOWS_NOTHING, one.span, {"code": one.code})
+        return told.done(rules.MORE)
 
 
 def _allowances(name: str, data: bytes, path: str) -> Iterator[Allowance]:
-    if b"allow" not in data.lower():  # Five times as fast as the search, and most texts have none.
-        return
-    line, counted = 1, 0
-    for number, found in enumerate(_MAYBE.finditer(data)):
-        if number == MAX_ALLOWANCES:
-            return
-        start = data.rfind(b"\n", 0, found.start()) + 1
-        end = data.find(b"\n", found.start())
+    small = data.lower()
+    line, counted, at = 1, 0, small.find(b"allow")
+    while at >= 0:
+        start, end = data.rfind(b"\n", 0, at) + 1, data.find(b"\n", at)
+        end = end if end >= 0 else len(data)
         line, counted = line + data.count(b"\n", counted, start), start
-        yield from _in_line(data[start : end if end >= 0 else len(data)].decode("utf-8", "replace"), line, name, path)
-
-
-def comment_in(text: str) -> re.Match[str] | None:
-    """The comment of a line that allows something, with its `codes` and the beginning of its `reason`."""
-    return _COMMENT.search(text)
+        if end - start <= MAX_BYTES:
+            yield from _in_line(data[start:end].decode("utf-8", "replace"), line, name, path)
+        at = small.find(b"allow", end)
 
 
 def _in_line(text: str, line: int, name: str, path: str) -> Iterator[Allowance]:
-    found = comment_in(text)
-    if found is None:
-        return
-    for code in re.finditer(r"GJ\w*", found["codes"], re.IGNORECASE):
-        column = found.start("codes") + code.start() + 1
-        span = Span(line=line, column=column, end_line=line, end_column=column + len(code[0]), path=path)
-        known = printable(code[0].upper())
-        yield Allowance(code=known, file=name, span=span, why_not=_why_not(known, found["reason"]))
+    for comment in _COMMENT.finditer(text):
+        for code in _CODE.finditer(text, comment.start("codes"), comment.end("codes")):
+            column, known = code.start() + 1, printable(code[0].upper())
+            span = Span(line=line, column=column, end_line=line, end_column=column + len(code[0]), path=path)
+            yield Allowance(code=known, file=name, span=span, why_not=_why_not(known, comment))
 
 
-def _why_not(code: str, reason: str | None) -> str:
+def _why_not(code: str, comment: re.Match[str]) -> str:
+    """Why a comment does not allow a rule; '' if it does."""
+    if not comment["gap"].isspace():
+        return _FORM
     if code not in RULES:
         return _UNKNOWN
     if RULES[code].severity is Severity.ERROR:
         return _ERROR
-    return "" if reason else _NO_REASON
+    if RULES[code] in (rules.ALLOWED_IN_VAIN, rules.ALLOWS_NOTHING):
+        return _ITSELF
+    return "" if comment["reason"] else _NO_REASON

@@ -92,7 +92,7 @@ def _scanner(text: str | None) -> Scanner | None:
         return None
     scanner = parse_scanner(text)
     if isinstance(scanner, str):
-        raise ValueError(scanner)
+        raise ValueError(said(scanner))
     return scanner
 
 

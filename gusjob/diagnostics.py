@@ -23,6 +23,8 @@ class Severity(Enum):
         return said(_SEVERITIES[self])
 
 
+WEIGHTS = (Severity.NOTE, Severity.WARNING, Severity.ERROR)
+"""Severities from the lightest to the heaviest."""
 _SEVERITIES = {
     Severity.ERROR: Phrase("error"),
     Severity.WARNING: Phrase("warning"),
@@ -130,6 +132,10 @@ class Diagnostic:
     def severity(self) -> Severity:
         """The profile's where it says one, else the rule's."""
         return self.weight or self.rule.severity
+
+    def at_least(self, weight: Severity) -> Diagnostic:
+        """The same, and no lighter than that."""
+        return self if WEIGHTS.index(self.severity) >= WEIGHTS.index(weight) else replace(self, weight=weight)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

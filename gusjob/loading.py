@@ -10,12 +10,13 @@ from gusjob import rules
 from gusjob.allowance import Allowances
 from gusjob.backend import JOURNAL_START
 from gusjob.checks import check as check_job
-from gusjob.diagnostics import Diagnostic, Span, has_errors
+from gusjob.diagnostics import Diagnostic, Severity, Span, has_errors
 from gusjob.job import Job
 from gusjob.machine import Budget, Machine, Scanner
 from gusjob.profile import find_profile, read_machine
 from gusjob.selection import Layer
 from gusjob.syntax import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
+from gusjob.syntax.files import may_be_a_part
 from gusjob.syntax.source import shown_name
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
@@ -57,8 +58,15 @@ class Loaded:
 
     def add(self, faults: list[Diagnostic]) -> None:
         """More faults: with the severities of the profile, and without those that a comment allows."""
-        weighed = self.machine.selection.weighed(faults)
-        self.faults = in_order([*self.faults, *self.allowances.without_allowed(weighed)])
+        left = self.allowances.without_allowed(self.machine.selection.weighed(faults))
+        # Where the listed ones are allowed, those that are not listed must not go unseen.
+        seen = [f.at_least(self._hidden(f)) if f.rule is rules.MORE else f for f in left]
+        self.faults = in_order([*self.faults, *seen])
+
+    def _hidden(self, more: Diagnostic) -> Severity:
+        """How heavy faults are that are counted, and may be others than those that are allowed."""
+        rule = rules.RULES.get(str(more.fields["code"]))
+        return rule.severity if rule and rule.code in self.allowances.allowed() else Severity.NOTE
 
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""
@@ -133,10 +141,20 @@ def _idle_allowances(loaded: Loaded) -> list[Diagnostic]:
     """Comments that allow what can't be allowed or is not there. After an error not all has been looked for."""
     if loaded.source is None or loaded.journal:
         return []
-    judged = ["GJ0", "GJ1", "GJ2", "GJ3", "GJ4", "GJ5", "GJ8"]
-    if loaded.foreign or loaded.machine.budget != Budget():
-        judged.append("GJ7")
-    return list(loaded.allowances.faults(loaded.source.name, [] if has_errors(loaded.faults) else judged))
+    clean = not has_errors(loaded.faults)
+    not_listed = {str(fault.fields["code"]) for fault in loaded.faults if fault.rule is rules.MORE}
+    ran = loaded.foreign or loaded.machine.budget != Budget()
+    # What hangs on an entry of the profile may be right on another machine.
+    asks = {"GJ515": loaded.machine.host_calls_per_s is not None, "GJ813": loaded.machine.scanner is not None}
+
+    def judged(code: str) -> bool:
+        return clean and code not in not_listed and asks.get(code, ran or not code.startswith("GJ7"))
+
+    found = loaded.allowances.faults(loaded.source.name, judged)
+    idle = any(fault.rule is rules.ALLOWS_NOTHING for fault in found)
+    if idle and may_be_a_part(loaded.path):  # What it allows may come about where it is included.
+        return [fault for fault in found if fault.rule is not rules.ALLOWS_NOTHING]
+    return found
 
 
 def selected(loaded: Loaded, asked: Layer) -> list[Diagnostic]:

@@ -261,26 +261,29 @@ class _Reader:
             if not isinstance(entry, dict):
                 self.fault(rules.PROFILE_TYPE, "path", "check", wanted=_PATHS, found=_kind(paths))
                 continue
-            glob = entry.get("glob")
+            layer, glob = self._layer(entry, "check.path", ("glob",)), entry.get("glob")
             if not isinstance(glob, str) or not glob:
-                self.fault(rules.PROFILE_TYPE, "glob", "check.path", wanted=_GLOB, found=_kind(glob))
+                found = _kind(glob) if "glob" in entry else Phrase("missing")
+                self.fault(rules.PROFILE_TYPE, "glob", "check.path", wanted=_GLOB, found=found)
                 continue
-            layers.append(replace(self._layer(entry, "check.path", ("glob",)), glob=glob))
+            layers.append(replace(layer, glob=glob))
         return tuple(layer for layer in layers if layer != Layer(glob=layer.glob))
 
     def _layer(self, row: Mapping[str, Any], table: str, extra: tuple[str, ...]) -> Layer:
         """What one table says of rules."""
         known = {key: value for key, value in row.items() if key in _RULES_KEYS}
-        self.table({key: value for key, value in row.items() if key not in (*known, *extra)}, {}, table, _RULES_KEYS)
+        others = {key: value for key, value in row.items() if key not in (*known, *extra)}
+        self.table(others, {}, table, (*_RULES_KEYS, *extra))
         select, ignore = (self._codes(known.get(key, []), key, table) for key in ("select", "ignore"))
         return Layer(select=select, ignore=ignore, severity=self._severities(known.get("severity", {}), table))
 
     def _codes(self, value: Any, key: str, table: str) -> tuple[str, ...]:
         """Codes of rules, or their beginnings."""
-        if not isinstance(value, list) or not all(isinstance(code, str) for code in value):
-            self.fault(rules.PROFILE_TYPE, key, table, wanted=_CODES, found=_kind(value))
+        wrong = [code for code in value if not isinstance(code, str)] if isinstance(value, list) else [value]
+        if wrong:
+            self.fault(rules.PROFILE_TYPE, key, table, wanted=_CODES, found=_kind(wrong[0]))
             return ()
-        return tuple(code for code in value if self._is_code(code, key, table))
+        return tuple(code.upper() for code in value if self._is_code(code.upper(), key, table))
 
     def _is_code(self, code: str, key: str, table: str) -> bool:
         known = bool(code) and any(rule.startswith(code) for rule in rules.RULES)

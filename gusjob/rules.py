@@ -59,7 +59,7 @@ EMPTY = _rule(
     bad="; LINE X 10\n", good="WAIT\n",
 )  # fmt: skip
 MORE = _rule(
-    "GJ005", _N, "more of the same", "{count} more of {code} are not listed; the first {shown} are",
+    "GJ005", _N, "more of the same", "{count} more of {code} are not listed: of a rule up to {shown} are",
     "The first faults of a kind say what is wrong with all of them.",
 )  # fmt: skip
 NO_END = _rule(

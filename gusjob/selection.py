@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Severity
+from gusjob.diagnostics import WEIGHTS, Diagnostic, Severity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class Selection:
 
     def of(self, file: str) -> list[Layer]:
         """The layers that speak of a file."""
-        return [one for one in self.layers if not one.glob or fnmatch(_below(file, self.folder), one.glob)]
+        return [one for one in self.layers if not one.glob or _fits(_below(file, self.folder), one.glob)]
 
     def wants(self, fault: Diagnostic, last: Layer) -> bool:
         """Whether a fault counts. `last`: what the command line says."""
@@ -64,10 +64,20 @@ class Selection:
         return [self._weighed(fault) if self.layers else fault for fault in faults]
 
     def _weighed(self, fault: Diagnostic) -> Diagnostic:
+        if fault.rule is rules.MORE:  # One of those that are not listed may be in a file of which more is demanded.
+            given = [layer.weight(str(fault.fields["code"])) for layer in self.layers]
+            return fault.at_least(max((one for one in given if one), key=WEIGHTS.index, default=Severity.NOTE))
         said = [weight for layer in self.of(fault.file) if (weight := layer.weight(fault.rule.code)) is not None]
         if not said or fault.severity is Severity.ERROR:
             return fault
         return replace(fault, weight=said[-1])
+
+
+def _fits(name: str, glob: str) -> bool:
+    """Whether a file is meant: * is any text, `**/` may be nothing, and a folder's name means all that is in it."""
+    pattern = glob.replace("\\", "/").removeprefix("./").rstrip("/")
+    patterns = [pattern, f"{pattern}/*", *([pattern[3:]] if pattern.startswith("**/") else [])]
+    return any(fnmatch(name, one.replace("/**/", "/*")) for one in patterns)
 
 
 def _longest(code: str, prefixes: Iterable[str]) -> int:

@@ -24,11 +24,9 @@ _SIMPLIFIED = {"", "cn", "sg", "my", "hans"}
 _WIDE = r"[\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60]"
 _BLANK_BEFORE, _BLANK_BEHIND = re.compile(rf"(?<={_WIDE}) (?=\{{(\w+)}})"), re.compile(rf"(?<=}}) (?={_WIDE})")
 _FIELD_BEFORE, _STARTS_WIDE, _ENDS_WIDE = re.compile(r"\{(\w+)}$"), re.compile(_WIDE), re.compile(f"{_WIDE}$")
-_VARIABLES = ("LANGUAGE", "LC_ALL", "LC_MESSAGES", "LANG")
+_VARIABLES = ("LC_ALL", "LC_MESSAGES", "LANG")
 
 _catalogue: NullTranslations | None = None
-_own_variable: str | None = None
-"""What LANGUAGE was before click's own texts were turned over to our catalogue."""
 
 
 def translated(text: str) -> str:
@@ -53,27 +51,16 @@ def typeset(template: str, fields: Mapping[str, object]) -> str:
 
 
 def speak(language: str) -> None:
-    """Say everything in a language of LANGUAGES from here on."""
-    global _catalogue, _own_variable  # A process speaks one language, as gettext's own functions do.
-    import gettext
-
-    if _catalogue is not None:
-        _catalogue, _own_variable = None, _set_language(_own_variable)
-        gettext.textdomain("messages")
+    """Say everything in a language of LANGUAGES from here on. Raises ValueError for another one."""
+    global _catalogue  # A process speaks one language, as gettext's own functions do.
+    if language not in LANGUAGES:
+        raise ValueError(f"there is no language {language!r}: {', '.join(LANGUAGES)}")
     if folder := LANGUAGES[language]:
+        import gettext
+
         _catalogue = gettext.translation(DOMAIN, CATALOGUES, [folder])
-        # click takes its own texts from gettext's domain, which follows this variable.
-        _own_variable = _set_language(folder)
-        gettext.bindtextdomain(DOMAIN, CATALOGUES)
-        gettext.textdomain(DOMAIN)
-
-
-def _set_language(value: str | None) -> str | None:
-    """Set LANGUAGE, or take it away; what it was."""
-    before = os.environ.pop("LANGUAGE", None)
-    if value is not None:
-        os.environ["LANGUAGE"] = value
-    return before
+    else:
+        _catalogue = None
 
 
 def language() -> str:
@@ -82,19 +69,19 @@ def language() -> str:
 
 
 def system_language(environment: Mapping[str, str] | None = None) -> str:
-    """The language that the system is set to, as gettext finds it; English where it is none of ours.
+    """The language that the system is set to, as GNU gettext finds it; English where it is none of ours.
 
-    Windows sets no variables; there it is the language in which Windows itself speaks.
+    LANGUAGE is a list, and counts for nothing in the locale C. Windows sets no variables; there it is the language in
+    which Windows itself speaks.
     """
-    if environment is None:
-        environment = os.environ
-        if _catalogue is not None:  # What speak() has set is not the system's.
-            environment = {name: value for name, value in environment.items() if name != "LANGUAGE"}
-            environment |= {"LANGUAGE": _own_variable} if _own_variable else {}
-    for variable in _VARIABLES:
-        if value := environment.get(variable):
-            return language_of(value.split(":")[0])
-    return language_of(_windows_language())
+    environment = os.environ if environment is None else environment
+    locale = next((value for name in _VARIABLES if (value := environment.get(name))), "")
+    if locale in ("C", "POSIX"):
+        return "en"
+    for wanted in environment.get("LANGUAGE", "").split(":"):
+        if language_of(wanted) != "en" or wanted.startswith("en"):
+            return language_of(wanted)
+    return language_of(locale or _windows_language())
 
 
 def language_of(locale: str) -> str:

@@ -33,12 +33,13 @@ OF_CLICK = (
     "No such command {name!r}.",
     "Invalid value: {message}", "Invalid value for {param_hint}: {message}", "Missing command.",
     "{value!r} is not a valid {number_type}.", "{value} is not in the range {range}.",
-    "Option {name!r} requires an argument.", "(DEPRECATED)", "env var: {var}",
+    "Option {name!r} does not take a value.", "(DEPRECATED)", "env var: {var}",
     "%(prog)s, version %(version)s",
 )  # fmt: skip
 """What click says of itself in a help or of a wrong usage, as its versions 8.1 and later have it."""
 OF_CLICK_COUNTED = (
     ("Got unexpected extra argument ({args})", "Got unexpected extra arguments ({args})"),
+    ("Option {name!r} requires an argument.", "Option {name!r} requires {nargs} arguments."),
     ("{value!r} is not {choice}.", "{value!r} is not one of {choices}."),
     ("Did you mean {possibility}?", "(Did you mean one of: {possibilities}?)"),
 )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gettext
 import os
 import re
 import string
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -34,10 +37,7 @@ def chinese() -> Iterator[None]:
 
 
 def gusjob(*arguments: str, env: Mapping[str, str] | None = None) -> Result:
-    done = CliRunner().invoke(cli, arguments, env=env)
-    speak("en")
-    os.environ["LANGUAGE"] = "en"  # What it was within, speak() has put back.
-    return done
+    return CliRunner().invoke(cli, arguments, env=env)
 
 
 # The catalogue.
@@ -139,7 +139,12 @@ def test_locales(locale: str, spoken: str) -> None:
         ({"LANG": "zh_CN.UTF-8"}, "zh"),
         ({"LANG": "en_US.UTF-8", "LC_MESSAGES": "zh_CN.UTF-8"}, "zh"),
         ({"LC_ALL": "C", "LANG": "zh_CN.UTF-8"}, "en"),
+        ({"LC_ALL": "C", "LANGUAGE": "zh_CN:zh", "LANG": "zh_CN.UTF-8"}, "en"),
+        ({"LC_ALL": "POSIX", "LANGUAGE": "zh"}, "en"),
+        ({"LC_ALL": "C.UTF-8", "LANGUAGE": "zh"}, "zh"),
         ({"LANGUAGE": "en:zh_CN", "LANG": "zh_CN.UTF-8"}, "en"),
+        ({"LANGUAGE": "fr:zh:en", "LANG": "fr_FR.UTF-8"}, "zh"),
+        ({"LANGUAGE": "fr", "LANG": "zh_CN.UTF-8"}, "zh"),
         ({"LANGUAGE": "", "LANG": "zh_CN.UTF-8"}, "zh"),
     ],
 )
@@ -147,16 +152,44 @@ def test_the_systems_language(environment: dict[str, str], spoken: str) -> None:
     assert system_language(environment) == spoken
 
 
-def test_one_language_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("LANGUAGE", "zh_CN")
-    try:
-        for _ in range(2):
-            speak("zh")
-            assert (language(), system_language(), translated("error")) == ("zh", "zh", "错误")
-            speak("en")
-            assert (language(), system_language(), translated("error")) == ("en", "zh", "error")
-    finally:
+def test_one_language_after_the_other() -> None:
+    for _ in range(2):
+        speak("zh")
+        assert (language(), translated("error")) == ("zh", "错误")
         speak("en")
+        assert (language(), translated("error")) == ("en", "error")
+
+
+def test_a_language_that_is_none_changes_nothing(chinese: None) -> None:
+    for wrong in ("fr", "zh_CN", ""):
+        with pytest.raises(ValueError, match="en, zh"):
+            speak(wrong)
+        assert language() == "zh"
+
+
+def test_a_command_leaves_the_process_its_language(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LANGUAGE", "fr")
+    gettext.textdomain("host")
+    try:
+        for arguments in (["explain", "GJ401", "--lang", "zh"], ["--lang", "zh", "check"], ["--help", "--lang", "zh"]):
+            assert CHINESE.search(CliRunner().invoke(cli, arguments).output)
+            assert (language(), os.environ["LANGUAGE"], gettext.textdomain()) == ("en", "fr", "host")
+    finally:
+        gettext.textdomain("messages")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "asked", "spoken"),
+    [("utf-8", False, True), ("gbk", False, True), ("cp1252", False, False), ("cp1252", True, True)],
+)
+def test_what_can_not_be_shown_is_said_in_english(encoding: str, asked: bool, spoken: bool) -> None:
+    """Unless somebody asks for it. Tables and messages are in one encoding."""
+    line = [sys.executable, "-m", "gusjob", *(["--lang", "zh"] if asked else []), "run", str(ROOT / "jobs/co2_cut.job")]
+    env = {**os.environ, "LANGUAGE": "", "LC_ALL": "zh_CN.UTF-8", "PYTHONIOENCODING": encoding}
+    done = subprocess.run(line, env=env, capture_output=True, timeout=60, check=False)
+    text = (done.stdout + done.stderr).decode(encoding)
+    assert bool(CHINESE.search(text)) is (spoken and encoding != "cp1252")
+    assert ("\\u" in text) is (spoken and encoding == "cp1252")
 
 
 def test_phrases(chinese: None) -> None:
@@ -172,6 +205,8 @@ def test_blanks_beside_fields(chinese: None) -> None:
 
 
 # What people see.
+
+SYSTEM = {"LC_ALL": "", "LC_MESSAGES": "", "LANG": "zh_CN.UTF-8", "LANGUAGE": ""}
 
 JOB = """LASER MODE DUTY CARRIER 10kHz
 LASER DELAY ON 80us OFF 50us
@@ -205,7 +240,7 @@ def test_a_faulty_job_in_chinese(tmp_path: Path) -> None:
 
 
 def test_how_chinese_is_asked_for(tmp_path: Path) -> None:
-    path, system = str(write(tmp_path, JOB)), {"LANGUAGE": "zh_CN"}
+    path, system = str(write(tmp_path, JOB)), SYSTEM
     for asked in (("--lang", "zh", "check", path), ("check", path, "--lang=zh"), ("check", "--lang", "zh", path)):
         assert "错误[GJ102]" in gusjob(*asked).output
     assert "错误[GJ102]" in gusjob("check", path, env=system).output
@@ -218,7 +253,7 @@ def test_the_last_lang_counts_and_a_wrong_one_is_refused(tmp_path: Path) -> None
     done = gusjob("check", "--lang", "fr", path)
     assert done.exit_code == 2
     assert "'fr' is not one of 'en', 'zh'" in done.output
-    assert "'fr' 不是 'en', 'zh' 之一" in gusjob("check", "--lang", "fr", path, env={"LANGUAGE": "zh"}).output
+    assert "'fr' 不是 'en', 'zh' 之一" in gusjob("check", "--lang", "fr", path, env=SYSTEM).output
 
 
 def test_what_programs_read_is_english(tmp_path: Path) -> None:

@@ -200,7 +200,8 @@ def test_lines_that_read_then(before: str, wanted: str) -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        "LINE X 1O", "LNE X 1", "LINE X pitch", "LINE X 5²", "LINE X (s²)", "LET areas² = 3", "LINE X ½", "LINE X １ X ２", "WAIT。", "LINE X：5",
+        "LINE X 1O", "LNE X 1", "LINE X pitch", "LINE X 5²", "LINE X (s²)", "LET areas² = 3",
+        "LINE X ½", "LINE X １ X ２", "WAIT。", "LINE X：5",
         "LINE X (n1 mm)", "VEL 5 mm", "LINE X 5 mm/s", "LET a == 1", "IF a =< 1", "IF a => 1", "IF a === 1",
         "INCLUDE “a.job",
         "LINE X 5 mmm", "LINE X mm", "５LINE", "LASER POWER 1e30 %", "LINE Xx １", "ＱＱ", "LINE X 1 5 mm",
@@ -596,7 +597,9 @@ DONE = LEFT + "LASER OFF\n"
 
 
 def test_fix_writes_and_shows_what_is_left(tmp_path: Path) -> None:
-    path = put(tmp_path, "a.job", b"\xef\xbb\xbf" + (LEFT + "laser off\nLASER POWER 200\n").replace("\n", "\r\n").encode())
+    path = put(
+        tmp_path, "a.job", b"\xef\xbb\xbf" + (LEFT + "laser off\nLASER POWER 200\n").replace("\n", "\r\n").encode()
+    )
     ran = gusjob("--fix", path)
     assert path.read_bytes() == b"\xef\xbb\xbf" + (LEFT + "LASER OFF\nLASER POWER 200\n").replace("\n", "\r\n").encode()
     assert ran.exit_code == 1
@@ -611,6 +614,13 @@ def test_fix_writes_and_shows_what_is_left(tmp_path: Path) -> None:
     ran = gusjob("--fix", path)
     assert (ran.exit_code, ran.stderr) == (0, "1 file: clean; 0 mended\n")
     assert path.stat().st_mtime == 1
+
+
+def test_what_is_mended_is_not_written_over(tmp_path: Path) -> None:
+    path = put(tmp_path, "a.job", LEFT)
+    ran = gusjob("--fix", "--format", "json", path, "-o", path)
+    assert (ran.exit_code, path.read_text()) == (2, LEFT)
+    assert "name another file with -o" in ran.stderr
 
 
 def test_diff_writes_nothing(tmp_path: Path) -> None:

@@ -113,6 +113,32 @@ def test_check_by_rule_and_by_path(tmp_path: Path) -> None:
     assert found(a, Layer(select=("GJ14",))) == {(4, "GJ142", "note"), (11, "GJ141", "note")}
 
 
+@pytest.mark.parametrize(
+    ("glob", "files"),
+    [
+        ("*.job", {"a.job", "sub/b.job", "sub/deep/c.job"}),
+        ("**/*.job", {"a.job", "sub/b.job", "sub/deep/c.job"}),
+        ("./a.job", {"a.job"}),
+        ("sub", {"sub/b.job", "sub/deep/c.job"}),
+        ("sub/", {"sub/b.job", "sub/deep/c.job"}),
+        ("sub\\b.job", {"sub/b.job"}),
+        ("sub/**/*.job", {"sub/b.job", "sub/deep/c.job"}),
+        ("b.job", set()),
+        ("[", set()),
+    ],
+)
+def test_globs(tmp_path: Path, glob: str, files: set[str]) -> None:
+    selection = Selection(layers=(Layer(glob=glob, ignore=("GJ",)),), folder=str(tmp_path.resolve()))
+    every = ("a.job", "sub/b.job", "sub/deep/c.job")
+    assert {name for name in every if not selection.wants(fault("GJ404", str(tmp_path / name)), NOTHING_ASKED)} == files
+
+
+def test_errors_that_are_not_selected_are_counted(tmp_path: Path) -> None:
+    path = str(write(tmp_path, JOB.replace("LASER OFF\n", "")))
+    assert gusjob("check", "--select", "GJ404", path).stderr.endswith("(3 not selected, 1 of them errors)\n")
+    assert gusjob("check", "--ignore", "GJ14", path).stderr.endswith("(2 not selected)\n")
+
+
 def test_what_is_made_an_error_is_refused_everywhere(tmp_path: Path) -> None:
     path = write(tmp_path, JOB)
     assert gusjob("check", str(path)).exit_code == 0
@@ -142,6 +168,9 @@ def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
     ("text", "code", "line", "said"),
     [
         ('[check]\nselct = ["GJ4"]\n', "GJ602", 2, "check.selct is not an entry of a machine profile; did you"),
+        ("[check]\nignore = [4]\n", "GJ603", 2, "check.ignore must be a list of codes such as"),
+        ('[check]\nselect = ["gj4"]\nignore = "gj4"\n', "GJ603", 3, "not a text"),
+        ('[[check.path]]\nglobs = "a"\n', "GJ602", 2, "check.path.globs is not an entry of a machine profile; did you"),
         ("[check]\nselect = 4\n", "GJ603", 2, "check.select must be a list of codes"),
         ('[check]\nselect = ["GJ4", 4]\n', "GJ603", 2, "check.select must be a list of codes"),
         ('[check]\nignore = ["GJX"]\n', "GJ604", 2, 'check.ignore is "GJX"; it must be the code of a rule'),
@@ -153,7 +182,7 @@ def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
         ('[check]\nseverity = { GJ401 = "note" }\n', "GJ604", 2, "it must be left an error"),
         ("check = 3\n", "GJ603", 1, "check must be a table, not a number"),
         ("[check]\npath = 3\n", "GJ603", 2, "check.path must be a list of tables"),
-        ('[[check.path]]\nignore = ["GJ4"]\n', "GJ603", 1, "check.path.glob must be a text"),
+        ('[[check.path]]\nignore = ["GJ4"]\n', "GJ603", 1, "not missing"),
         ('[[check.path]]\nglob = "*"\nfoo = 1\n', "GJ602", 3, "check.path.foo is not an entry"),
         ("[check]\npath = [3]\n", "GJ603", 2, "check.path must be a list of tables"),
     ],
@@ -180,6 +209,8 @@ def allowing(line: str, comment: str) -> str:
         ";Allow  gj404 : warmed up",
         "; allow GJ404：预热",
         "; see the sheet ; allow GJ404: warmed up",
+        ";\N{IDEOGRAPHIC SPACE}allow\N{IDEOGRAPHIC SPACE}GJ404: warmed up",
+        "; allow GJ404: warmed up ; TODO: clamp",
     ],
 )
 def test_a_rule_is_allowed_on_its_line(tmp_path: Path, comment: str) -> None:
@@ -202,6 +233,9 @@ def test_several_rules_on_a_line(tmp_path: Path) -> None:
         ("; allow GJ404 since it is warmed up", 8, "GJ144", "a reason is missing"),
         ("; allow GJ4: all of them", 8, "GJ144", "there is no such rule"),
         ("; allow GJ401: it is left on", 8, "GJ144", "an error can't be allowed"),
+        ("; allow GJ145: x", 8, "GJ144", "what is wrong with a comment"),
+        ("; allow: GJ404 it is warmed up", 8, "GJ144", "write it as in"),
+        ("; allowGJ404: it is warmed up", 8, "GJ144", "write it as in"),
     ],
 )
 def test_what_is_not_followed(tmp_path: Path, comment: str, line: int, code: str, said: str) -> None:
@@ -220,7 +254,7 @@ def test_what_allows_nothing_is_told(tmp_path: Path) -> None:
 
 
 def test_other_comments_mean_nothing(tmp_path: Path) -> None:
-    for comment in ("; allow some time: it is hot", "; disallow GJ404: x", "; we allow GJ404: no", "; allowGJ404: x"):
+    for comment in ("; allow some time: it is hot", "; disallow GJ404: x", "; we allow GJ404: no"):
         assert found(write(tmp_path, allowing("DWELL 3", comment))) == FAULTS
 
 
@@ -242,7 +276,16 @@ def test_in_an_included_file(tmp_path: Path) -> None:
     write(tmp_path, f"{delay} ; allow GJ306: measured\n{delay}\nDWELL 1 ; allow GJ404: no light\n", "part.job")
     path = write(tmp_path, 'WAIT\nINCLUDE "part.job"\n')
     told = [(Path(f.file).name, f.span.line, f.rule.code) for f in judged(path).faults]
-    assert told == [("part.job", 2, "GJ306"), ("part.job", 3, "GJ145")]
+    assert told == [("part.job", 2, "GJ306")]  # What is idle here may be needed in another job that includes it.
+
+
+def test_a_comment_of_a_part_may_be_needed_where_it_is_included(tmp_path: Path) -> None:
+    text = "DWELL 5 ; allow GJ404: preheat\n"
+    part = write(tmp_path, text, "part.job")
+    assert found(part) == {(1, "GJ145", "warning")}
+    main = write(tmp_path, JOB.replace("DWELL 3\n", 'INCLUDE "part.job"\n', 1), "main.job")
+    assert {code for _, code, _ in found(main)} == {"GJ141", "GJ142"}
+    assert found(part) == set()
 
 
 def test_what_only_the_planner_sees(tmp_path: Path) -> None:
@@ -281,6 +324,50 @@ def test_json_tells_the_severity_in_force(tmp_path: Path) -> None:
     told = json.loads(gusjob("check", "--format", "json", str(path)).stdout)
     faults = told["diagnostics"] if isinstance(told, dict) else told
     assert {(f["line"], f["severity"]) for f in faults} == {(4, "warning"), (8, "warning"), (11, "note")}
+
+
+def test_two_comments_on_a_line(tmp_path: Path) -> None:
+    text = allowing("LET p = 3", "; allow GJ142: later ; allow GJ404: here, too").replace("LET p = 3 ", "LET p = 3 ", 1)
+    assert found(write(tmp_path, text)) == (FAULTS - {(4, "GJ142", "note")}) | {(4, "GJ145", "warning")}
+
+
+@pytest.mark.parametrize(
+    ("line", "profile"), [("GJ813", 'scanner = "delay:100us"\n'), ("GJ515", "host_calls_per_s = 1000\n")]
+)
+def test_what_hangs_on_the_profile_is_idle_only_with_it(tmp_path: Path, line: str, profile: str) -> None:
+    path = write(tmp_path, f"DWELL 3 ; allow {line}: tuned by hand\n")
+    assert found(path) == set()
+    write(tmp_path, profile, "gusjob.toml")
+    assert found(path) == {(1, "GJ145", "warning")}
+
+
+# More faults than are listed.
+
+LIT = "LASER MODE DUTY CARRIER 10kHz\nVEL 100\nACC 5000\nLASER POWER 30\nLASER ON\nLINE X 10\n"
+
+
+def test_a_warning_behind_a_thousand_allowed_ones_is_not_passed_over(tmp_path: Path) -> None:
+    allowed = "DWELL 3 ; allow GJ404: preheat\n"
+    path = write(tmp_path, LIT + allowed * 1000 + "DWELL 5000\nLINE X 20\nLASER OFF\n")
+    assert found(path) == {(1, "GJ005", "warning")}
+    assert gusjob("check", "--strict", str(path)).exit_code == 1
+    path = write(tmp_path, LIT + allowed * 1200 + "LINE X 20\nLASER OFF\n")
+    assert {code for _, code, _ in found(path)} == {"GJ005"}  # No comment is called idle that may not be.
+
+
+def test_an_error_behind_a_thousand_warnings_is_refused(tmp_path: Path) -> None:
+    write(tmp_path, '[[check.path]]\nglob = "part.job"\nseverity = { GJ404 = "error" }\n', "gusjob.toml")
+    write(tmp_path, "DWELL 3\n", "part.job")
+    for many in (999, 1000):
+        path = write(tmp_path, LIT + "DWELL 3\n" * many + 'INCLUDE "part.job"\nLINE X 20\nLASER OFF\n', "main.job")
+        assert gusjob("run", str(path)).exit_code == 1
+        assert gusjob("check", str(path)).exit_code == 1
+
+
+def test_idle_comments_are_listed_like_other_faults(tmp_path: Path) -> None:
+    path = write(tmp_path, "DWELL 3 ; allow GJ404: preheat\n" * 1500)
+    told = [f.rule.code for f in judged(path).faults]
+    assert told.count("GJ145") == 1000 and told.count("GJ005") == 1
 
 
 def test_many_comments_are_found_in_one_pass(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from gusjob import __version__
-from gusjob.cli.language import Command, speak_as_asked
+from gusjob.cli.language import Command, language_of_a_command, speak_as_asked
 
 # No command multiplies matrices: numpy's pool of threads would only cost start-up.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -20,6 +20,10 @@ _COMMANDS = ("check", "fmt", "explain", "compile", "run", "report", "plot", "tra
 
 class _Commands(Command, click.Group):
     """Imports a command's module only when that command is used: start-up time is part of the tool."""
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        with language_of_a_command():
+            return super().main(*args, **extra)
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any

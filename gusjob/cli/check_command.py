@@ -71,14 +71,18 @@ def command(
     by_rule: Counter[str] = Counter()
     gathered = gathering(form, strict=strict, by_rule=by_rule if statistics else None)
     read: list[Path] = []
-    number = left_out = 0
+    number, left_out = 0, Counter[Severity]()
     mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
-    for path in files_named(paths, _CHECKED):
+    files = files_named(paths, _CHECKED)
+    if fixes and output is not None:
+        _keep(output, files)
+    for path in files:
         number += 1
         loaded = judged(path, machine_path)
         loaded = loaded if mending is None else mending.mended(loaded)
         chosen = selected(loaded, asked)
-        left_out += len(loaded.faults) - len(chosen)
+        left_out.update(fault.severity for fault in loaded.faults)
+        left_out.subtract(fault.severity for fault in chosen)
         loaded.faults = chosen
         verdict.add(loaded)
         counts.update(fault.severity for fault in loaded.faults)
@@ -107,8 +111,17 @@ def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) ->
         raise click.UsageError(said(Phrase("--diff is for people and patch: no --format, no --statistics with it")))
 
 
-def _told(files: int, counts: Counter[Severity], left_out: int) -> str:
+def _keep(output: Path, files: list[Path]) -> None:
+    """What is mended is not to be written over behind that."""
+    for path in files:
+        if output.exists() and path.exists() and output.samefile(path):
+            wrong = Phrase("--fix would write over {path}: name another file with -o", path=output)
+            raise click.UsageError(said(wrong))
+
+
+def _told(files: int, counts: Counter[Severity], left_out: Counter[Severity]) -> str:
     """'3 files: 1 error, 2 warnings (1 not selected)', in the user's language."""
+    hidden, refused = left_out.total(), left_out[Severity.ERROR]
     errors, warnings, notes = (counts[severity] for severity in Severity)
     words = {
         plural(errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors)): errors,
@@ -118,8 +131,10 @@ def _told(files: int, counts: Counter[Severity], left_out: int) -> str:
         ): warnings,
     }
     found = all_of([word for word, count in words.items() if count]) or Phrase("clean")
-    hidden = Phrase(" ({count} not selected)", count=left_out) if left_out else ""
-    return said(Phrase("{files}: {counts}{hidden}", files=files_of(files), counts=found, hidden=hidden))
+    rest = Phrase(" ({count} not selected)", count=hidden) if hidden else ""
+    if refused:
+        rest = Phrase(" ({count} not selected, {errors} of them errors)", count=hidden, errors=refused)
+    return said(Phrase("{files}: {counts}{hidden}", files=files_of(files), counts=found, hidden=rest))
 
 
 def _counted(faults: list[Diagnostic]) -> Counter[str]:

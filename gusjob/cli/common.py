@@ -81,15 +81,20 @@ def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
             click.echo(diagnostic_text(fault, loaded.text_of, color=color), err=err, color=color)
 
 
-def write(pieces: Iterable[bytes], output: Path | None, *, sources: Iterable[Path] = ()) -> None:
+def write(
+    pieces: Iterable[bytes], output: Path | None, *, sources: Iterable[Path] = (), for_people: bool = False
+) -> None:
     """Write bytes to a file or to standard output; exits with 2 if they can't be written.
 
     A file is there whole or not at all: until it is, an older one stays. `sources` are never written over.
+    `for_people`: UTF-8 text, which on standard output is in the terminal's encoding as messages are.
     """
     try:
         if output is None:
             if sys.stdout is not None:
-                _write_all(pieces, sys.stdout.buffer)
+                encoding = sys.stdout.encoding or "utf-8"
+                said = (piece.decode().encode(encoding, "backslashreplace") for piece in pieces)
+                _write_all(said if for_people else pieces, sys.stdout.buffer)
         elif output.exists() and any(source.exists() and output.samefile(source) for source in sources):
             stop(Phrase("{path}: this is a file that was read; name another one with -o", path=output))
         elif output.exists() and not output.is_file():

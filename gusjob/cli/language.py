@@ -6,7 +6,11 @@ character is two columns wide and that a line may break behind any of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import gettext
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from typing import Any
 
@@ -14,9 +18,10 @@ import click
 from click.core import ParameterSource
 
 from gusjob.cli.text import width, wrapped
-from gusjob.translate import LANGUAGES, language, speak, system_language, translated
+from gusjob.translate import CATALOGUES, DOMAIN, LANGUAGES, language, speak, system_language, translated
 
 _OPTION = "--lang"
+_SAMPLES = {"zh": "中"}
 LANGUAGE_HELP = "Language of messages, helps and reports. Default: that of the system."
 
 
@@ -25,7 +30,41 @@ def speak_as_asked(arguments: Sequence[str]) -> None:
     asked = [after for word, after in zip(arguments, [*arguments[1:], ""], strict=True) if word == _OPTION]
     asked += [word.partition("=")[2] for word in arguments if word.startswith(f"{_OPTION}=")]
     known = [one for one in asked if one in LANGUAGES]
-    speak(known[-1] if known else system_language())
+    spoken = known[-1] if known else _shown(system_language())
+    speak(spoken)
+    _let_click_speak(spoken)
+
+
+@contextmanager
+def language_of_a_command() -> Iterator[None]:
+    """What a command speaks is its own: a program that calls it has its language and its gettext back."""
+    spoken, domain, variable = language(), gettext.textdomain(), os.environ.get("LANGUAGE")
+    try:
+        yield
+    finally:
+        speak(spoken)
+        gettext.textdomain(domain)
+        os.environ.pop("LANGUAGE", None)
+        if variable is not None:
+            os.environ["LANGUAGE"] = variable
+
+
+def _shown(name: str) -> str:
+    """A language that nobody asked for, if standard output and error can show it; else English."""
+    try:
+        for stream in (sys.stdout, sys.stderr):
+            _SAMPLES.get(name, "").encode((stream and stream.encoding) or "utf-8")
+    except UnicodeEncodeError:
+        return "en"
+    return name
+
+
+def _let_click_speak(name: str) -> None:
+    """click takes its own texts from gettext's domain, in the language of this variable."""
+    if folder := LANGUAGES[name]:
+        os.environ["LANGUAGE"] = folder
+        gettext.bindtextdomain(DOMAIN, CATALOGUES)
+    gettext.textdomain(DOMAIN if folder else "messages")
 
 
 def language_was_asked() -> bool:

@@ -124,7 +124,8 @@ def command(
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
     if report is not None or (form in _WITHOUT_RUN and not loaded.unreadable):
-        write(_written(loaded, trace, report, comparison, form=form, summary=summary), output, sources=loaded.inputs)
+        pieces = _written(loaded, trace, report, comparison, form=form, summary=summary)
+        write(pieces, output, sources=loaded.inputs, for_people=form == "table")
     if form in _WITHOUT_COMPARISON and comparison is not None:
         from gusjob.report.compare import comparison_text
 

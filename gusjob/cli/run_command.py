@@ -103,7 +103,7 @@ def _on_interpreter(path: Path, machine_path: Path | None, scanner: Scanner | No
         from gusjob.report.table import report_table
 
         report = make_report(trace, loaded.machine, loaded.files)
-        write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None)
+        write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None, for_people=True)
     show(loaded, notes=trace is None)
     return exit_code(loaded)
 

@@ -89,6 +89,8 @@ def may_be_a_part(path: Path) -> bool:
 def _includes(job: Path, part: Path) -> bool:
     """Whether a job names a file to be included, with loops and conditions not looked at."""
     try:
+        if not job.is_file():  # A pipe would be waited for.
+            return False
         with job.open("rb") as file:
             data = file.read(_MOST_BYTES)
         names = {found[1].decode("utf-8", "replace").replace("\\", "/") for found in _INCLUDES.finditer(data)}
