@@ -63,8 +63,8 @@ def needed() -> Catalog:
         catalog.add(pair, auto_comments=["click"])
     for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("**.py", "python")], keywords={"Phrase": None}):
         catalog.add(phrase, auto_comments=[Path(file).as_posix()])
-    for file, _, text, _, _ in extract_from_dir(PACKAGE, [("page/static/*.html", "jinja2")], keywords={"_": None}):
-        catalog.add(text, auto_comments=[Path(file).as_posix()])
+    for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("page/static/*.html", "jinja2")], keywords={"_": None}):
+        catalog.add(phrase, auto_comments=[Path(file).as_posix()])
     return catalog
 
 

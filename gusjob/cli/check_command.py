@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
@@ -67,38 +68,67 @@ def command(
     """
     _refuse(form, output, statistics=statistics, diffs=diffs)
     asked = Layer(select=select, ignore=ignore)
-    verdict, counts = Verdict(strict=strict), Counter[Severity]()
-    by_rule: Counter[str] = Counter()
-    gathered = gathering(form, strict=strict, by_rule=by_rule if statistics else None)
-    read: list[Path] = []
-    number, left_out = 0, Counter[Severity]()
+    sums = _Sums(asked=asked, verdict=Verdict(strict=strict))
+    gathered = gathering(form, strict=strict, by_rule=sums.by_rule if statistics else None)
     mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
         _keep(output, files)
     for path in files:
-        number += 1
         loaded = judged(path, machine_path)
         loaded = loaded if mending is None else mending.mended(loaded)
-        chosen = selected(loaded, asked)
-        left_out.update(fault.severity for fault in loaded.faults)
-        left_out.subtract(fault.severity for fault in chosen)
-        loaded.faults = chosen
-        verdict.add(loaded)
-        counts.update(fault.severity for fault in loaded.faults)
-        by_rule.update(_counted(loaded.faults))
-        read += loaded.inputs
+        sums.add(loaded)
         if gathered is not None:
             gathered.add(loaded)
         elif not statistics:
             show(loaded, err=diffs)
     if gathered is not None:
-        write([gathered.written()], output, sources=read)
+        write([gathered.written()], output, sources=sums.read)
     elif statistics:
-        _print_statistics(by_rule)
+        _print_statistics(sums.by_rule)
     if gathered is None or output is not None or mending is not None:
-        click.echo(_told(number, counts, left_out) + (mending.told if mending else ""), err=True)
-    sys.exit(max(verdict.exit_code, mending.exit_code if mending else 0))
+        click.echo(sums.told + (mending.told if mending else ""), err=True)
+    sys.exit(max(sums.verdict.exit_code, mending.exit_code if mending else 0))
+
+
+@dataclass(slots=True, kw_only=True)
+class _Sums:
+    """What all files come to. `left_out`: what is not selected, by severity; `read`: every file that was."""
+
+    asked: Layer
+    verdict: Verdict
+    files: int = 0
+    counts: Counter[Severity] = field(default_factory=Counter)
+    left_out: Counter[Severity] = field(default_factory=Counter)
+    by_rule: Counter[str] = field(default_factory=Counter)
+    read: list[Path] = field(default_factory=list)
+
+    def add(self, loaded: Loaded) -> None:
+        """One more file; only the faults that are selected stay."""
+        every, loaded.faults = loaded.faults, selected(loaded, self.asked)
+        chosen = Counter(fault.severity for fault in loaded.faults)
+        self.files += 1
+        self.counts += chosen
+        self.left_out += Counter(fault.severity for fault in every) - chosen
+        self.by_rule += _counted(loaded.faults)
+        self.verdict.add(loaded)
+        self.read += loaded.inputs
+
+    @property
+    def told(self) -> str:
+        """'3 files: 1 error, 2 warnings (1 not selected)', in the user's language."""
+        errors, warnings, notes = (self.counts[severity] for severity in Severity)
+        words = (
+            (errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors)),
+            (notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes)),
+            (warnings, Phrase("{count} warning", count=warnings), Phrase("{count} warnings", count=warnings)),
+        )
+        found = all_of([plural(count, one, many) for count, one, many in words if count]) or Phrase("clean")
+        hidden, refused = self.left_out.total(), self.left_out[Severity.ERROR]
+        rest = Phrase(" ({count} not selected)", count=hidden) if hidden else ""
+        if refused:
+            rest = Phrase(" ({count} not selected, {errors} of them errors)", count=hidden, errors=refused)
+        return said(Phrase("{files}: {counts}{hidden}", files=files_of(self.files), counts=found, hidden=rest))
 
 
 def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) -> None:
@@ -117,24 +147,6 @@ def _keep(output: Path, files: list[Path]) -> None:
         if output.exists() and path.exists() and output.samefile(path):
             wrong = Phrase("--fix would write over {path}: name another file with -o", path=output)
             raise click.UsageError(said(wrong))
-
-
-def _told(files: int, counts: Counter[Severity], left_out: Counter[Severity]) -> str:
-    """'3 files: 1 error, 2 warnings (1 not selected)', in the user's language."""
-    hidden, refused = left_out.total(), left_out[Severity.ERROR]
-    errors, warnings, notes = (counts[severity] for severity in Severity)
-    words = {
-        plural(errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors)): errors,
-        plural(notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes)): notes,
-        plural(
-            warnings, Phrase("{count} warning", count=warnings), Phrase("{count} warnings", count=warnings)
-        ): warnings,
-    }
-    found = all_of([word for word, count in words.items() if count]) or Phrase("clean")
-    rest = Phrase(" ({count} not selected)", count=hidden) if hidden else ""
-    if refused:
-        rest = Phrase(" ({count} not selected, {errors} of them errors)", count=hidden, errors=refused)
-    return said(Phrase("{files}: {counts}{hidden}", files=files_of(files), counts=found, hidden=rest))
 
 
 def _counted(faults: list[Diagnostic]) -> Counter[str]:

@@ -27,8 +27,8 @@ LANGUAGE_HELP = "Language of messages, helps and reports. Default: that of the s
 
 def speak_as_asked(arguments: Sequence[str]) -> None:
     """Speak the language of --lang, wherever it stands, else the system's: before a help or a wrong usage is told."""
-    asked = [after for word, after in zip(arguments, [*arguments[1:], ""], strict=True) if word == _OPTION]
-    asked += [word.partition("=")[2] for word in arguments if word.startswith(f"{_OPTION}=")]
+    pairs = zip(arguments, [*arguments[1:], ""], strict=True)
+    asked = [after if word == _OPTION else word.removeprefix(f"{_OPTION}=") for word, after in pairs if _OPTION in word]
     known = [one for one in asked if one in LANGUAGES]
     spoken = known[-1] if known else _shown(system_language())
     speak(spoken)
