@@ -105,7 +105,7 @@ class Chromium:
             context.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Chromium]:
     """One browser for all tests; without one they are skipped."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -20,7 +20,7 @@ import pytest
 
 pytest.importorskip("jinja2", reason="jinja2 is not installed")
 
-from browser import Chromium, Tab, rest
+from browser import Chromium, Tab, chromium, rest
 from tools import ROOT
 
 from gusjob.page.encode import MANTISSA_BITS, UNITS_PER_MM, Encoded, decode, encode, rounded
@@ -28,7 +28,8 @@ from gusjob.page.render import MAX_BYTES, Page, render
 from gusjob.phrases import number as as_text
 from gusjob.report.marks import MARKING_WORDS
 
-pytest_plugins = ["browser"]  # One browser for all modules.
+__all__ = ["chromium"]
+"""A fixture of this module."""
 
 Columns = dict[str, npt.NDArray[Any]]
 KINDS = ["mark", "jump", "run_in", "run_out", "dwell"]

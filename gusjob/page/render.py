@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from gusjob.diagnostics import Severity
 from gusjob.page.encode import UNITS_PER_MM, Encoded, encode
-from gusjob.page.words import page_language, script_words
+from gusjob.page.words import page_language, script_words, template_text
 from gusjob.phrases import Phrase, all_of, figure, plural, printable, said
 from gusjob.report.marks import MARKING_WORDS, marking_unit
 
@@ -126,14 +126,14 @@ def _template() -> jinja2.Template:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.globals["_"] = lambda text, **fields: said(Phrase(text, **fields))
+    environment.globals["_"] = template_text
     return environment.from_string(_read("page.html"))
 
 
 def _libraries(versions: Sequence[Mapping[str, str]]) -> str:
     """Whose libraries a page holds, each once."""
     known = dict.fromkeys((v["name"], v["version"], v["licence"]) for v in versions)
-    return all_of(Phrase("{name} {version} ({licence})", name=n, version=v, licence=of) for n, v, of in known)
+    return said(all_of(Phrase("{name} {version} ({licence})", name=n, version=v, licence=of) for n, v, of in known))
 
 
 def _read(name: str) -> str:
@@ -320,7 +320,10 @@ def _counts(diagnostics: Sequence[Mapping[str, Any]]) -> str:
     errors, warnings, notes = (counted[severity.value] for severity in Severity)
     said_of_each = (
         (errors, plural(errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors))),
-        (warnings, plural(warnings, Phrase("{count} warning", count=warnings), Phrase("{count} warnings", count=warnings))),
+        (
+            warnings,
+            plural(warnings, Phrase("{count} warning", count=warnings), Phrase("{count} warnings", count=warnings)),
+        ),
         (notes, plural(notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes))),
     )
     return said(all_of(phrase for count, phrase in said_of_each if count))

@@ -1,6 +1,6 @@
 """The words that the page's scripts say, in the user's language. Those of the template stand in page.html.
 
-Fields stay open: the scripts fill them in (said() in data.js).
+A field stands for itself here: the scripts fill it in (said() in data.js).
 """
 
 from __future__ import annotations
@@ -9,22 +9,17 @@ from collections.abc import Mapping
 from typing import Any
 
 from gusjob.phrases import Phrase, said
-from gusjob.translate import LANGUAGES, language
+from gusjob.translate import LANGUAGES, language, translated, typeset
 
 Words = Mapping[str, Any]
-
-
-def _open(*fields: str) -> dict[str, str]:
-    """Fields that stay as they are in the template."""
-    return {name: f"{{{name}}}" for name in fields}
 
 
 _SCRIPTS = {
     "data": {
         "cut-off": Phrase("the page's data are cut off"),
-        "line": Phrase("line {line}", **_open("line")),
-        "line-of-file": Phrase("line {line} of {file}", **_open("line", "file")),
-        "and": Phrase("{first}, {second}", **_open("first", "second")),
+        "line": Phrase("line {line}", line="{line}"),
+        "line-of-file": Phrase("line {line} of {file}", line="{line}", file="{file}"),
+        "and": Phrase("{first}, {second}", first="{first}", second="{second}"),
     },
     "kinds": {
         "mark": Phrase("mark"),
@@ -40,42 +35,50 @@ _SCRIPTS = {
         "order": Phrase("order in time"),
     },
     "path": {
-        "place": Phrase("{place}: {kind} (segment {segment})", **_open("place", "kind", "segment")),
-        "from-to": Phrase("{low} to {high}", **_open("low", "high")),
-        "lit": Phrase("{velocity} mm/s, {light}", **_open("velocity", "light")),
-        "dark": Phrase("{velocity} mm/s, dark", **_open("velocity")),
-        "legend": Phrase("{what}, {unit}", **_open("what", "unit")),
-        "legend-channel": Phrase("{what}, channel {channel}, {unit}", **_open("what", "channel", "unit")),
-        "channel": Phrase("channel {channel}, {unit}", **_open("channel", "unit")),
+        "place": Phrase("{place}: {kind} (segment {segment})", place="{place}", kind="{kind}", segment="{segment}"),
+        "from-to": Phrase("{low} to {high}", low="{low}", high="{high}"),
+        "lit": Phrase("{velocity} mm/s, {light}", velocity="{velocity}", light="{light}"),
+        "dark": Phrase("{velocity} mm/s, dark", velocity="{velocity}"),
+        "legend": Phrase("{what}, {unit}", what="{what}", unit="{unit}"),
+        "legend-channel": Phrase(
+            "{what}, channel {channel}, {unit}", what="{what}", channel="{channel}", unit="{unit}"
+        ),
+        "channel": Phrase("channel {channel}, {unit}", channel="{channel}", unit="{unit}"),
         "no-light": Phrase("no light"),
-        "everywhere": Phrase("{value} everywhere", **_open("value")),
+        "everywhere": Phrase("{value} everywhere", value="{value}"),
         "zoom-in": Phrase("Zoom in"),
         "zoom-out": Phrase("Zoom out"),
     },
     "time": {
-        "range": Phrase("{low} to {high} ms of {end} ms", **_open("low", "high", "end")),
+        "range": Phrase("{low} to {high} ms of {end} ms", low="{low}", high="{high}", end="{end}"),
         "velocity": Phrase("velocity"),
-        "power": Phrase("power of channel {channel}, {unit}", **_open("channel", "unit")),
-        "switch": Phrase("ch{channel} on", **_open("channel")),
+        "power": Phrase("power of channel {channel}, {unit}", channel="{channel}", unit="{unit}"),
+        "switch": Phrase("ch{channel} on", channel="{channel}"),
     },
     "table": {
-        "one": Phrase("{shown} of {count} row", **_open("shown", "count")),
-        "many": Phrase("{shown} of {count} rows", **_open("shown", "count")),
+        "one": Phrase("{shown} of {count} row", shown="{shown}", count="{count}"),
+        "many": Phrase("{shown} of {count} rows", shown="{shown}", count="{count}"),
     },
     "page": {
         "none-selected": Phrase("No segment selected"),
-        "segment": Phrase("Segment {segment} of {count}: {kind}, {place}", **_open("segment", "count", "kind", "place")),
-        "no-line": Phrase("no segment from line {line} on", **_open("line")),
-        "next-line": Phrase("line {line} has no segment: the next is line {next}", **_open("line", "next")),
+        "segment": Phrase(
+            "Segment {segment} of {count}: {kind}, {place}",
+            segment="{segment}",
+            count="{count}",
+            kind="{kind}",
+            place="{place}",
+        ),
+        "no-line": Phrase("no segment from line {line} on", line="{line}"),
+        "next-line": Phrase("line {line} has no segment: the next is line {next}", line="{line}", next="{next}"),
         "follows": Phrase("follows the job"),
         "follows-no-more": Phrase("no longer follows the job: is gusjob still running?"),
         "old-browser": Phrase(
             "This browser can't unpack the page's data (it lacks DecompressionStream): path, curves and table are left "
             "out. A browser from 2023 or later shows them."
         ),
-        "reading": Phrase("Reading the data: {share} %", **_open("share")),
+        "reading": Phrase("Reading the data: {share} %", share="{share}"),
         "drawing": Phrase("Drawing"),
-        "failed": Phrase("The data can't be shown: {why}", **_open("why")),
+        "failed": Phrase("The data can't be shown: {why}", why="{why}"),
     },
 }
 """By script, and by what the script calls them."""
@@ -108,18 +111,18 @@ _HEADS = {
 
 _HEADS_OF_CHANNEL = {
     "emission_ms": (Phrase("on ms"), Phrase("time with light")),
-    "power_min": (Phrase("min {unit}", **_open("unit")), Phrase("lowest power")),
-    "power_mean": (Phrase("mean {unit}", **_open("unit")), Phrase("mean power")),
-    "power_max": (Phrase("max {unit}", **_open("unit")), Phrase("highest power")),
-    "power_ms": (Phrase("{unit}*ms", **_open("unit")), Phrase("power integral")),
+    "power_min": (Phrase("min {unit}", unit="{unit}"), Phrase("lowest power")),
+    "power_mean": (Phrase("mean {unit}", unit="{unit}"), Phrase("mean power")),
+    "power_max": (Phrase("max {unit}", unit="{unit}"), Phrase("highest power")),
+    "power_ms": (Phrase("{unit}*ms", unit="{unit}"), Phrase("power integral")),
     "joules": (Phrase("J"), Phrase("energy")),
     "clamped_ms": (Phrase("held ms"), Phrase("time held by a limit")),
 }
 _CHANNEL = (
-    Phrase("ch{channel} {what}", **_open("channel", "what")),
-    Phrase("channel {channel}: {what}", **_open("channel", "what")),
+    Phrase("ch{channel} {what}", channel="{channel}", what="{what}"),
+    Phrase("channel {channel}: {what}", channel="{channel}", what="{what}"),
 )
-_UNIT_OF_CHANNEL = Phrase("ch{channel}_unit", **_open("channel"))
+_UNIT_OF_CHANNEL = Phrase("ch{channel}_unit", channel="{channel}")
 
 _GRID = {
     "filterOoo": Phrase("Filter..."),
@@ -160,8 +163,8 @@ _GRID = {
     "ariaSkeletonCellLoading": Phrase("Row data is loading"),
     "ariaSkeletonCellLoadingFailed": Phrase("Row failed to load"),
     "ariaSortableColumn": Phrase("Press ENTER to sort"),
-    "minValueValidation": Phrase("Must be greater than or equal to ${variable}", **_open("variable")),
-    "maxValueValidation": Phrase("Must be less than or equal to ${variable}", **_open("variable")),
+    "minValueValidation": Phrase("Must be greater than or equal to ${variable}", variable="{variable}"),
+    "maxValueValidation": Phrase("Must be less than or equal to ${variable}", variable="{variable}"),
 }
 """What AG Grid says where it can be seen or heard here, by its own keys; the English is its own too."""
 
@@ -169,6 +172,11 @@ _GRID = {
 def page_language() -> str:
     """The page's language, as browsers name it."""
     return LANGUAGES[language()].replace("_", "-") or "en"
+
+
+def template_text(text: str, **fields: str | int) -> str:
+    """A text of the template in the user's language, with its fields filled in."""
+    return typeset(translated(text), fields).format_map(fields)
 
 
 def script_words() -> Words:
