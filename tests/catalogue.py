@@ -17,6 +17,7 @@ from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po, write_po
 from tools import ROOT
 
+from gusjob import __version__
 from gusjob.cli import cli
 from gusjob.cli.language import LANGUAGE_HELP, paragraphs
 from gusjob.diagnostics import REMARKS
@@ -118,7 +119,10 @@ def mo_bytes(catalog: Catalog) -> bytes:
 def updated() -> Catalog:
     """What is kept, for the texts that are needed now; new ones are there without a translation."""
     old = texts(kept()) if PO.exists() else {}
-    catalog = Catalog(locale=LANGUAGES["zh"], domain=DOMAIN, project="gusjob", fuzzy=False, header_comment=_HEADER)
+    catalog = Catalog(
+        locale=LANGUAGES["zh"], domain=DOMAIN, project="gusjob", version=__version__, fuzzy=False,
+        header_comment=_HEADER, last_translator="the authors of gusjob", language_team="Simplified Chinese",
+    )  # fmt: skip
     for message in needed():
         if message.id:
             said = old.get(key(message), "")

@@ -18,7 +18,7 @@ from gusjob.interpreter import ChannelTrace, Trace
 from gusjob.interpreter.clock import Clock
 from gusjob.interpreter.spans import Spans
 from gusjob.machine import Machine
-from gusjob.phrases import figure
+from gusjob.phrases import Phrase, figure
 from gusjob.report.rows import Report, scale_mm
 from gusjob.signals.steps import follows, ticks_in
 from gusjob.signals.timeline import timeline_of
@@ -226,7 +226,7 @@ _SAME = 1e-6
 """Part of the light that rounding may lose."""
 
 
-def left_out(report: Report, strokes: Strokes, light: Light) -> Iterator[str]:
+def left_out(report: Report, strokes: Strokes, light: Light) -> Iterator[Phrase]:
     """What is to be said of light that belongs to no stroke."""
     energy = light.power * strokes.duration_ms
     entries = [entry for entry in report.totals["channels"] if entry["channel"] == light.channel]
@@ -234,9 +234,12 @@ def left_out(report: Report, strokes: Strokes, light: Light) -> Iterator[str]:
         drawn = float(energy[light.unit == light.units.index(entry["unit"])].sum())
         rest = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
         if rest > _SAME * entry["power_ms"]:
-            yield (
-                f"Not drawn: {figure(rest, 4)} {entry['unit']}*ms of light of channel {light.channel} before the "
-                "motion or behind the end of a stage."
+            yield Phrase(
+                "Not drawn: {power} {unit}*ms of light of channel {channel} before the motion or behind the end of a "
+                "stage.",
+                power=figure(rest, 4),
+                unit=entry["unit"],
+                channel=light.channel,
             )
     if entries and entries[-1]["lit_at_end"]:
-        yield f"Channel {light.channel} is left ON."
+        yield Phrase("Channel {channel} is left ON.", channel=light.channel)

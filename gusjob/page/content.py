@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import ceil, floor, log10
 from typing import Any
 
@@ -10,18 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob import __version__
-from gusjob.drawing.strokes import Light, Strokes
+from gusjob.drawing.strokes import Light, Strokes, left_out
 from gusjob.machine import Machine
 from gusjob.page.render import Page
-from gusjob.phrases import Phrase, figure
 from gusjob.report.rows import Report, SegmentKind
 from gusjob.units import MS_PER_S
 
 PAGE_SCHEMA = "gusjob-page/1"
 MAX_SEGMENTS = 2_000_000
 """A browser still holds so many."""
-_SAME = 1e-6
-"""Part of the light that rounding may lose."""
 
 Table = dict[str, npt.NDArray[Any]]
 
@@ -46,7 +42,7 @@ def page_of(
         "channels": [_channel_facts(light) for light in strokes.lights],
         "exact": strokes.exact,
         "units_per_mm": _units_per_mm(strokes, machine),
-        "remarks": [text for light in strokes.lights for text in _left_out(report, strokes, light)],
+        "remarks": [text for light in strokes.lights for text in left_out(report, strokes, light)],
     }
     if strokes.beam is not None:
         facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
@@ -109,22 +105,3 @@ def _rows_of_marks(report: Report) -> npt.NDArray[np.int32]:
     assert report.marks is not None
     row = np.searchsorted(report.columns["start_ms"], report.marks["start_ms"], side="right") - 1
     return np.asarray(np.clip(row, 0, max(len(report) - 1, 0)), dtype=np.int32)
-
-
-def _left_out(report: Report, strokes: Strokes, light: Light) -> Iterator[Phrase]:
-    """What is to be said of light that belongs to no stroke."""
-    energy = light.power * strokes.duration_ms
-    entries = [entry for entry in report.totals["channels"] if entry["channel"] == light.channel]
-    for entry in entries:
-        drawn = float(energy[light.unit == light.units.index(entry["unit"])].sum())
-        rest = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
-        if rest > _SAME * entry["power_ms"]:
-            yield Phrase(
-                "Not drawn: {power} {unit}*ms of light of channel {channel} before the motion or behind the end of a "
-                "stage.",
-                power=figure(rest, 4),
-                unit=entry["unit"],
-                channel=light.channel,
-            )
-    if entries and entries[-1]["lit_at_end"]:
-        yield Phrase("Channel {channel} is left ON.", channel=light.channel)
