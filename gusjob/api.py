@@ -71,7 +71,7 @@ class Fault:
     count: int = 1
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}: {self.severity}[{self.code}]: {self.message}"
+        return f"{self.path}:{self.line}:{self.column}: {Severity(self.severity).said}[{self.code}]: {self.message}"
 
 
 def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | None = None) -> Job:
@@ -211,4 +211,6 @@ class Run:
         """The path as a matplotlib figure, as gusjob plot draws it. Raises ImportError without matplotlib."""
         from gusjob.drawing.plot import Colour, figure_of
 
+        if by not in list(Colour):
+            raise ValueError(f"{by!r} is none of {', '.join(Colour)}")
         return figure_of(self._trace, self._loaded.machine, by=Colour(by), channel=channel)

@@ -96,9 +96,16 @@ def test_messages_in_chinese(tmp_path: Path) -> None:
         gusjob.speak("zh")
         (fault,) = gusjob.read(path).faults
         assert fault.message == "没有以 'LNE' 开头的语句；是否想写 LINE？"
+        assert str(fault) == f"{path}:1:1: 错误[GJ102]: {fault.message}"
         with pytest.raises(gusjob.JobError, match="有 1 个错误"):
             gusjob.read(path).simulate()
     finally:
         gusjob.speak("en")
     (fault,) = gusjob.read(path).faults
     assert fault.message == "no statement begins with 'LNE'; did you mean LINE?"
+
+
+def test_a_colour_that_is_none_is_named() -> None:
+    run = gusjob.read(ROOT / "jobs" / "co2_cut.job").simulate()
+    with pytest.raises(ValueError, match="'foo' is none of power, energy, velocity, order"):
+        run.plot(by="foo")  # type: ignore[arg-type]  # As somebody without a type checker writes.
