@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 import pytest
 from hypothesis import settings
@@ -14,6 +15,12 @@ os.environ["LANGUAGE"] = "en"
 settings.register_profile("new", deadline=None)
 settings.register_profile("fixed", deadline=None, derandomize=True)
 settings.load_profile("fixed" if os.environ.get("CI") else "new")
+
+
+def pytest_collection_finish() -> None:
+    """vcdvcd, which reads VCD for us, lets a closed pipe end the process that imports it; Python does not."""
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
