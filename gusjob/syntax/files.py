@@ -71,33 +71,40 @@ class SourceMap:
 
 
 _INCLUDES = re.compile(rb'include[ \t]*"([^"\n]*)"', re.IGNORECASE)
-_MOST_JOBS, _MOST_BYTES = 1000, 10_000_000
+_MOST_JOBS, _MOST_BYTES = 5000, 10_000_000
 """So many jobs near by are looked at, and so much of each."""
 
 
 def may_be_a_part(path: Path) -> bool:
-    """Whether a job near a file (in its folder, one or two above, or one below those) seems to include it.
+    """Whether a job in a file's folder, or in one of the two above, includes it, or includes a file that does.
 
     Where there are too many to look at, one may.
     """
     here = path.resolve()
-    folders = here.parents[:3]
-    near = [job for folder in folders for pattern in ("*.job", "*/*.job") for job in folder.glob(pattern)]
-    return len(near) > _MOST_JOBS or any(_includes(job, here) for job in near)
+    near = [job for folder in here.parents[:3] for job in folder.glob("*.job")]
+    seen = set(near)
+    while near:
+        if len(seen) > _MOST_JOBS:
+            return True
+        found = _included_by(near.pop())
+        if here in found:
+            return True
+        near += found - seen
+        seen |= found
+    return False
 
 
-def _includes(job: Path, part: Path) -> bool:
-    """Whether a job names a file to be included, with loops and conditions not looked at."""
+def _included_by(job: Path) -> set[Path]:
+    """The files that a job names to be included, with loops and conditions not looked at."""
     try:
         if not job.is_file():  # A pipe would be waited for.
-            return False
+            return set()
         with job.open("rb") as file:
             data = file.read(_MOST_BYTES)
         names = {found[1].decode("utf-8", "replace").replace("\\", "/") for found in _INCLUDES.finditer(data)}
-        # Other jobs may name files that are gone, or none at all.
-        return any((job.parent / name).resolve() == part for name in names if "\0" not in name)
+        return {(job.parent / name).resolve() for name in names if "\0" not in name}
     except (OSError, RuntimeError):
-        return False
+        return set()
 
 
 def included(name: str, source: Source, top: Source) -> tuple[Source | None, str]:
