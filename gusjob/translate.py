@@ -27,6 +27,7 @@ _FIELD_BEFORE, _STARTS_WIDE, _ENDS_WIDE = re.compile(r"\{(\w+)}$"), re.compile(_
 _VARIABLES = ("LC_ALL", "LC_MESSAGES", "LANG")
 
 _catalogue: NullTranslations | None = None
+_spoken = "en"
 
 
 def translated(text: str) -> str:
@@ -50,22 +51,23 @@ def typeset(template: str, fields: Mapping[str, object]) -> str:
     return _BLANK_BEHIND.sub(behind, template)
 
 
-def speak(language: str) -> None:
+def speak(name: str) -> None:
     """Say everything in a language of LANGUAGES from here on. Raises ValueError for another one."""
-    global _catalogue  # A process speaks one language, as gettext's own functions do.
-    if language not in LANGUAGES:
-        raise ValueError(f"there is no language {language!r}: {', '.join(LANGUAGES)}")
-    if folder := LANGUAGES[language]:
+    global _catalogue, _spoken  # A process speaks one language, as gettext's own functions do.
+    if name not in LANGUAGES:
+        raise ValueError(f"there is no language {name!r}: {', '.join(LANGUAGES)}")
+    if folder := LANGUAGES[name]:
         import gettext
 
         _catalogue = gettext.translation(DOMAIN, CATALOGUES, [folder])
     else:
         _catalogue = None
+    _spoken = name
 
 
 def language() -> str:
     """The language that is spoken, a key of LANGUAGES."""
-    return "en" if _catalogue is None else "zh"
+    return _spoken
 
 
 def system_language(environment: Mapping[str, str] | None = None) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -22,7 +22,7 @@ def test_the_readme_runs(tmp_path: Path) -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     example = re.search(r"## In Python\n\n```python\n(.*?)```", text, re.DOTALL)
     assert example is not None
-    (tmp_path / "jobs").symlink_to(ROOT / "jobs") if os.name == "posix" else pytest.skip("links need rights here")
+    shutil.copytree(ROOT / "jobs", tmp_path / "jobs")
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", example[1]],
         cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=False,

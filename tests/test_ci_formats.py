@@ -156,7 +156,7 @@ def test_columns_count_code_points(here: Path) -> None:
 @pytest.mark.parametrize("name", ["a b.job", "50%#1?.job", "täg/ö&ü.job", "c:d.job", "[x](y).job"])
 def test_names_of_files_are_uris(here: Path, name: str) -> None:
     if os.name == "nt" and set(name) & set('?:"'):
-        pytest.skip("no name on Windows")
+        pytest.skip("Windows allows no such name")
     write(here / name, "QQ\n")
     (result,) = sarif(name)["results"]
     location = result["locations"][0]["physicalLocation"]["artifactLocation"]
@@ -169,7 +169,7 @@ def test_a_name_that_is_no_text(here: Path) -> None:
     try:
         Path(os.fsdecode(b"\xff.job")).write_text("QQ\n", encoding="utf-8")
     except (OSError, UnicodeError):
-        pytest.skip("no such name here")
+        pytest.skip("this file system takes names of text only")
     uris = [place(result["locations"][0])[0] for result in sarif(".")["results"]]
     assert uris == ["%FF.job"]
 
@@ -438,7 +438,7 @@ def test_a_link_is_a_name_of_its_own(here: Path) -> None:
     try:
         (here / "b.job").symlink_to("a.job")
     except OSError:
-        pytest.skip("no links here")
+        pytest.skip("links need rights here")
     assert checked(".") == ["a.job", "b.job"]
 
 
@@ -494,8 +494,6 @@ def test_the_hooks_take_the_files_that_are_theirs() -> None:
 def test_a_hook_runs(here: Path, hook: str) -> None:
     program, command = shlex.split(hooks()[hook]["entry"])
     assert program == "gusjob"
-    if command not in cli.list_commands(None):  # type: ignore[arg-type]  # no context is looked at
-        pytest.skip(f"there is no gusjob {command} here")
     assert gusjob(command, write(here / "a.job", GOOD), write(here / "b.job", GOOD)).exit_code == 0
     assert gusjob(command, write(here / "bad.job", "QQ\n")).exit_code == 1
 

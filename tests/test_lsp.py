@@ -135,6 +135,16 @@ async def editor(
     assert process.returncode == 0
 
 
+def test_looking_for_jobs_that_include_it_makes_them_no_part(tmp_path: Path) -> None:
+    """To know whether a comment is idle jobs near by are read: those that do not include the file stay their own."""
+    other, path = tmp_path / "b.job", tmp_path / "a.job"
+    other.write_text("VEL\n", encoding="utf-8")
+    path.write_text("DWELL 3 ; allow GJ404: once\n", encoding="utf-8")
+    judged_ = judge(str(path), path, path.read_bytes(), Desk({str(other.resolve()): b"VEL\n"}))
+    assert [fault.rule.code for fault in judged_.faults] == ["GJ145"]
+    assert judged_.files == frozenset()
+
+
 @pytest.mark.parametrize(
     ("locale", "options", "said"),
     [
@@ -871,7 +881,7 @@ def test_the_readme_s_set_ups_can_be_read() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     section = re.search(r"^### In an editor\n(.*?)^##", text, re.DOTALL | re.MULTILINE)
     if section is None:
-        pytest.skip("the README does not speak of editors")
+        pytest.fail("the README does not speak of editors")
     blocks = re.findall(r"```(\w+)\n(.*?)```", section[1], re.DOTALL)
     assert {kind for kind, _ in blocks} >= {"json", "lua", "toml"}
     for kind, block in blocks:

@@ -266,7 +266,7 @@ def make_server(*, follow: bool = False) -> Server:
     server = Server()
 
     @server.feature(lsp.INITIALIZE)
-    def _(params: lsp.InitializeParams) -> None:
+    def greeted(params: lsp.InitializeParams) -> None:
         if follow and params.locale:
             speak(language_of(params.locale))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path, PureWindowsPath
 
 from gusjob.diagnostics import SET_HERE, Remark, Span
@@ -80,7 +81,7 @@ def may_be_a_part(path: Path) -> bool:
 
     Where there are too many to look at, one may.
     """
-    here = path.resolve()
+    here = Path(path).resolve()  # Of an editor's path, too: looking at other jobs makes them no part of this one.
     near = [job for folder in here.parents[:3] for job in folder.glob("*.job")]
     seen = set(near)
     while near:
@@ -99,12 +100,18 @@ def _included_by(job: Path) -> set[Path]:
     try:
         if not job.is_file():  # A pipe would be waited for.
             return set()
-        with job.open("rb") as file:
-            data = file.read(_MOST_BYTES)
-        names = {found[1].decode("utf-8", "replace").replace("\\", "/") for found in _INCLUDES.finditer(data)}
-        return {(job.parent / name).resolve() for name in names if "\0" not in name}
+        return {(job.parent / name).resolve() for name in _names_in(job, job.stat().st_mtime_ns)}
     except (OSError, RuntimeError):
         return set()
+
+
+@lru_cache(maxsize=_MOST_JOBS)
+def _names_in(job: Path, _changed_ns: int) -> frozenset[str]:
+    """The names in the INCLUDE lines of a job, as long as it stays the same: an editor asks with every keystroke."""
+    with job.open("rb") as file:
+        data = file.read(_MOST_BYTES)
+    names = (found[1].decode("utf-8", "replace").replace("\\", "/") for found in _INCLUDES.finditer(data))
+    return frozenset(name for name in names if "\0" not in name)
 
 
 def included(name: str, source: Source, top: Source) -> tuple[Source | None, str]:
