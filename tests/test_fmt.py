@@ -28,7 +28,7 @@ from gusjob.listing import listing
 from gusjob.machine import Machine
 from gusjob.planner import compile_job
 from gusjob.profile import find_profile, read_machine
-from gusjob.syntax import Source, check_text, read_job, read_source
+from gusjob.syntax import Source, check_text, read_job, read_source, shapes
 from gusjob.syntax.job_reader import JobText, read_job_text
 from gusjob.syntax.program import MAX_NESTING
 from gusjob.syntax.shapes import MAX_LINE
@@ -510,7 +510,7 @@ def test_a_shape_is_laid_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
         f"LINE X {i}.5 Y -{i} ACC {i}mm/s2" for i in range(count)
     ]
     assert comments("\n".join(result)) == [said] * count
-    assert len("\n".join(lines)) > layout._CHUNK
+    assert len("\n".join(lines)) > shapes._CHUNK
 
 
 # The diff.

@@ -7,7 +7,6 @@ digits of its other lines are put in. Nothing is computed with numbers, so they 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
@@ -17,7 +16,7 @@ from gusjob.layout.statement import canonical
 from gusjob.syntax import Source, check_text
 from gusjob.syntax.job_reader import BLOCK_WORDS, more_faults, read_job_text
 from gusjob.syntax.program import MAX_NESTING
-from gusjob.syntax.shapes import MAX_LINE
+from gusjob.syntax.shapes import MAX_LINE, chunks, shapes_of, without_comments
 
 INDENT = 2
 COMMENT_GAP = 2
@@ -28,11 +27,8 @@ TAB = 8
 
 _BOM = "\ufeff"
 _BLANKS = b" \t\r"
-_CHUNK = 1 << 21
-_COMMENT = re.compile(rb"(?:;|//)[^\n]*")
 _DIGITS = re.compile(rb"[0-9]+")
 _DIGITS_ONLY = bytes(c if 48 <= c < 58 else 32 for c in range(256))
-_COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
 _TELLING = re.compile(rb"(?:/[ \t\r]*m?s|duty)$", re.IGNORECASE)
 """In front of digits that may be part of a unit or a keyword: 5mm/s2 is a number, 5mm/s3 is divided by a name."""
 _LONG = 4000
@@ -57,20 +53,10 @@ def laid_out(source: Source) -> tuple[bytes | None, list[Diagnostic]]:
     first = source.data.find(b"\n")
     end = b"\r\n" if first > 0 and source.data[first - 1] == ord("\r") else b"\n"
     writer = _Writer()
-    for chunk in _chunks(source.data.replace(b"\r\n", b"\n")):
+    for chunk in chunks(source.data.replace(b"\r\n", b"\n")):
         writer.chunk(chunk)
     lines = writer.finished()
     return (end.join([*lines, b""]) if lines else b""), []
-
-
-def _chunks(data: bytes) -> Iterator[bytes]:
-    """Whole lines, without the last one's end."""
-    position = 0
-    while position < len(data):
-        end = data.rfind(b"\n", position, position + _CHUNK)
-        end = len(data) if end < 0 else end  # The last line; none is as long as a chunk.
-        yield data[position:end]
-        position = end + 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,11 +94,11 @@ class _Writer:
     def chunk(self, text: bytes) -> None:
         """Lay out some whole lines."""
         lines = text.split(b"\n")
-        bare = _COMMENT.sub(b"", text) if b";" in text or b"//" in text else text
-        codes = lines if len(bare) == len(text) else bare.split(b"\n")
+        bare = without_comments(text)
+        codes = lines if bare is text else bare.split(b"\n")
         runs = bare.translate(_DIGITS_ONLY).split()
         at = 0
-        for shape, code, line in zip(_shapes(bare), codes, lines, strict=True):
+        for shape, code, line in zip(shapes_of(bare), codes, lines, strict=True):
             form = self.forms.get(shape)
             if form is None:
                 form = self.forms[shape] = _learnt(code)
@@ -168,14 +154,6 @@ class _Writer:
             for (i, _, comment), width in zip(tails, widths, strict=True):
                 self.lines[i] += b" " * max(column - width, COMMENT_GAP) + comment
         return self.lines
-
-
-def _shapes(code: bytes) -> list[bytes]:
-    """Each line with its runs of digits made one digit."""
-    code = code.translate(_COLLAPSE)
-    while b"00" in code:
-        code = code.replace(b"00", b"0")
-    return code.split(b"\n")
 
 
 def _width(text: bytes) -> int:

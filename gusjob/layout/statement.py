@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from gusjob.syntax.lines import keywords, parser
+from gusjob.syntax.lines import keywords
+from gusjob.syntax.spelling import words_of
 from gusjob.syntax.statements import GRAMMAR
 from gusjob.units import spelling
 
@@ -29,7 +30,10 @@ def canonical(text: str) -> tuple[str, str]:
 
 def _words(text: str) -> list[Word]:
     """The words of a statement in their canonical spelling; the `=` of a LET is one, others are none."""
-    found = [(token.type, str(token)) for token in parser(GRAMMAR).parse_interactive(text).iter_parse()]
+    places = words_of(text)
+    if not places or places[-1][2] != len(text.rstrip()):
+        raise AssertionError(f"a statement that can't be read is to be laid out: {text[:200]!r}")
+    found = [(kind, text[start:end]) for kind, start, end in places]
     return [(kind, _spelled(kind, word)) for kind, word in found if kind != "_EQ" or found[0][0] == "LET"]
 
 

@@ -9,7 +9,7 @@ parser one by one.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,12 +29,38 @@ MAX_FAULTS = 1000
 _CHUNK = 1 << 21
 _COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
 _NUMBERS_ONLY = bytes(c if c in b"0123456789.+-" else 32 for c in range(256))
+_COMMENT = re.compile(rb"(?:;|//)[^\n]*")
 _RUN = re.compile(rb"[0-9.+-]+")
 _NUMBER = rb"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _SIGNED = re.compile(rb"[+-]?" + _NUMBER)
 _SUM = re.compile(rb"[+-]*" + _NUMBER + rb"(?:[+-]+" + _NUMBER + rb")*")
 _SIGN_BEFORE_SIGN = re.compile(rb"[+-]+(?=[+-])")
 _SIGN_BEHIND_DIGIT = re.compile(rb"(?<=[0-9.])(?=[+-])")
+
+
+def chunks(data: bytes) -> Iterator[bytes]:
+    """A text in pieces of whole lines, without the last one's end."""
+    position = 0
+    while position < len(data):
+        end = data.rfind(b"\n", position, position + _CHUNK)
+        if end < 0:
+            end = data.find(b"\n", position)
+        end = len(data) if end < 0 else end
+        yield data[position:end]
+        position = end + 1
+
+
+def without_comments(text: bytes) -> bytes:
+    """Lines of a job without their comments; the same object where there is none."""
+    return _COMMENT.sub(b"", text) if b";" in text or b"//" in text else text
+
+
+def shapes_of(code: bytes) -> list[bytes]:
+    """Each line with its runs of digits made one digit."""
+    code = code.translate(_COLLAPSE)
+    while b"00" in code:
+        code = code.replace(b"00", b"0")
+    return code.split(b"\n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

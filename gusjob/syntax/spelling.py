@@ -16,16 +16,13 @@ from lark import UnexpectedInput
 from gusjob import rules
 from gusjob.diagnostics import Diagnostic, Span
 from gusjob.syntax.lines import keywords, parser
-from gusjob.syntax.shapes import MAX_LINE
+from gusjob.syntax.shapes import MAX_LINE, chunks, shapes_of, without_comments
 from gusjob.syntax.statements import GRAMMAR, read_statement
 from gusjob.units import UNITS
 
 _SMALL_TOO = {"AND", "OR", "NOT"}
 _LETTERS = re.compile(r"[A-Za-z_]+")
 _RUN = re.compile(rb"([A-Za-z_]+)")
-_COMMENT = re.compile(rb"(?:;|//)[^\n]*")
-_COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
-_CHUNK = 1 << 21
 
 
 def may_hold_small_words(code: str) -> bool:
@@ -107,19 +104,10 @@ class _Form:
 def _small_lines(data: bytes) -> Iterator[tuple[int, bytes, _Form]]:
     """Number, text up to the comment and form of each line with small words."""
     forms: dict[bytes, _Form | None] = {}
-    position, number = 0, 0
-    while position < len(data):
-        end = data.rfind(b"\n", position, position + _CHUNK)
-        if end < 0:
-            end = data.find(b"\n", position)
-        end = len(data) if end < 0 else end
-        text = data[position:end]
-        position = end + 1
-        bare = _COMMENT.sub(b"", text) if b";" in text or b"//" in text else text
-        shapes = bare.translate(_COLLAPSE)
-        while b"00" in shapes:
-            shapes = shapes.replace(b"00", b"0")
-        rows = shapes.split(b"\n")
+    number = 0
+    for text in chunks(data):
+        bare = without_comments(text)
+        rows = shapes_of(bare)
         codes = bare.split(b"\n")
         lines = codes if bare is text else text.split(b"\n")
         if fresh := set(rows) - forms.keys():
