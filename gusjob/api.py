@@ -24,19 +24,19 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import Diagnostic, Severity, has_errors
-from gusjob.loading import Loaded, compiled, interpreted, load
-from gusjob.machine import Scanner, parse_scanner
-from gusjob.phrases import Phrase, plural, said
-from gusjob.translate import speak
+from gusjob.config.machine import Scanner, parse_scanner
+from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
+from gusjob.i18n.language import speak
+from gusjob.i18n.phrases import Phrase, plural, said
+from gusjob.pipeline import Loaded, compiled, interpreted, load
 
 if TYPE_CHECKING:
     import polars
     from matplotlib.figure import Figure
 
-    from gusjob.interpreter import Trace
+    from gusjob.controllers.gus.calls import Stream
     from gusjob.report.rows import Report
-    from gusjob.stream import Stream
+    from gusjob.simulate import Trace
 
 __all__ = ["Fault", "Job", "JobError", "Run", "read", "speak"]
 
@@ -140,7 +140,7 @@ class Job:
 
     def calls(self) -> list[str]:
         """The GT_ calls, as gusjob compile prints them. Raises JobError."""
-        from gusjob.listing import listing
+        from gusjob.controllers.gus.listing import listing
 
         if self._stream is None:
             raise JobError(str(self.path), self.faults)
@@ -201,7 +201,7 @@ class Run:
         """The run tick by tick, in pieces, as gusjob trace --format csv has it."""
         from gusjob.columns import Words
         from gusjob.report.rows import own_lines
-        from gusjob.signals.samples import samples
+        from gusjob.simulate.outputs.samples import samples
 
         lines, _ = own_lines(self._trace.line, self._loaded.files)
         for piece in samples(self._trace, self._loaded.machine, lines):
@@ -209,7 +209,7 @@ class Run:
 
     def plot(self, by: Literal["power", "energy", "velocity", "order"] = "power", channel: int | None = None) -> Figure:
         """The path as a matplotlib figure, as gusjob plot draws it. Raises ImportError without matplotlib."""
-        from gusjob.drawing.plot import Colour, figure_of
+        from gusjob.view.plot.picture import Colour, figure_of
 
         if by not in list(Colour):
             raise ValueError(f"{by!r} is none of {', '.join(Colour)}")

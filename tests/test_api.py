@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_cli import write
-from tools import MARK, ROOT
+from support.cli import write
+from support.tools import MARK, ROOT
 
 import gusjob
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tools import ROOT
+from support.tools import ROOT
 
 ORDER = (
     "limits", "translate", "phrases", "diagnostics", "rules", "selection", "allowance", "units", "columns", "machine",
@@ -80,7 +80,7 @@ def test_check_imports_nothing_heavy() -> None:
     code = (
         "import sys; from gusjob.cli import main; sys.argv = ['gusjob', 'check', sys.argv[1]]\n"
         "try: main()\nexcept SystemExit: pass\n"
-        "heavy = 'rich', 'gusjob.interpreter', 'gusjob.planner', 'gusjob.report', 'tomllib', 'numpy.ma'\n"
+        "heavy = 'rich', 'gusjob.simulate', 'gusjob.planner', 'gusjob.report', 'tomllib', 'numpy.ma'\n"
         "print([m for m in heavy if m in sys.modules])"
     )
     job = ROOT / "jobs" / "co2_cut.job"

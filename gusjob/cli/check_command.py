@@ -11,16 +11,16 @@ import click
 
 from gusjob.cli.common import Verdict, files_of, machine_option, output_option, show, write
 from gusjob.cli.files import files_named
-from gusjob.cli.gathering import gathering
 from gusjob.cli.language import Command
 from gusjob.cli.mending import Mending
 from gusjob.cli.text import padded
-from gusjob.diagnostics import Diagnostic, Severity
-from gusjob.loading import Loaded, load, look_closer, selected
-from gusjob.phrases import Phrase, all_of, plural, printable, said
-from gusjob.rules import RULES
-from gusjob.selection import Layer
-from gusjob.translate import translated
+from gusjob.diagnostics.formats.gathering import gathering
+from gusjob.diagnostics.model import Diagnostic, Severity
+from gusjob.diagnostics.rules import RULES
+from gusjob.diagnostics.select import Layer
+from gusjob.i18n.language import translated
+from gusjob.i18n.phrases import Phrase, all_of, plural, printable, said
+from gusjob.pipeline import Loaded, load, look_closer, selected
 
 _CHECKED = (".job", ".gts")
 """Endings of the files in a folder that are checked."""

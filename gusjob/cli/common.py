@@ -13,10 +13,10 @@ from typing import BinaryIO, NoReturn
 
 import click
 
-from gusjob.diagnostics import Severity, has_errors
-from gusjob.loading import Loaded
-from gusjob.machine import SCANNER_FORM, Scanner, parse_scanner
-from gusjob.phrases import Phrase, plural, printable, reason_of, said
+from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
+from gusjob.diagnostics.model import Severity, has_errors
+from gusjob.i18n.phrases import Phrase, plural, printable, reason_of, said
+from gusjob.pipeline import Loaded
 
 machine_option = click.option(
     "--machine",

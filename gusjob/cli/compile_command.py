@@ -9,7 +9,7 @@ import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, output_option, show, write
 from gusjob.cli.language import Command
-from gusjob.loading import compiled, load
+from gusjob.pipeline import compiled, load
 
 
 @click.command(name="compile", cls=Command)
@@ -22,7 +22,7 @@ def command(path: Path, machine_path: Path | None, form: str, output: Path | Non
 
     gts: one call a line, readable by gusjob again. json: the calls as columns. c: a C program that sends them.
     """
-    from gusjob.listing import listing, listing_json
+    from gusjob.controllers.gus.listing import listing, listing_json
 
     loaded = load(path, machine_path)
     stream = compiled(loaded)
@@ -33,6 +33,6 @@ def command(path: Path, machine_path: Path | None, form: str, output: Path | Non
         else:
             text_of = listing
             if form == "c":
-                from gusjob.c_program import c_program as text_of
+                from gusjob.controllers.gus.c_program import c_program as text_of
             write((text.encode() for text in text_of(stream)), output, sources=loaded.inputs)
     sys.exit(exit_code(loaded))

@@ -13,14 +13,14 @@ import click
 from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.cli.language import Command
 from gusjob.cli.text import width, wrapped
-from gusjob.loading import Loaded
-from gusjob.machine import Abi
-from gusjob.phrases import Phrase, all_of, any_of, both_of, printable, said
-from gusjob.profile import find_profile, read_machine
-from gusjob.syntax import read_source
+from gusjob.config.machine import Abi
+from gusjob.config.profile import find_profile, read_machine
+from gusjob.frontend import read_source
+from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, printable, said
+from gusjob.pipeline import Loaded
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.
-    from gusjob.backend.devices import Survey, UsbDevice, UsbProblem, VendorLibrary
+    from gusjob.hardware.devices import Survey, UsbDevice, UsbProblem, VendorLibrary
 
 _COLUMNS = 110
 _SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
@@ -37,7 +37,7 @@ def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) ->
     loaded, but no controller is opened. Of USB devices only texts are read. Exit status: 0, also if nothing is found;
     1 if the profile has errors, 2 if it can't be read.
     """
-    from gusjob.backend.devices import survey
+    from gusjob.hardware.devices import survey
 
     profile = _profile(machine_path)
     show(profile)
@@ -147,7 +147,7 @@ def _usb(device: UsbDevice) -> Iterator[str]:
 
 
 def _known() -> str:
-    from gusjob.backend.devices import KNOWN_USB
+    from gusjob.hardware.devices import KNOWN_USB
 
     return all_of(Phrase("{ids} {name}", ids=known.ids, name=known.short or known.name) for known in KNOWN_USB)
 

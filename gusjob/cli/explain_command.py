@@ -9,11 +9,11 @@ import click
 
 from gusjob.cli.language import Command
 from gusjob.cli.text import padded, wrapped
-from gusjob.diagnostics import Rule
-from gusjob.phrases import Phrase, printable, said
-from gusjob.rules import RULES
-from gusjob.syntax.lines import nearest
-from gusjob.translate import translated
+from gusjob.diagnostics.model import Rule
+from gusjob.diagnostics.rules import RULES
+from gusjob.frontend.parse.lines import nearest
+from gusjob.i18n.language import translated
+from gusjob.i18n.phrases import Phrase, printable, said
 
 
 @click.command(name="explain", cls=Command)

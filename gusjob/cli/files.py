@@ -8,7 +8,7 @@ from glob import glob, has_magic
 from pathlib import Path
 
 from gusjob.cli.common import stop
-from gusjob.phrases import Phrase, any_of
+from gusjob.i18n.phrases import Phrase, any_of
 
 
 def files_named(paths: tuple[Path, ...], endings: tuple[str, ...]) -> list[Path]:

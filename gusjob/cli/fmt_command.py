@@ -12,10 +12,10 @@ import click
 from gusjob.cli.common import BOM, bom_of, files_of, rewrite, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
-from gusjob.diagnostics import Diagnostic
-from gusjob.loading import Loaded
-from gusjob.phrases import Phrase, all_of, plural, printable, said
-from gusjob.syntax import Source, check_text, is_listing, read_source
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.frontend import Source, check_text, is_listing, read_source
+from gusjob.i18n.phrases import Phrase, all_of, plural, printable, said
+from gusjob.pipeline import Loaded
 
 _STANDARD_INPUT = Path("-")
 _FORMATTED = (".job",)
@@ -77,7 +77,7 @@ class _Run:
 
     def job(self, path: Path, bom: bytes, source: Source) -> None:
         """A job that was read."""
-        from gusjob.layout import laid_out
+        from gusjob.frontend.format import laid_out
 
         data, faults = laid_out(source)
         if data is None:
@@ -101,7 +101,7 @@ class _Run:
 
     def show_change(self, name: str, before: bytes, after: bytes) -> None:
         """The diff, or else the name."""
-        from gusjob.layout.difference import difference
+        from gusjob.frontend.format.difference import difference
 
         named = [f"{name}\n".encode(errors="backslashreplace")]
         write(difference(name, before, after) if self.diffs else named, None)

@@ -14,27 +14,28 @@ from pathlib import Path
 import click
 import numpy as np
 
-from gusjob import __version__, rules
-from gusjob.backend.dry import frame, without_laser
-from gusjob.backend.forecast import ChannelForecast, Forecast, forecast
-from gusjob.backend.gts.abi import ABI_PROFILES
-from gusjob.backend.gts.control import Control
-from gusjob.backend.gts.library import Library, load_library
-from gusjob.backend.gts.link import Link
-from gusjob.backend.gts.resume import find_place, recorded_place
-from gusjob.backend.gts.runner import Outcome, Runner, signals
-from gusjob.backend.gts.session import Session, needed_calls, one_queue, outputs_of
-from gusjob.backend.journal import Journal, Recorded, mark_resumed, read_journal
-from gusjob.backend.place import START, Place
-from gusjob.backend.rest import Part, rest, whole
+from gusjob import __version__
 from gusjob.cli.common import show, stop
 from gusjob.cli.text import padded, width
-from gusjob.diagnostics import Diagnostic, Span, has_errors
-from gusjob.interpreter import Trace, interpret
-from gusjob.loading import Loaded, interpreted_faults
-from gusjob.machine import Abi, Machine
-from gusjob.phrases import Phrase, printable, reason_of, said
-from gusjob.stream import BufferedCalls, Stream
+from gusjob.config.machine import Abi, Machine
+from gusjob.controllers.control import Control
+from gusjob.controllers.gus.calls import BufferedCalls, Stream
+from gusjob.controllers.gus.driver.abi import ABI_PROFILES
+from gusjob.controllers.gus.driver.library import Library, load_library
+from gusjob.controllers.gus.driver.link import Link
+from gusjob.controllers.gus.driver.resume import find_place, recorded_place
+from gusjob.controllers.gus.driver.session import Session, needed_calls, one_queue, outputs_of
+from gusjob.controllers.gus.dry import frame, without_laser
+from gusjob.controllers.gus.place import START, Place
+from gusjob.controllers.gus.remainder import Part, rest, whole
+from gusjob.controllers.journal import Journal, Recorded, mark_resumed, read_journal
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, Span, has_errors
+from gusjob.hardware.forecast import ChannelForecast, Forecast, forecast
+from gusjob.hardware.runner import Outcome, Runner, signals
+from gusjob.i18n.phrases import Phrase, printable, reason_of, said
+from gusjob.pipeline import Loaded, interpreted_faults
+from gusjob.simulate import Trace, interpret
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

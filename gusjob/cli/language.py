@@ -18,7 +18,7 @@ import click
 from click.core import ParameterSource
 
 from gusjob.cli.text import width, wrapped
-from gusjob.translate import CATALOGUES, DOMAIN, LANGUAGES, language, speak, system_language, translated
+from gusjob.i18n.language import CATALOGUES, DOMAIN, LANGUAGES, language, speak, system_language, translated
 
 _OPTION = "--lang"
 _SAMPLES = {"zh": "中"}

@@ -10,7 +10,7 @@ import click
 
 from gusjob.cli.common import need, output_option, stop, write
 from gusjob.cli.language import Command, language_was_asked
-from gusjob.phrases import Phrase, reason_of, said
+from gusjob.i18n.phrases import Phrase, reason_of, said
 
 
 @click.command(name="lsp", cls=Command)

@@ -8,9 +8,9 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import bom_of, rewrite, write
-from gusjob.loading import Loaded, load
-from gusjob.phrases import Phrase, printable, said
-from gusjob.selection import Layer
+from gusjob.diagnostics.select import Layer
+from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.pipeline import Loaded, load
 
 
 @dataclass(slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class Mending:
         """A file that was judged as it is now, or would be. Listings, journals and profiles stay as they are."""
         if loaded.job is None or loaded.source is None:
             return loaded
-        from gusjob.mend import mended  # Start-up time is part of the tool.
+        from gusjob.diagnostics.fixes import mended  # Start-up time is part of the tool.
 
         path, source, selection = loaded.path, loaded.source, loaded.machine.selection
         done = mended(
@@ -41,7 +41,7 @@ class Mending:
             bom = b""
         before, after = bom + source.data, bom + done.data
         if self.diffs:
-            from gusjob.layout.difference import difference
+            from gusjob.frontend.format.difference import difference
 
             write(difference(source.name, before, after), None)
             self.exit_code = max(self.exit_code, 1)

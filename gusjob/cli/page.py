@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from gusjob.diagnostics import Diagnostic
-from gusjob.loading import Loaded
-from gusjob.phrases import Phrase
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.i18n.phrases import Phrase
+from gusjob.pipeline import Loaded
 from gusjob.report.files import diagnostic_object
 
 if TYPE_CHECKING:
-    from gusjob.interpreter import Trace
     from gusjob.report.rows import Report
+    from gusjob.simulate import Trace
 
 
 def too_long(report: Report | None) -> str:
     """Why there can be no page of a run; "" if there can."""
-    from gusjob.page.content import MAX_SEGMENTS
+    from gusjob.view.page.content import MAX_SEGMENTS
 
     if report is None or len(report) <= MAX_SEGMENTS:
         return ""
@@ -30,9 +30,9 @@ def too_long(report: Report | None) -> str:
 
 def html_page(loaded: Loaded, trace: Trace | None, report: Report | None, *, watched: str = "") -> Iterator[bytes]:
     """The page in pieces; of a job that was not run, or is too long for a page, what is to be said of it."""
-    from gusjob.drawing.strokes import strokes_of
-    from gusjob.page.content import page_of, page_without_run
-    from gusjob.page.render import render
+    from gusjob.view.page.content import page_of, page_without_run
+    from gusjob.view.page.render import render
+    from gusjob.view.strokes import strokes_of
 
     faults = [_with_source(loaded, fault) for fault in loaded.faults]
     reason = too_long(report)

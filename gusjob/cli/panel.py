@@ -18,11 +18,11 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from gusjob.backend.gts.control import Control, Phase, View
 from gusjob.cli.keys import Keys
-from gusjob.machine import Machine
-from gusjob.phrases import Phrase, printable, said
-from gusjob.stream import Buffered, Stream
+from gusjob.config.machine import Machine
+from gusjob.controllers.control import Control, Phase, View
+from gusjob.controllers.gus.calls import Buffered, Stream
+from gusjob.i18n.phrases import Phrase, printable, said
 
 if TYPE_CHECKING:  # The interpreter and rich are imported by who needs them.
     from rich.console import Console, RenderableType
@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # The interpreter and rich are imported by who needs them.
     from rich.table import Table
     from rich.text import Text
 
-    from gusjob.backend.forecast import Forecast
+    from gusjob.hardware.forecast import Forecast
 
 SCHEMA = "gusjob-progress/1"
 _PANEL_S, _JSON_S, _LINES_S = 1 / 8, 1 / 5, 5.0

@@ -11,13 +11,13 @@ import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
 from gusjob.cli.language import Command
-from gusjob.loading import Loaded, interpreted, load
-from gusjob.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.pipeline import Loaded, interpreted, load
 
 if TYPE_CHECKING:
-    from gusjob.drawing.plot import View
-    from gusjob.interpreter import Trace
-    from gusjob.machine import Scanner
+    from gusjob.config.machine import Scanner
+    from gusjob.simulate import Trace
+    from gusjob.view.plot.picture import View
 
 _FORMATS = ("png", "svg", "pdf")
 _COLOURS = ("power", "energy", "velocity", "order")
@@ -124,7 +124,7 @@ def command(
         wrong = Phrase("--size and --dpi make more than {most} million pixels", most=_PIXELS // 1_000_000)
         raise click.UsageError(said(wrong))
     need("plot", "matplotlib", to=Phrase("draw a picture"))
-    from gusjob.drawing.plot import View
+    from gusjob.view.plot.picture import View
 
     loaded = load(path, machine_path, scanner=scanner)
     trace = interpreted(loaded)
@@ -152,7 +152,7 @@ def _drawn(
     jumps: bool,
 ) -> bytes:
     """The picture in a format."""
-    from gusjob.drawing.plot import Colour, figure_of, picture
+    from gusjob.view.plot.picture import Colour, figure_of, picture
 
     figure = figure_of(
         trace,

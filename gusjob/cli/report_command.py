@@ -23,17 +23,17 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
-from gusjob.loading import Loaded, interpreted, load
-from gusjob.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.pipeline import Loaded, interpreted, load
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from gusjob.interpreter import Trace
-    from gusjob.machine import Scanner
+    from gusjob.config.machine import Scanner
     from gusjob.report.compare import Comparison
     from gusjob.report.earlier import Earlier
     from gusjob.report.rows import Report
+    from gusjob.simulate import Trace
 
 _TOLERANCE_PCT = 1.0
 _ENDINGS = {".json": "json", ".csv": "csv", ".md": "markdown", ".html": "html", ".parquet": "parquet"}

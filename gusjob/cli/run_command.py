@@ -12,15 +12,15 @@ import click
 
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
 from gusjob.cli.language import Command
-from gusjob.diagnostics import has_errors
-from gusjob.loading import Loaded, budget_faults, compiled, interpreted_faults, load
-from gusjob.machine import Abi, Scanner
-from gusjob.phrases import Phrase, all_of, said
+from gusjob.config.machine import Abi, Scanner
+from gusjob.diagnostics.model import has_errors
+from gusjob.i18n.phrases import Phrase, all_of, said
+from gusjob.pipeline import Loaded, budget_faults, compiled, interpreted_faults, load
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.
     from gusjob.cli.hardware import Wishes
-    from gusjob.interpreter import Trace
-    from gusjob.stream import Stream
+    from gusjob.controllers.gus.calls import Stream
+    from gusjob.simulate import Trace
 
 _FILE = click.Path(path_type=Path)
 _NO_FILE = Phrase("Missing argument 'FILE'.")
@@ -134,7 +134,7 @@ def _interpreted(
         say(Phrase("planning"))
         stream, trace = compiled(loaded), None
         if stream is not None:
-            from gusjob.interpreter import interpret
+            from gusjob.simulate import interpret
 
             say(Phrase("interpreting {count:,} buffered calls", count=len(stream.buffered)))
             trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)

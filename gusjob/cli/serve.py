@@ -10,8 +10,8 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from gusjob.phrases import Phrase, said
-from gusjob.translate import language
+from gusjob.i18n.language import language
+from gusjob.i18n.phrases import Phrase, said
 
 _EVENTS = "/events/"
 _HEARTBEAT_S = 10.0

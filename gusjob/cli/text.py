@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import click
 
-from gusjob.diagnostics import Diagnostic, Severity, Span
-from gusjob.phrases import printable
+from gusjob.diagnostics.model import Diagnostic, Severity, Span
+from gusjob.i18n.phrases import printable
 
 _MAX_SHOWN = 160
 _WIDE = r"\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60"

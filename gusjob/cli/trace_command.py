@@ -26,13 +26,13 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
-from gusjob.loading import interpreted, load
-from gusjob.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.pipeline import interpreted, load
 
 if TYPE_CHECKING:
-    from gusjob.interpreter import Trace
-    from gusjob.loading import Loaded
-    from gusjob.machine import Scanner
+    from gusjob.config.machine import Scanner
+    from gusjob.pipeline import Loaded
+    from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
 _EXTRA = {"vcd": ("trace", "vcd"), "parquet": ("parquet", "pyarrow")}
@@ -109,11 +109,11 @@ def _written(loaded: Loaded, trace: Trace, form: str, first: _Bound | None, last
     lines, files = own_lines(trace.line, loaded.files)
     start_ms, end_ms = _span_ms(trace, np.where(files == 0, lines, 0), first, last)
     if form == "vcd":
-        from gusjob.signals.vcd import vcd_pieces
+        from gusjob.simulate.outputs.vcd import vcd_pieces
 
         return vcd_pieces(trace, lines, __version__, start_ms, end_ms)
     from gusjob import columns
-    from gusjob.signals.samples import samples
+    from gusjob.simulate.outputs.samples import samples
 
     table = samples(trace, loaded.machine, lines, start_ms, end_ms)
     if form == "parquet":
@@ -126,7 +126,7 @@ def _span_ms(
     trace: Trace, lines: npt.NDArray[np.int32], first: _Bound | None, last: _Bound | None
 ) -> tuple[float, float]:
     """What is asked for of a run; `lines`: of the job's own file (0: of another)."""
-    from gusjob.signals.timeline import timeline_of
+    from gusjob.simulate.outputs.timeline import timeline_of
 
     timeline = timeline_of(trace)
     later_ms = timeline.shift_ms[trace.clock.stage]

@@ -11,13 +11,13 @@ import click
 from gusjob.cli.common import bom_of, file_argument, machine_option, rewrite, scanner_option, show, stop
 from gusjob.cli.language import Command
 from gusjob.cli.text import padded, width
-from gusjob.diagnostics import has_errors
-from gusjob.loading import in_order, load
-from gusjob.machine import Scanner
-from gusjob.phrases import Phrase, figure, reason_of, said
+from gusjob.config.machine import Scanner
+from gusjob.diagnostics.model import has_errors
+from gusjob.i18n.phrases import Phrase, figure, reason_of, said
+from gusjob.pipeline import in_order, load
 
 if TYPE_CHECKING:
-    from gusjob.syntax import Source
+    from gusjob.frontend import Source
 
 
 @click.command(name="tune", cls=Command)
@@ -86,7 +86,7 @@ def command(
 
 def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
     """Worst and typical figures of a channel's marks, before and after."""
-    from gusjob.report.marks import MARKING_WORDS, marking_unit
+    from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
     one, other = (next((e for e in entries if e["channel"] == channel), None) for entries in (before, after))
     unit = (one or other or {"unit": "%"})["unit"]

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob import rules
 from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
 from gusjob.cli.language import Command
-from gusjob.loading import Loaded, interpreted, load
-from gusjob.phrases import Phrase, printable, reason_of, said
-from gusjob.profile import find_profile
+from gusjob.config.profile import find_profile
+from gusjob.diagnostics import rules
+from gusjob.i18n.phrases import Phrase, printable, reason_of, said
+from gusjob.pipeline import Loaded, interpreted, load
 
 if TYPE_CHECKING:
     from gusjob.cli.serve import PageServer
-    from gusjob.machine import Scanner
+    from gusjob.config.machine import Scanner
 
 _LOOK_S = 0.25
 """Files are looked at so often. Looking works everywhere, on network drives too, and a change is seen as people see."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from lsprotocol import types as lsp
 
+from gusjob.frontend import check_text, is_listing
+from gusjob.frontend.parse.statements import strip_comment
+from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.judge import Judged
 from gusjob.lsp.outline import FileOutline, job_files
 from gusjob.lsp.worker import Task
-from gusjob.syntax import check_text, is_listing
-from gusjob.syntax.shapes import MAX_LINE
-from gusjob.syntax.statements import strip_comment
 
 WORD = re.compile(r"[A-Za-z_]\w*")
 LETTERS = re.compile(r"[A-Za-z_]+2?")

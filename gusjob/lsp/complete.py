@@ -10,15 +10,15 @@ from pathlib import Path
 
 from lsprotocol import types as lsp
 
-from gusjob import rules
+from gusjob.controllers.gus.calls import SIGNATURES
+from gusjob.diagnostics import rules
+from gusjob.frontend.parse import lines
+from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS
+from gusjob.frontend.parse.lines import keywords, parser
+from gusjob.frontend.parse.statements import GRAMMAR, read_statement
+from gusjob.kinematics.units import UNITS, spelling
 from gusjob.lsp.asked import Asked, Spot, spot_at
 from gusjob.lsp.outline import FileOutline
-from gusjob.stream import SIGNATURES
-from gusjob.syntax import lines
-from gusjob.syntax.expressions import FUNCTIONS, NAMED_NUMBERS
-from gusjob.syntax.lines import keywords, parser
-from gusjob.syntax.statements import GRAMMAR, read_statement
-from gusjob.units import UNITS, spelling
 
 _TYPED = re.compile(r"[A-Za-z_]\w*$")
 _NUMBER_TYPED = re.compile(

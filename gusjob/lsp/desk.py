@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import IO, Any
 from urllib.parse import unquote, urlsplit
 
-from gusjob.profile import PROFILE_NAME
-from gusjob.syntax.source import MAX_FILE_MB
+from gusjob.config.profile import PROFILE_NAME
+from gusjob.frontend.source import MAX_FILE_MB
 
 if sys.platform == "win32":
     from pathlib import WindowsPath as _Native

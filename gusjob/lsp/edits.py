@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from lsprotocol import types as lsp
 
-from gusjob import rules
-from gusjob.diagnostics import Diagnostic
-from gusjob.loading import Loaded, load, look_closer
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.fixes import MENDS, key_of, mended
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.frontend.parse.statements import strip_comment
+from gusjob.i18n.phrases import Phrase, said
 from gusjob.lsp.asked import Asked
 from gusjob.lsp.asked import key_of as place_key
 from gusjob.lsp.desk import Desk
 from gusjob.lsp.judge import replacement
 from gusjob.lsp.text import Text, utf8
-from gusjob.mend import MENDS, key_of, mended
-from gusjob.phrases import Phrase, said
-from gusjob.syntax.statements import strip_comment
+from gusjob.pipeline import Loaded, load, look_closer
 
 _BOM = b"\xef\xbb\xbf"
 
@@ -27,7 +27,7 @@ _BOM = b"\xef\xbb\xbf"
 
 def laid_out(asked: Asked) -> list[lsp.TextEdit] | None:
     """The edit that lays a job out as `gusjob fmt` does; none where it can't be read or is so already."""
-    from gusjob.layout import formatted
+    from gusjob.frontend.format import formatted
 
     text = asked.task.text
     if asked.is_listing:

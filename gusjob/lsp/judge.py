@@ -17,16 +17,16 @@ from lsprotocol.types import (
     PositionEncodingKind,
 )
 
-from gusjob import rules
-from gusjob.diagnostics import Diagnostic, Severity, Span
-from gusjob.loading import Loaded, load, look_closer, selected
-from gusjob.loading import judge as judge_source
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, Severity, Span
+from gusjob.diagnostics.select import NOTHING_ASKED
+from gusjob.frontend import check_text
+from gusjob.frontend.parse.statements import COMPARED
+from gusjob.i18n.phrases import Phrase, printable, said
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.text import Text
-from gusjob.phrases import Phrase, printable, said
-from gusjob.selection import NOTHING_ASKED
-from gusjob.syntax import check_text
-from gusjob.syntax.statements import COMPARED
+from gusjob.pipeline import Loaded, load, look_closer, selected
+from gusjob.pipeline import judge as judge_source
 
 SOURCE = "gusjob"
 MAX_SHOWN = 500

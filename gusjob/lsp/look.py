@@ -7,15 +7,15 @@ import re
 import numpy as np
 from lsprotocol import types as lsp
 
+from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS, Expression, Mismatch
+from gusjob.frontend.parse.expressions import Type as NumberType
+from gusjob.frontend.parse.statements import read_statement, strip_comment
+from gusjob.i18n.phrases import number
+from gusjob.kinematics.units import UNITS, Kind, spelling
 from gusjob.lsp.asked import LETTERS, Asked, Spot, key_of, spot_at
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.manual import call_text, function_text, keyword_text
 from gusjob.lsp.outline import MODES, Entry, FileOutline, job_files, target
-from gusjob.phrases import number
-from gusjob.syntax.expressions import FUNCTIONS, NAMED_NUMBERS, Expression, Mismatch
-from gusjob.syntax.expressions import Type as NumberType
-from gusjob.syntax.statements import read_statement, strip_comment
-from gusjob.units import UNITS, Kind, spelling
 
 # Hover.
 

@@ -7,66 +7,66 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from gusjob import limits
-from gusjob.limits import PowerMode, Range
-from gusjob.stream import SIGNATURES
-from gusjob.syntax.forms import CHANNEL_WORD, FORMS, Word
-from gusjob.syntax.lines import grammar_path, keywords
-from gusjob.syntax.statements import GRAMMAR, WANTED
+from gusjob.controllers.gus import ranges
+from gusjob.controllers.gus.calls import SIGNATURES
+from gusjob.controllers.gus.ranges import PowerMode, Range
+from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, Word
+from gusjob.frontend.parse.lines import grammar_path, keywords
+from gusjob.frontend.parse.statements import GRAMMAR, WANTED
 
-_POWERS = tuple(limits.POWER[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
-_POWERS_NOW = tuple(limits.POWER_NOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
-_FOLLOW = tuple(limits.FOLLOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
-_DISTANCE = tuple(limits.DISTANCE_LIMIT[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_POWERS = tuple(ranges.POWER[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_POWERS_NOW = tuple(ranges.POWER_NOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_FOLLOW = tuple(ranges.FOLLOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
+_DISTANCE = tuple(ranges.DISTANCE_LIMIT[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
 _Words = dict[str, tuple[Range, ...]]
-_XY: _Words = {"X": (limits.COORDINATE_PULSE,), "Y": (limits.COORDINATE_PULSE,)}
-_SPEEDS: _Words = {"VEL": (limits.VELOCITY,), "ACC": (limits.ACCELERATION,)}
-_END: _Words = {"END": (limits.END_VELOCITY,)}
+_XY: _Words = {"X": (ranges.COORDINATE_PULSE,), "Y": (ranges.COORDINATE_PULSE,)}
+_SPEEDS: _Words = {"VEL": (ranges.VELOCITY,), "ACC": (ranges.ACCELERATION,)}
+_END: _Words = {"END": (ranges.END_VELOCITY,)}
 _DUTY: _Words = {
-    "CARRIER": (limits.CARRIER_KHZ,),
-    "MIN": (limits.MODE_LIMIT_PCT,),
-    "MAX": (limits.MODE_LIMIT_PCT,),
+    "CARRIER": (ranges.CARRIER_KHZ,),
+    "MIN": (ranges.MODE_LIMIT_PCT,),
+    "MAX": (ranges.MODE_LIMIT_PCT,),
 }
 
 RANGES: dict[str, _Words] = {
-    "crd": {"": (limits.CRD,), "FIFO": (limits.FIFO,)},
-    "channel": {"": (limits.CHANNEL,)},
-    "VEL": {"": (limits.VELOCITY,)},
-    "ACC": {"": (limits.ACCELERATION,)},
-    "JUMPVEL": {"": (limits.VELOCITY,)},
-    "JUMPACC": {"": (limits.ACCELERATION,)},
+    "crd": {"": (ranges.CRD,), "FIFO": (ranges.FIFO,)},
+    "channel": {"": (ranges.CHANNEL,)},
+    "VEL": {"": (ranges.VELOCITY,)},
+    "ACC": {"": (ranges.ACCELERATION,)},
+    "JUMPVEL": {"": (ranges.VELOCITY,)},
+    "JUMPACC": {"": (ranges.ACCELERATION,)},
     "line": {**_XY, **_SPEEDS, **_END},
     "jump": _XY,
-    "arc": {**_XY, **_SPEEDS, **_END, "R": (limits.RADIUS_PULSE,)},
-    "dwell": {"": (limits.DWELL_MS,)},
-    "lookahead": {"TIME": (limits.LOOKAHEAD_TIME_MS,), "ACC": (limits.ACCELERATION,)},
+    "arc": {**_XY, **_SPEEDS, **_END, "R": (ranges.RADIUS_PULSE,)},
+    "dwell": {"": (ranges.DWELL_MS,)},
+    "lookahead": {"TIME": (ranges.LOOKAHEAD_TIME_MS,), "ACC": (ranges.ACCELERATION,)},
     "skywrite": {
-        "MODE": (limits.SKYWRITE_MODE,),
-        "TIMELAG": (limits.TIMELAG_US,),
-        "SHIFT": (limits.SHIFT_US,),
-        "NPREV": (limits.RUN_STEPS,),
-        "NPOST": (limits.RUN_STEPS,),
-        "LIMIT": (limits.CORNER_LIMIT,),
+        "MODE": (ranges.SKYWRITE_MODE,),
+        "TIMELAG": (ranges.TIMELAG_US,),
+        "SHIFT": (ranges.SHIFT_US,),
+        "NPREV": (ranges.RUN_STEPS,),
+        "NPOST": (ranges.RUN_STEPS,),
+        "LIMIT": (ranges.CORNER_LIMIT,),
     },
     "DUTY": _DUTY,
     "DUTY2": _DUTY,
     "FREQUENCY": {
-        "WIDTH": (limits.PULSE_WIDTH_US,),
-        "MIN": (limits.MODE_LIMIT_KHZ,),
-        "MAX": (limits.MODE_LIMIT_KHZ,),
+        "WIDTH": (ranges.PULSE_WIDTH_US,),
+        "MIN": (ranges.MODE_LIMIT_KHZ,),
+        "MAX": (ranges.MODE_LIMIT_KHZ,),
     },
-    "ANALOG": {"MIN": (limits.MODE_LIMIT_V,), "MAX": (limits.MODE_LIMIT_V,)},
-    "laser_delay": {"ON": (limits.SWITCH_DELAY_US,), "OFF": (limits.SWITCH_DELAY_US,)},
-    "laser_standby": {"FREQ": (limits.STANDBY_KHZ,), "DUTY": (limits.STANDBY_PCT,)},
-    "laser_prevolt": {"": (limits.PREVOLTAGE_V,)},
+    "ANALOG": {"MIN": (ranges.MODE_LIMIT_V,), "MAX": (ranges.MODE_LIMIT_V,)},
+    "laser_delay": {"ON": (ranges.SWITCH_DELAY_US,), "OFF": (ranges.SWITCH_DELAY_US,)},
+    "laser_standby": {"FREQ": (ranges.STANDBY_KHZ,), "DUTY": (ranges.STANDBY_PCT,)},
+    "laser_prevolt": {"": (ranges.PREVOLTAGE_V,)},
     "laser_fpk": {
-        "WIDTH": (limits.FPK_WIDTH_US,),
-        "GAP": (limits.FPK_GAP_US,),
-        "OFFDELAY": (limits.FPK_OFF_DELAY_US,),
+        "WIDTH": (ranges.FPK_WIDTH_US,),
+        "GAP": (ranges.FPK_GAP_US,),
+        "OFFDELAY": (ranges.FPK_OFF_DELAY_US,),
     },
-    "laser_distance": {"RATIO": (limits.DISTANCE_RATIO,), "MIN": _DISTANCE, "MAX": _DISTANCE},
+    "laser_distance": {"RATIO": (ranges.DISTANCE_RATIO,), "MIN": _DISTANCE, "MAX": _DISTANCE},
     "laser_power": {"": _POWERS, "NOW": _POWERS_NOW},
-    "laser_follow": {"RATIO": (limits.FOLLOW_RATIO,), "MIN": _FOLLOW, "MAX": _FOLLOW},
+    "laser_follow": {"RATIO": (ranges.FOLLOW_RATIO,), "MIN": _FOLLOW, "MAX": _FOLLOW},
 }
 """By form and word ('' for the number itself); a test tries each of them on the checks."""
 
@@ -152,10 +152,10 @@ def word_text(form: str, word: str) -> str:
     """What a word of a statement takes: kind and units, range, section of the manual."""
     known = CHANNEL_WORD if word == "CHANNEL" and form.startswith(("laser", "DUTY", "FREQ", "ANA")) else None
     kind = known or FORMS[form].words.get(word)
-    ranges = (limits.CHANNEL,) if known else RANGES.get(form, {}).get(word, ())
+    allowed = (ranges.CHANNEL,) if known else RANGES.get(form, {}).get(word, ())
     head = f"**{FORMS[form].name} {word}**".replace(" **", "**")
-    told = ([head] if kind or ranges else []) + ([_kind_text(kind)] if kind else [])
-    return "\n\n".join([*told, *(range_text(one) for one in ranges)])
+    told = ([head] if kind or allowed else []) + ([_kind_text(kind)] if kind else [])
+    return "\n\n".join([*told, *(range_text(one) for one in allowed)])
 
 
 def _kind_text(word: Word) -> str:

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gusjob.diagnostics import Span
+from gusjob.diagnostics.model import Span
+from gusjob.frontend import Source, check_text, is_listing
+from gusjob.frontend.files import included
+from gusjob.frontend.parse.forms import Field
+from gusjob.frontend.parse.job_reader import BROKEN, RowOp, read_job_text
+from gusjob.frontend.parse.statements import Statement, read_statement, strip_comment
 from gusjob.lsp.desk import Desk
 from gusjob.lsp.text import Text
-from gusjob.syntax import Source, check_text, is_listing
-from gusjob.syntax.files import included
-from gusjob.syntax.forms import Field
-from gusjob.syntax.job_reader import BROKEN, RowOp, read_job_text
-from gusjob.syntax.statements import Statement, read_statement, strip_comment
 
 MODES = {"DUTY", "DUTY2", "FREQUENCY", "ANALOG"}
 """Forms of LASER MODE."""

@@ -17,6 +17,7 @@ from pygls.lsp.server import LanguageServer
 from pygls.protocol import JsonRPCNotification, LanguageServerProtocol, default_converter, lsp_method
 
 from gusjob import __version__
+from gusjob.i18n.language import language_of, speak
 from gusjob.lsp.asked import Asked
 from gusjob.lsp.complete import complete
 from gusjob.lsp.desk import path_of
@@ -25,7 +26,6 @@ from gusjob.lsp.judge import Judged
 from gusjob.lsp.look import definition, hover, symbols
 from gusjob.lsp.text import Text, utf8
 from gusjob.lsp.worker import Answer, Task, Worker
-from gusjob.translate import language_of, speak
 
 T = TypeVar("T")
 

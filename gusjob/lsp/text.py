@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from lsprotocol.types import Position, PositionEncodingKind, Range, TextDocumentContentChangeEvent
 
-from gusjob.diagnostics import Span
+from gusjob.diagnostics.model import Span
 
 _BOM = b"\xef\xbb\xbf"
 _LF, _CR = 10, 13

@@ -7,11 +7,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-from gusjob.syntax.expressions import FUNCTIONS, NAMED_NUMBERS
-from gusjob.syntax.forms import FORMS
-from gusjob.syntax.lines import keywords
-from gusjob.syntax.statements import CONTROLS, GRAMMAR
-from gusjob.units import UNITS
+from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS
+from gusjob.frontend.parse.forms import FORMS
+from gusjob.frontend.parse.lines import keywords
+from gusjob.frontend.parse.statements import CONTROLS, GRAMMAR
+from gusjob.kinematics.units import UNITS
 
 GRAMMAR_PATH = Path(__file__).with_name("static") / "gusjob.tmLanguage.json"
 _OPERATORS = {"AND", "OR", "NOT"}

@@ -6,19 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gusjob.diagnostics import Diagnostic
-from gusjob.job import Job
-from gusjob.machine import Machine
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.lower import lower
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.ir.job import Job
 from gusjob.planner.flatten import flatten
 from gusjob.planner.layout import layout
-from gusjob.planner.lower import lower
 from gusjob.planner.plan import Plan
-from gusjob.planner.sky_field import stays_in_field
-from gusjob.planner.sky_writing import sky_writing
+from gusjob.planner.skywriting.field import stays_in_field
+from gusjob.planner.skywriting.switch_points import switch_points
+from gusjob.planner.skywriting.writing import sky_writing
 from gusjob.planner.stages import split
-from gusjob.planner.switch_points import switch_points
 from gusjob.planner.velocity import velocities
-from gusjob.stream import Stream
 
 PASSES: tuple[Callable[[Plan], Plan], ...] = (
     flatten,

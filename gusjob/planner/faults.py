@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import Collector, Rule
+from gusjob.diagnostics.model import Collector, Rule
 from gusjob.planner.plan import Plan
 
 

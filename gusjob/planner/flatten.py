@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gusjob.job import Op, arcs_mm, chords, with_lines
+from gusjob.ir.job import Op, arcs_mm, chords, with_lines
 from gusjob.planner.plan import Plan
 
 

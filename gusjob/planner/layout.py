@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.geometry import NO_ARCS, Arcs, Ends, arcs_by_either, segments
-from gusjob.job import Op, Path
+from gusjob.ir.job import Op, Path
+from gusjob.kinematics.geometry import NO_ARCS, Arcs, Ends, arcs_by_either, segments
 from gusjob.planner.plan import Plan
 
 Floats = npt.NDArray[np.float64]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.diagnostics import Diagnostic
-from gusjob.geometry import Segments
-from gusjob.job import Job, Op, Path, Setup
-from gusjob.machine import Machine
+from gusjob.config.machine import Machine
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.ir.job import Job, Op, Path, Setup
+from gusjob.kinematics.geometry import Segments
 
 Floats = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gusjob.job import IN_PATH, Setup, Wait, opens_stage
+from gusjob.ir.job import IN_PATH, Setup, Wait, opens_stage
 from gusjob.planner.plan import Plan, Stage
 
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import rules
-from gusjob.diagnostics import Collector, Rule
-from gusjob.job import LookAhead, Op, shown_units
-from gusjob.motion import corner_velocity, look_ahead
+from gusjob.controllers.gus.calls import Run
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Collector, Rule
+from gusjob.ir.job import LookAhead, Op, shown_units
+from gusjob.kinematics.trapezoids import corner_velocity, look_ahead
 from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
-from gusjob.stream import Run
 
 Floats = npt.NDArray[np.float64]
 

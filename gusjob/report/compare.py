@@ -11,7 +11,7 @@ import numpy.typing as npt
 import orjson
 from rich.cells import cell_len
 
-from gusjob.phrases import Phrase, figure, number, plural, said
+from gusjob.i18n.phrases import Phrase, figure, number, plural, said
 from gusjob.report.earlier import (
     ANY_UNIT,
     CHANNELS,

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from gusjob.limits import PowerMode
-from gusjob.phrases import Phrase, all_of, printable, reason_of
+from gusjob.controllers.gus.ranges import PowerMode
+from gusjob.i18n.phrases import Phrase, all_of, printable, reason_of
 from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
 
 Floats = npt.NDArray[np.float64]

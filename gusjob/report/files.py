@@ -10,7 +10,7 @@ import numpy as np
 import orjson
 
 from gusjob.columns import Column, Columns, Words, csv_bytes, parquet_bytes, pieces
-from gusjob.diagnostics import Diagnostic
+from gusjob.diagnostics.model import Diagnostic
 from gusjob.report.rows import REPORT_SCHEMA, Report
 
 _NUMPY = orjson.OPT_SERIALIZE_NUMPY

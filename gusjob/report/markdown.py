@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.diagnostics import Diagnostic
-from gusjob.phrases import Phrase, figure, printable, said
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.i18n.phrases import Phrase, figure, printable, said
 from gusjob.report.compare import Comparison, segment_rows, totals_rows, verdict
-from gusjob.report.marks import MARKING_WORDS, marking_unit
 from gusjob.report.match import Rows
 from gusjob.report.rows import Report, SegmentKind, while_off
+from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_CHARACTERS = 65_000
 """A comment on GitHub holds 65,536."""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.interpreter import ChannelTrace, Trace
-from gusjob.interpreter.state import LaserState
-from gusjob.machine import Machine
-from gusjob.phrases import Phrase, all_of, figure, said
-from gusjob.report.marks import marking_totals, marks_of
-from gusjob.stream import Run
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Run
+from gusjob.i18n.phrases import Phrase, all_of, figure, said
+from gusjob.simulate import ChannelTrace, Trace
+from gusjob.simulate.quality.marks import marking_totals, marks_of
+from gusjob.simulate.state import LaserState
 
 Floats = npt.NDArray[np.float64]
 

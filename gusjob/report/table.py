@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.phrases import Phrase, all_of, figure, plural, printable, said
-from gusjob.report.marks import MARKING_WORDS, marking_unit
+from gusjob.i18n.phrases import Phrase, all_of, figure, plural, printable, said
 from gusjob.report.rows import Report, SegmentKind, while_off
+from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_ROWS = 40
 _WIDTH = 400

@@ -6,16 +6,16 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from gusjob.checks import check
-from gusjob.diagnostics import Diagnostic, has_errors
-from gusjob.interpreter import ChannelTrace, Trace, interpret
-from gusjob.job import Job, LaserDelay, SkyWrite, auto_steps
-from gusjob.limits import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
-from gusjob.machine import Machine, ScannerModel
-from gusjob.phrases import Phrase
+from gusjob.config.machine import Machine, ScannerModel
+from gusjob.controllers.gus.ranges import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
+from gusjob.diagnostics.model import Diagnostic, has_errors
+from gusjob.frontend import Source, read_job
+from gusjob.i18n.phrases import Phrase
+from gusjob.ir.job import Job, LaserDelay, SkyWrite, auto_steps
+from gusjob.lint import check
 from gusjob.planner import compile_job
-from gusjob.report.marks import marking_totals, marks_of
-from gusjob.syntax import Source, read_job
+from gusjob.simulate import ChannelTrace, Trace, interpret
+from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.tune.edit import with_statement
 from gusjob.tune.search import Band, nearest
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gusjob.diagnostics import Span
-from gusjob.job import Job, LaserDelay, LaserMode, Setup, SkyWrite
-from gusjob.phrases import Phrase, all_of
-from gusjob.syntax import Source
+from gusjob.diagnostics.model import Span
+from gusjob.frontend import Source
+from gusjob.i18n.phrases import Phrase, all_of
+from gusjob.ir.job import Job, LaserDelay, LaserMode, Setup, SkyWrite
 
 
 def with_statement(

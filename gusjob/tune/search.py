@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.interpreter import ChannelTrace, Trace
-from gusjob.machine import Machine
-from gusjob.report.ends import Place, ends_of
-from gusjob.stream import Run
-from gusjob.units import US_PER_MS
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Run
+from gusjob.kinematics.units import US_PER_MS
+from gusjob.simulate import ChannelTrace, Trace
+from gusjob.simulate.quality.ends import Place, ends_of
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]

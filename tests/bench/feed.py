@@ -15,12 +15,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from controller import GUS
-from hardware import Bench, bench
+from support.controller import GUS
+from support.hardware import Bench, bench
 
-from gusjob.machine import Machine
-from gusjob.stream import Stream
-from gusjob.syntax import check_text, read_listing
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Stream
+from gusjob.frontend import check_text, read_listing
 
 HEAD = (
     "GT_SetAxisMode(7,1)\nGT_LaserPowerMode(0,100,0,0)\nGT_LaserOutFrq(20,0)\n"

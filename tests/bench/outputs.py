@@ -13,7 +13,9 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from bench import HEAD, KINDS, gusjob, markdown, run, write_job
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from bench.commands import HEAD, KINDS, gusjob, markdown, run, write_job
 
 OUTPUTS: dict[str, tuple[str, ...]] = {
     "table": ("report", "--summary", "-o", "out.txt"),

@@ -16,7 +16,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench import HEAD, SHORT, Run, gusjob, markdown, one_of, run, run_count, run_gusjob, write_job
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from bench.commands import HEAD, SHORT, Run, gusjob, markdown, one_of, run, run_count, run_gusjob, write_job
 
 SIZE = 1_000_000
 SMALLEST = 1000

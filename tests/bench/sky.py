@@ -15,11 +15,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gusjob.machine import Machine
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.lower import lower
+from gusjob.frontend import check_text, read_job
 from gusjob.planner import PASSES
-from gusjob.planner.lower import lower
 from gusjob.planner.plan import Plan
-from gusjob.syntax import check_text, read_job
 
 OWN = {"sky_writing", "stays_in_field", "switch_points"}
 RUNS = 5

@@ -19,15 +19,16 @@ from pathlib import Path
 import atheris  # type: ignore[import-untyped,import-not-found,unused-ignore]  # installed by hand
 
 with atheris.instrument_imports(include=["gusjob"]):
-    from gusjob.checks import check
     from gusjob.cli.text import diagnostic_text
-    from gusjob.diagnostics import Diagnostic, has_errors
-    from gusjob.interpreter import interpret
-    from gusjob.machine import Machine
+    from gusjob.config.machine import Machine
+    from gusjob.diagnostics.model import Diagnostic, has_errors
+    from gusjob.frontend import check_text, read_job, read_listing
+    from gusjob.frontend.expand import ledger
+    from gusjob.frontend.listing.reader import looks_like_listing
+    from gusjob.lint import check
     from gusjob.planner import compile_job
     from gusjob.report.rows import make_report
-    from gusjob.syntax import check_text, ledger, read_job, read_listing
-    from gusjob.syntax.listing_reader import looks_like_listing
+    from gusjob.simulate import interpret
 
 MACHINE = replace(Machine(), expansion_max_statements=5_000)
 UNEQUAL = replace(MACHINE, pulses_per_mm=(1000.0, 700.0))
@@ -77,10 +78,10 @@ def said(faults: list[Diagnostic]) -> None:
 
 def words() -> str:
     """Every keyword, unit and function, as libFuzzer's dictionary."""
-    from gusjob.stream import SIGNATURES
-    from gusjob.syntax.expressions import FUNCTIONS
-    from gusjob.syntax.lines import keywords
-    from gusjob.units import UNITS
+    from gusjob.controllers.gus.calls import SIGNATURES
+    from gusjob.frontend.parse.expressions import FUNCTIONS
+    from gusjob.frontend.parse.lines import keywords
+    from gusjob.kinematics.units import UNITS
 
     signs = (" (", ")", "==", "<=", "**", "\\x0a", " AS i")
     known = [*sorted(keywords("job.lark")), *UNITS, *FUNCTIONS, *SIGNATURES, *signs]

@@ -1,0 +1,1 @@
+"""The machine profile: the machine as frozen dataclasses, read from gusjob.toml."""

@@ -1,0 +1,241 @@
+"""A stream as a C program that sends it: c_program.c with the job's calls in the place of its mark.
+
+Buffered calls stand in tables, since a compiler takes a million rows of numbers in seconds and a million statements in
+minutes; all other calls are statements, in functions of bounded length.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from gusjob import __version__
+from gusjob.controllers.gus import ranges
+from gusjob.controllers.gus.calls import (
+    BUFFERED,
+    CRD_FIELDS,
+    SIGNATURES,
+    Arg,
+    BufferedCalls,
+    Call,
+    Kind,
+    Signature,
+    Stream,
+    Value,
+)
+from gusjob.controllers.gus.listing import number_texts, value_text
+from gusjob.controllers.gus.ranges import Range, Verdict
+
+_TEMPLATE = Path(__file__).with_name("c_program.c")
+_MARK = "/* @job@ */\n\n"
+_CHUNK = 1 << 16
+_STEPS = 200
+_LONGEST_NAME = 80
+_MOST_FAULTS = 20
+
+
+def c_program(stream: Stream) -> Iterator[str]:
+    """The program's text, in pieces that end with a line end; plain ASCII.
+
+    A number that its C type can't hold, and a struct that the listing leaves open, become an #error with their line:
+    C would cut the number to another one without a word.
+    """
+    before, after = _TEMPLATE.read_text(encoding="ascii").split(_MARK)
+    yield _head(stream)
+    yield before
+    yield from _functions(stream)
+    yield after
+
+
+def _head(stream: Stream) -> str:
+    """What the file is, and what the template asks for: the job's channels, coordinate systems, axes, calls."""
+    name = re.split(r"[/\\]", stream.name)[-1]
+    rows, starts = len(stream.buffered), sum(call.name == "GT_CrdStart" for call in stream.calls)
+    kinds = [BUFFERED[kind] for kind in BUFFERED if np.any(stream.buffered.kind == kind)]
+    lines = [
+        "/*",
+        f" * Job: {_in_comment(name)[:_LONGEST_NAME]}",
+        f" * Buffered calls: {rows}, stages: {starts}. Written by gusjob {__version__}.",
+        " */",
+        *(f"#error {_in_comment(fault)}" for fault in _faults(stream)),
+        f"#define GUSJOB_CHANNELS {_list(_named(stream, 'channel'))}",
+        f"#define GUSJOB_CRDS {_list(_named(stream, 'crd'))}",
+        f"#define GUSJOB_AXES {_list(_axes(stream))}",
+        f"#define GUSJOB_ARGUMENTS {max((len(s.args) for s in kinds), default=1)}",
+        *(f"#define GUSJOB_{_short(s)}" for s in kinds),
+    ]
+    return "\n".join(lines) + "\n\n"
+
+
+def _functions(stream: Stream) -> Iterator[str]:
+    """Tables, and functions that send them and make the other calls; then run_job, which calls these in order."""
+    steps, parts, tables = list[str](), 0, 0
+    for first, last, call in stream.parts():
+        for start in range(first, last, _CHUNK):
+            end, tables = min(start + _CHUNK, last), tables + 1
+            rows = _rows(stream.buffered.pick(np.arange(start, end)))
+            yield f"static const Row calls_{tables}[] = {{\n" + "\n".join(rows) + "\n};\n\n"
+            steps.append(f"    RUN(feed(calls_{tables}, {end - start}));\n")
+        if call is not None:
+            steps.append(_step(call))
+        if len(steps) >= _STEPS or call is None:
+            parts += 1
+            yield f"static int part_{parts}(void)\n{{\n{''.join(steps)}    return 1;\n}}\n\n"
+            steps = []
+    names = "".join(f"    part_{number},\n" for number in range(1, parts + 1))
+    yield (
+        f"static int (*const PARTS[])(void) = {{\n{names}}};\n\n"
+        "static int run_job(void)\n{\n    int i;\n"
+        f"    for (i = 0; i < {parts}; i++)\n        RUN(PARTS[i]());\n    return 1;\n}}\n\n"
+    )
+
+
+def _rows(calls: BufferedCalls) -> list[str]:
+    """One row a buffered call, (n,): {line,call,{arguments}}, numbers as in a listing."""
+    rows = np.empty(len(calls), dtype=object)
+    for kind, signature in BUFFERED.items():
+        at = np.flatnonzero(calls.kind == kind)
+        if len(at):
+            form = f"{{%s,{_short(signature)},{{{','.join(['%s'] * len(signature.args))}}}}},"
+            columns = [number_texts(calls.column(name)[at]) for name in ("line", *(a.column for a in signature.args))]
+            rows[at] = list(map(form.__mod__, zip(*columns, strict=True)))
+    found: list[str] = rows.tolist()
+    return found
+
+
+def _step(call: Call) -> str:
+    """One call that is not buffered."""
+    texts = list(map(value_text, call.args))
+    match call.name:
+        case "GT_CrdClear":
+            return f"    RUN(crd_clear({call.line}, {', '.join(texts)}));\n"
+        case "GT_CrdStart":
+            return f"    RUN(crd_start({call.line}, {', '.join(texts)}));\n"
+        case "GT_CrdStatus":
+            return f"    RUN(crd_wait({call.line}, {texts[0]}, {texts[-1]}));\n"
+        case _:
+            return _statement(call, texts)
+
+
+def _statement(call: Call, texts: list[str]) -> str:
+    """A call with what it points to in variables of its own."""
+    before = list[str]()
+    for i, (arg, value) in enumerate(zip(SIGNATURES[call.name].args, call.args, strict=True)):
+        match arg.kind:
+            case Kind.ARRAY:
+                before.append(f"{arg.c} {arg.name}[] = {texts[i]};")
+                texts[i] = arg.name
+            case Kind.POINTER:
+                before.append("unsigned short value = 0;")
+                texts[i] = "&value"
+            case Kind.STRUCT:
+                before += ["TCrdPrm crdPrm;", "memset(&crdPrm, 0, sizeof crdPrm);", *_fields(value)]
+                texts[i] = "&crdPrm"
+            case _:
+                pass
+    line = f"DO({call.line}, {call.name}({','.join(texts)}));"
+    if not before:
+        return f"    {line}\n"
+    return "    {\n" + "".join(f"        {text}\n" for text in (*before, line)) + "    }\n"
+
+
+def _fields(value: Value) -> Iterator[str]:
+    """What is not 0 in a TCrdPrm, by name, since the order of the fields is the header's matter."""
+    if isinstance(value, tuple):
+        for (name, *_), part in zip(CRD_FIELDS, value, strict=True):
+            if isinstance(part, tuple):
+                yield from (f"crdPrm.{name}[{i}] = {value_text(one)};" for i, one in enumerate(part) if one)
+            elif part:
+                yield f"crdPrm.{name} = {value_text(part)};"
+
+
+def _named(stream: Stream, name: str) -> list[int]:
+    """The channels or coordinate systems that any call names."""
+    found = set[float]()
+    for kind, signature in BUFFERED.items():
+        if any(arg.name == name for arg in signature.args):
+            found |= set(np.unique(stream.buffered.column(name)[stream.buffered.kind == kind]).tolist())
+    for call in stream.calls:
+        for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
+            if arg.name == name and isinstance(value, float):
+                found.add(value)
+    return sorted(map(int, found))
+
+
+def _axes(stream: Stream) -> list[int]:
+    """The axes that the coordinate systems are made of: those with a profile."""
+    profiles = [
+        call.args[1][1] for call in stream.calls if call.name == "GT_SetCrdPrm" and isinstance(call.args[1], tuple)
+    ]
+    return sorted({axis for p in profiles if isinstance(p, tuple) for axis, use in enumerate(p, start=1) if use})
+
+
+def _faults(stream: Stream) -> list[str]:
+    """What can't be written in C, with its line."""
+    return [*_buffered_faults(stream.buffered), *_call_faults(stream.calls)][:_MOST_FAULTS]
+
+
+def _buffered_faults(calls: BufferedCalls) -> Iterator[str]:
+    for kind, signature in BUFFERED.items():
+        at = np.flatnonzero(calls.kind == kind)
+        for arg in signature.args:
+            if arg.kind is Kind.WHOLE and len(at):
+                allowed, values = arg.range or ranges.SHORT, calls.column(arg.column)[at]
+                bad = (allowed.judge(values) == Verdict.OUTSIDE) | ~allowed.carries(values)
+                for i in np.flatnonzero(bad)[:_MOST_FAULTS].tolist():
+                    yield _fault(int(calls.line[at[i]]), signature.name, arg.name, values[i], allowed)
+
+
+def _call_faults(calls: Iterable[Call]) -> Iterator[str]:
+    for call in calls:
+        for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
+            if arg.kind is Kind.STRUCT and isinstance(value, str):
+                yield f"line {call.line}: {call.name}: the fields of {value} are not given"
+            for name, allowed, number in _whole_numbers(arg, value):
+                if allowed.verdict(number) is Verdict.OUTSIDE or not allowed.carries(number):
+                    yield _fault(call.line, call.name, name, number, allowed)
+
+
+def _whole_numbers(arg: Arg, value: Value) -> Iterator[tuple[str, Range, float]]:
+    """What has to be whole in an argument: its name, its range, the number."""
+    match arg.kind:
+        case Kind.WHOLE:
+            yield from ((arg.name, arg.range or ranges.SHORT, number) for number in _flat(value))
+        case Kind.ARRAY if arg.range is not None and arg.range.whole:
+            for number in _flat(value):
+                yield arg.name, arg.range, number
+        case Kind.STRUCT if isinstance(value, tuple):
+            for (name, _, _, allowed), part in zip(CRD_FIELDS, value, strict=True):
+                if allowed is not None:
+                    yield from ((name, allowed, number) for number in _flat(part))
+        case _:
+            pass
+
+
+def _flat(value: Value) -> Iterator[float]:
+    if isinstance(value, float):
+        yield value
+    elif isinstance(value, tuple):
+        for part in value:
+            yield from _flat(part)
+
+
+def _fault(line: int, call: str, argument: str, value: float, allowed: Range) -> str:
+    return f"line {line}: {call}: {argument} is {value:.17g}, it must be whole and in {allowed}"
+
+
+def _short(signature: Signature) -> str:
+    return signature.name.removeprefix("GT_")
+
+
+def _list(values: list[int]) -> str:
+    """A list as the template takes it: -1 ends it."""
+    return ", ".join(map(str, [*values, -1]))
+
+
+def _in_comment(text: str) -> str:
+    """Text that ends no comment, joins no lines and holds no trigraph."""
+    return re.sub(r"[^A-Za-z0-9 ._+()\[\],:=@#/-]", "_", text)

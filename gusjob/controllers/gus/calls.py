@@ -1,0 +1,385 @@
+"""GT_ calls as data. Buffered calls stand as columns, all others as objects; one table of signatures for every reader.
+
+What a call does is not known here: see interpreter/.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.controllers.gus import ranges
+from gusjob.controllers.gus.ranges import Range
+
+Floats = npt.NDArray[np.float64]
+
+
+class Buffered(IntEnum):
+    """The buffered calls. All up to DELAY take time."""
+
+    LINE = 0
+    ARC_CENTRE = 1
+    ARC_RADIUS = 2
+    DELAY = 3
+    ON = 4
+    OFF = 5
+    POWER = 6
+    FOLLOW = 7
+
+
+class Kind(IntEnum):
+    """What an argument is in C."""
+
+    WHOLE = 0
+    REAL = 1
+    ARRAY = 2
+    POINTER = 3
+    STRUCT = 4
+
+
+class CType(StrEnum):
+    """A type of C: of an argument, or of what an array or pointer holds."""
+
+    SHORT = "short"
+    USHORT = "unsigned short"
+    LONG = "long"
+    ULONG = "unsigned long"
+    DOUBLE = "double"
+    TEXT = "char *"
+    CRD_PARAMETERS = "TCrdPrm"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arg:
+    """An argument: its kind, its range (or None where the range hangs on the power mode), its column if buffered.
+
+    `c`: its type; `count`: how many of them an array or pointer holds.
+    """
+
+    name: str
+    kind: Kind
+    range: Range | None = None
+    column: str = ""
+    c: CType = CType.SHORT
+    count: int = 1
+
+    @property
+    def declaration(self) -> str:
+        """The argument in C."""
+        star = "" if self.kind in (Kind.WHOLE, Kind.REAL) else "*"
+        return f"{self.c}{'' if self.c.endswith('*') else ' '}{star}{self.name}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """A GT_ call.
+
+    `buffered` is its number among the buffered calls, None for the others. `section` is M's, or 'sister'.
+    """
+
+    name: str
+    args: tuple[Arg, ...]
+    buffered: Buffered | None = None
+    section: str = "sister"
+
+    @property
+    def prototype(self) -> str:
+        """The call's prototype in C, without its semicolon. Every call returns a short."""
+        return f"short {self.name}({', '.join(a.declaration for a in self.args) or 'void'})"
+
+
+def _whole(name: str, allowed: Range | None = None, column: str = "", c: CType = CType.SHORT) -> Arg:
+    return Arg(name=name, kind=Kind.WHOLE, range=allowed, column=column, c=c)
+
+
+def _real(name: str, allowed: Range | None = None, column: str = "") -> Arg:
+    return Arg(name=name, kind=Kind.REAL, range=allowed, column=column, c=CType.DOUBLE)
+
+
+def _array(name: str, allowed: Range, c: CType) -> Arg:
+    return Arg(name=name, kind=Kind.ARRAY, range=allowed, c=c, count=4)
+
+
+def _found(name: str, c: CType, count: int = 1) -> Arg:
+    return Arg(name=name, kind=Kind.POINTER, c=c, count=count)
+
+
+_CRD = _whole("crd", ranges.CRD, "crd")
+_FIFO = _whole("fifo", ranges.FIFO, "fifo")
+_CH = _whole("channel", ranges.CHANNEL, "channel")
+_TO = (
+    _CRD,
+    _whole("x", ranges.COORDINATE_PULSE, "x", CType.LONG),
+    _whole("y", ranges.COORDINATE_PULSE, "y", CType.LONG),
+)
+_SPEED = (
+    _real("vel", ranges.VELOCITY, "vel"),
+    _real("acc", ranges.ACCELERATION, "acc"),
+    _real("vel_end", ranges.END_VELOCITY, "vel_end"),
+    _FIFO,
+)
+_DIR = _whole("dir", ranges.ARC_DIRECTION, "r")
+
+_SIGNATURES = (
+    Signature(name="GT_LnXY", args=(*_TO, *_SPEED), buffered=Buffered.LINE, section="四.3"),
+    Signature(
+        name="GT_ArcXYC",
+        args=(
+            *_TO,
+            _real("xc", ranges.COORDINATE_PULSE, "p"),
+            _real("yc", ranges.COORDINATE_PULSE, "q"),
+            _DIR,
+            *_SPEED,
+        ),
+        buffered=Buffered.ARC_CENTRE,
+    ),
+    Signature(
+        name="GT_ArcXYR",
+        args=(*_TO, _real("r", ranges.RADIUS_PULSE, "p"), _DIR, *_SPEED),
+        buffered=Buffered.ARC_RADIUS,
+    ),
+    Signature(
+        name="GT_BufDelay",
+        args=(_CRD, _whole("ms", ranges.DWELL_MS, "p", CType.USHORT), _FIFO),
+        buffered=Buffered.DELAY,
+    ),
+    Signature(name="GT_BufLaserOn", args=(_CRD, _FIFO, _CH), buffered=Buffered.ON, section="四.2"),
+    Signature(name="GT_BufLaserOff", args=(_CRD, _FIFO, _CH), buffered=Buffered.OFF, section="四.2"),
+    Signature(
+        name="GT_BufLaserPrfCmd",
+        args=(_CRD, _real("laserPower", None, "p"), _FIFO, _CH),
+        buffered=Buffered.POWER,
+        section="四.2",
+    ),
+    Signature(
+        name="GT_BufLaserPrfFollow",
+        args=(
+            _CRD,
+            _real("ratio", ranges.FOLLOW_RATIO, "p"),
+            _whole("minPower", None, "q", CType.LONG),
+            _whole("maxPower", None, "r", CType.LONG),
+            _FIFO,
+            _CH,
+        ),
+        buffered=Buffered.FOLLOW,
+        section="四.2",
+    ),
+    Signature(
+        name="GT_SetAxisMode",
+        args=(_whole("axis", ranges.AXIS_MODE_AXIS), _whole("mode", ranges.AXIS_MODE)),
+        section="二.2",
+    ),
+    Signature(name="GT_SetHSIOOpt", args=(_whole("value", ranges.SWITCH_VALUE, c=CType.USHORT), _CH), section="二.2"),
+    Signature(name="GT_GetHSIOOpt", args=(_found("pValue", CType.USHORT), _CH), section="二.2"),
+    Signature(
+        name="GT_LaserPowerMode",
+        args=(_whole("laserPowerMode", ranges.POWER_MODE), _real("maxValue"), _real("minValue"), _CH),
+        section="二.2",
+    ),
+    Signature(name="GT_LaserPrfCmd", args=(_real("outputCmd"), _CH), section="二.2"),
+    Signature(name="GT_LaserOutFrq", args=(_real("outFrq", ranges.CARRIER_KHZ), _CH), section="二.2"),
+    Signature(
+        name="GT_SetPulseWidth", args=(_whole("width", ranges.PULSE_WIDTH_US, c=CType.USHORT), _CH), section="二.2"
+    ),
+    Signature(
+        name="GT_SetWaitPulse",
+        args=(
+            _whole("mode", ranges.SWITCH_VALUE, c=CType.USHORT),
+            _real("waitPulseFrq", ranges.STANDBY_KHZ),
+            _real("waitPulseDuty", ranges.STANDBY_PCT),
+            _CH,
+        ),
+        section="二.2",
+    ),
+    Signature(
+        name="GT_SetPreVltg",
+        args=(_whole("mode", ranges.SWITCH_VALUE, c=CType.USHORT), _real("voltageValue", ranges.PREVOLTAGE_V), _CH),
+        section="二.2",
+    ),
+    Signature(
+        name="GT_SetLevelDelay",
+        args=(
+            _whole("highLevelDelay", ranges.SWITCH_DELAY_US, c=CType.USHORT),
+            _whole("lowLevelDelay", ranges.SWITCH_DELAY_US, c=CType.USHORT),
+            _CH,
+        ),
+        section="二.2",
+    ),
+    Signature(
+        name="GT_EnaFPK",
+        args=(
+            _whole("time1", ranges.FPK_WIDTH_US, c=CType.USHORT),
+            _whole("time2", ranges.FPK_GAP_US, c=CType.USHORT),
+            _whole("laserOffDelay", ranges.FPK_OFF_DELAY_US, c=CType.USHORT),
+            _CH,
+        ),
+        section="二.2",
+    ),
+    Signature(name="GT_DisFPK", args=(_CH,), section="二.2"),
+    Signature(
+        name="GT_SetLaserDisMode",
+        args=(
+            _whole("mode", ranges.DISTANCE_ENABLE),
+            _whole("source", ranges.DISTANCE_SOURCE),
+            _array("pPos", ranges.COORDINATE_PULSE, CType.LONG),
+            _array("pScale", ranges.DISTANCE_SCALE, CType.DOUBLE),
+            _CH,
+        ),
+        section="五.2",
+    ),
+    Signature(
+        name="GT_SetLaserDisRatio",
+        args=(
+            _array("pRatio", ranges.DISTANCE_RATIO, CType.DOUBLE),
+            _real("minPower"),
+            _real("maxPower"),
+            _CH,
+        ),
+        section="五.2",
+    ),
+    Signature(name="GT_SetCrdPrm", args=(_CRD, Arg(name="pCrdPrm", kind=Kind.STRUCT, c=CType.CRD_PARAMETERS))),
+    Signature(name="GT_CrdClear", args=(_CRD, _FIFO), section="四.3"),
+    Signature(name="GT_CrdStart", args=(_whole("mask"), _whole("option")), section="四.3"),
+    Signature(
+        name="GT_CrdStatus",
+        args=(_CRD, _found("pRun", CType.SHORT), _found("pSegment", CType.LONG), _FIFO),
+    ),
+)
+
+SIGNATURES: dict[str, Signature] = {s.name: s for s in _SIGNATURES}
+"""Every call that means something to the laser or the path."""
+
+BUFFERED: dict[Buffered, Signature] = {s.buffered: s for s in _SIGNATURES if s.buffered is not None}
+
+_AXIS = _whole("axis", ranges.AXIS)
+_COUNT = _whole("count", ranges.AXIS)
+
+HOST_CALLS: dict[str, Signature] = {
+    s.name: s
+    for s in (
+        Signature(name="GT_Open", args=(_whole("channel"), _whole("param"))),
+        Signature(name="GT_Close", args=()),
+        Signature(name="GT_Reset", args=()),
+        Signature(name="GT_LoadConfig", args=(Arg(name="pFile", kind=Kind.WHOLE, c=CType.TEXT),)),
+        Signature(name="GT_ClrSts", args=(_AXIS, _COUNT)),
+        Signature(name="GT_AxisOn", args=(_AXIS,)),
+        Signature(name="GT_AxisOff", args=(_AXIS,)),
+        Signature(name="GT_GetDi", args=(_whole("diType"), _found("pValue", CType.LONG))),
+        Signature(name="GT_Stop", args=(_whole("mask", c=CType.LONG), _whole("option", c=CType.LONG))),
+        Signature(name="GT_CrdSpace", args=(_CRD, _found("pSpace", CType.LONG), _FIFO)),
+        Signature(name="GT_GetCrdPos", args=(_CRD, _found("pPos", CType.DOUBLE, 8))),
+    )
+}
+"""Calls by which a program handles the controller, beside those of the job (sister)."""
+
+PASSED_OVER = frozenset(
+    (HOST_CALLS.keys() | {"GT_GetVersion", "GT_CrdData", "GT_GetCrdVel", "GT_GetSts", "GT_ZeroPos"}) - {"GT_Stop"}
+)
+"""Calls of the basic manual that a listing may hold and that change neither light nor path here."""
+
+CRD_FIELDS: tuple[tuple[str, CType, int, Range | None], ...] = (
+    ("dimension", CType.SHORT, 1, ranges.DIMENSION),
+    ("profile", CType.SHORT, 8, ranges.SHORT),
+    ("synVelMax", CType.DOUBLE, 1, None),
+    ("synAccMax", CType.DOUBLE, 1, None),
+    ("evenTime", CType.SHORT, 1, ranges.EVEN_TIME_MS),
+    ("setOriginFlag", CType.SHORT, 1, ranges.SHORT),
+    ("originPos", CType.LONG, 8, ranges.COORDINATE_PULSE),
+)
+"""TCrdPrm in its order (sister): name, type, how many, range (None for the numbers that are no whole ones)."""
+
+Value = float | str | tuple["Value", ...]
+"""An argument of a call that is not buffered: a number, a pointer's name, an array or a struct."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """One call that is not buffered. `at`: how many buffered calls stand before it; `line`: source line."""
+
+    name: str
+    args: tuple[Value, ...]
+    at: int
+    line: int
+
+
+def crd_start(crd: int, fifo: int, *, at: int, line: int) -> Call:
+    """GT_CrdStart of one coordinate system with one FIFO: bit 0 is system 1, bit 1 the other (sister)."""
+    return Call(name="GT_CrdStart", args=(float(1 << (crd - 1)), float(fifo << (crd - 1))), at=at, line=line)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BufferedCalls:
+    """Buffered calls, (n,) each; unused places hold 0.
+
+    x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and
+    its direction; a delay's ms; a power; a follow's ratio, min, max.
+    """
+
+    kind: npt.NDArray[np.uint8]
+    line: npt.NDArray[np.int32]
+    crd: npt.NDArray[np.int8]
+    fifo: npt.NDArray[np.int8]
+    channel: npt.NDArray[np.int8]
+    x: Floats
+    y: Floats
+    p: Floats
+    q: Floats
+    r: Floats
+    vel: Floats
+    acc: Floats
+    vel_end: Floats
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def column(self, name: str) -> npt.NDArray[Any]:
+        """A column by its name in a signature."""
+        found: npt.NDArray[Any] = getattr(self, name)
+        return found
+
+    def pick(self, where: npt.NDArray[Any]) -> BufferedCalls:
+        """The calls at a mask or at indices."""
+        return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
+
+
+class Run(IntEnum):
+    """What a dark motion is for: nothing special, to come up to speed before a mark, to slow down behind it."""
+
+    NONE = 0
+    RUN_IN = 1
+    RUN_OUT = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intent:
+    """What the planner means by buffered calls that do not show it, (n,) each. The controller never sees it.
+
+    `run`: Run numbers, for motion. `mark_end`: for GT_BufLaserOn the buffered motion that starts where the mark shall
+    begin, for GT_BufLaserOff the one that ends where it shall end; -1 where the switch's own place is meant.
+    """
+
+    run: npt.NDArray[np.int8]
+    mark_end: npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stream:
+    """A program of GT_ calls in order. `intent`: of a planned job with sky writing; a listing has none."""
+
+    name: str
+    buffered: BufferedCalls
+    calls: tuple[Call, ...] = field(default=())
+    intent: Intent | None = None
+
+    def parts(self) -> Iterator[tuple[int, int, Call | None]]:
+        """(first, last, call): buffered calls first..last-1, then the call behind them (None at the end)."""
+        done = 0
+        for call in self.calls:
+            yield done, call.at, call
+            done = call.at
+        yield done, len(self.buffered), None

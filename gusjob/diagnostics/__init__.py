@@ -1,0 +1,1 @@
+"""Reported problems: their model, the rules, suppression, selection, formats and fixes."""

@@ -1,0 +1,78 @@
+"""Diagnostics in forms for programs: files are added as they are judged, and all is written at the end."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.pipeline import Loaded
+
+
+class Gathering(Protocol):
+    """A format for programs: files are added as they are judged, and it is written at the end."""
+
+    def add(self, loaded: Loaded) -> None:
+        """One more file."""
+
+    def written(self) -> bytes:
+        """All of it."""
+
+
+def gathering(form: str, *, strict: bool, by_rule: Counter[str] | None) -> Gathering | None:
+    """What gathers faults for a format; nothing for text, which is shown at once."""
+    match form:
+        case "json":
+            return _Json(by_rule=by_rule)
+        case "sarif":
+            return _Sarif()
+        case "junit":
+            return _JUnit(strict)
+        case _:
+            return None
+
+
+@dataclass(slots=True, kw_only=True)
+class _Json:
+    by_rule: Counter[str] | None
+    faults: list[Diagnostic] = field(default_factory=list)
+
+    def add(self, loaded: Loaded) -> None:
+        self.faults += loaded.faults
+
+    def written(self) -> bytes:
+        from gusjob.report.files import check_json
+
+        return check_json(self.faults, None if self.by_rule is None else dict(self.by_rule)) + b"\n"
+
+
+class _Sarif:
+    def __init__(self) -> None:
+        from gusjob.diagnostics.formats.sarif import SarifLog
+
+        self._log = SarifLog()
+
+    def add(self, loaded: Loaded) -> None:
+        self._log.add(loaded.path, loaded.faults, loaded.text_of, readable=not loaded.unreadable)
+
+    def written(self) -> bytes:
+        return self._log.written()
+
+
+class _JUnit:
+    def __init__(self, strict: bool) -> None:
+        from gusjob.diagnostics.formats.junit import JUnitReport
+
+        self._report = JUnitReport(strict=strict)
+
+    def add(self, loaded: Loaded) -> None:
+        from gusjob.cli.text import diagnostic_text
+
+        def describe(fault: Diagnostic) -> str:
+            return diagnostic_text(fault, loaded.text_of, color=False)
+
+        self._report.add(loaded.path, loaded.faults, describe, readable=not loaded.unreadable)
+
+    def written(self) -> bytes:
+        return self._report.written()

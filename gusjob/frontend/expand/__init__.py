@@ -1,0 +1,1 @@
+"""Running loops, routines, conditions, frames and includes."""

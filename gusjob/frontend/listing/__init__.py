@@ -1,0 +1,1 @@
+"""Text of calls to a stream."""

@@ -1,0 +1,1 @@
+"""One line to one statement: the grammar, the statement forms, expressions."""

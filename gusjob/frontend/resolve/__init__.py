@@ -1,0 +1,1 @@
+"""Statements to a Job: modal words, units, absolute positions."""

@@ -1,0 +1,89 @@
+"""Files to checked text bytes, and line numbers back to text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.diagnostics import model as d
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, Span
+from gusjob.i18n.phrases import Phrase, reason_of
+
+MAX_FILE_MB = 1000
+
+
+@dataclass(slots=True)
+class Source:
+    """A text: UTF-8 bytes without BOM, lines ended by LF.
+
+    `line(n)` gives one line; the index is made when first asked for. `path` is where it was read, None for a text
+    that came from no file.
+    """
+
+    name: str
+    data: bytes
+    path: Path | None = None
+    _ends: npt.NDArray[np.intp] | None = field(default=None, repr=False)
+
+    def count_lines(self) -> int:
+        """How many lines there are."""
+        return self.data.count(b"\n") + 1
+
+    def line(self, number: int) -> str:
+        """Line `number` (from 1), without its end; '' outside the text."""
+        if self._ends is None:
+            self._ends = np.flatnonzero(np.frombuffer(self.data, dtype=np.uint8) == 10)
+        ends = self._ends
+        if number < 1 or number > len(ends) + 1:
+            return ""
+        start = int(ends[number - 2]) + 1 if number > 1 else 0
+        end = int(ends[number - 1]) if number <= len(ends) else len(self.data)
+        return self.data[start:end].decode("utf-8", "replace").rstrip("\r")
+
+
+def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnostic]]:
+    """The text of a file, or why it is none."""
+    name = name or shown_name(path)
+    try:
+        limit = int(MAX_FILE_MB * 1_000_000)
+        with path.open("rb") as file:
+            data = file.read(limit + 1)  # A pipe or a device tells no size before.
+        if len(data) > limit:
+            size = max(path.stat().st_size, len(data)) // 1_000_000
+            return None, [_fault(rules.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
+    except OSError as error:
+        return None, [_fault(rules.UNREADABLE, name, reason=reason_of(error))]
+    except ValueError:  # A NUL in the name.
+        return None, [_fault(rules.UNREADABLE, name, reason=Phrase("no such name"))]
+    return check_text(data, name, path)
+
+
+def shown_name(path: Path) -> str:
+    """A file's name; one that is no text (POSIX allows any bytes) is written so that it can be shown and stored."""
+    return str(path).encode("utf-8", "backslashreplace").decode()
+
+
+def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source | None, list[Diagnostic]]:
+    """Bytes as text: UTF-8 with or without BOM, no NUL."""
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return None, [_fault(rules.NOT_TEXT, name, reason=Phrase("it looks like UTF-16; save it as UTF-8"))]
+    nul = data.find(b"\0")
+    if nul >= 0:
+        line = data.count(b"\n", 0, nul) + 1
+        return None, [_fault(rules.NOT_TEXT, name, line, reason=Phrase("it holds NUL bytes (a binary file?)"))]
+    try:
+        data.decode("utf-8") if not data.isascii() else None
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        reason = Phrase("byte {byte} in line {line}", byte=f"0x{data[error.start]:02x}", line=line)
+        return None, [_fault(rules.NOT_TEXT, name, line, reason=reason)]
+    return Source(name=name, data=data, path=path), []
+
+
+def _fault(rule: d.Rule, name: str, line: int = 1, **fields: object) -> Diagnostic:
+    return Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=name)

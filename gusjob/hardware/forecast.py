@@ -1,0 +1,97 @@
+"""What a run is going to do, from the interpreter: asked for before it starts, watched while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.dry import box_pulse
+from gusjob.simulate import ChannelTrace, Trace
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelForecast:
+    """One laser in one unit of power. Per timed call, (m,): `power`, the highest, NaN where it is dark; `watts`, the
+    same; `emission_ms`."""
+
+    channel: int
+    unit: str
+    power: Floats
+    watts: Floats
+    emission_ms: Floats
+
+    def left(self, number: int) -> tuple[float, float, float]:
+        """From a timed call on: ms of light, the highest power, the highest watts (NaN: unknown; 0 without light)."""
+        lit = self.emission_ms[number:] > 0
+        if not lit.any():
+            return 0.0, 0.0, 0.0
+        power, watts = self.power[number:][lit], self.watts[number:][lit]
+        return float(self.emission_ms[number:].sum()), float(power.max()), float(watts.max())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forecast:
+    """A run. `row_ms` (n+1,): planned start of each buffered row and the end; `timed` (n,): its timed call's number.
+
+    `box_mm`: (x low, x high, y low, y high) of the marks (of all motion if nothing is marked), None without motion.
+    """
+
+    duration_ms: float
+    row_ms: Floats
+    timed: npt.NDArray[np.intp]
+    box_mm: tuple[float, float, float, float] | None
+    channels: tuple[ChannelForecast, ...]
+
+    def done_ms(self, row: int) -> float:
+        """Planned time at which a row begins."""
+        return float(self.row_ms[min(max(row, 0), len(self.row_ms) - 1)])
+
+    def number(self, row: int) -> int:
+        """The timed call that a row comes before or is."""
+        return int(self.timed[row]) if row < len(self.timed) else len(self.timed)
+
+    def power(self, channel: ChannelForecast, row: int) -> float:
+        """The highest power while a row is run, NaN if the channel is dark then."""
+        if not len(self.timed) or not len(channel.power):
+            return float("nan")
+        return float(channel.power[min(self.timed[min(row, len(self.timed) - 1)], len(channel.power) - 1)])
+
+
+def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
+    """What a run of a stream is going to do."""
+    clock = trace.clock
+    timed = np.searchsorted(clock.row, np.arange(len(stream.buffered)))
+    box = box_pulse(trace)
+    per_x, per_y = machine.pulses_per_mm
+    return Forecast(
+        duration_ms=float(clock.times[-1]),
+        row_ms=np.append(clock.times[np.minimum(timed, len(clock.row))], clock.times[-1]),
+        timed=timed,
+        box_mm=None if box is None else (box[0] / per_x, box[1] / per_x, box[2] / per_y, box[3] / per_y),
+        channels=tuple(found for channel in trace.channels for found in _channel(channel, trace, machine)),
+    )
+
+
+def _channel(channel: ChannelTrace, trace: Trace, machine: Machine) -> Iterator[ChannelForecast]:
+    """One for each unit of power: a channel that changes from duty to analog has two."""
+    done, stages = channel.emitted, trace.clock.stage
+    of_stage = np.array([laser.power_mode.unit for laser in channel.lasers] or [channel.at_end.power_mode.unit])
+    unit_of = of_stage[stages] if len(stages) else np.empty(0, dtype=of_stage.dtype)
+    watts = done.power_max * channel.watts_per_unit(stages, machine)
+    for unit in dict.fromkeys(of_stage.tolist()):
+        mine = unit_of == unit
+        lit = mine & (done.emission_ms > 0)
+        yield ChannelForecast(
+            channel=channel.channel,
+            unit=unit,
+            power=np.where(lit, done.power_max, np.nan),
+            watts=np.where(lit, watts, np.nan),
+            emission_ms=np.where(mine, done.emission_ms, 0.0),
+        )

@@ -1,0 +1,1 @@
+"""Pure functions on arrays: units, geometry, velocity profiles."""

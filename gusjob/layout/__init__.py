@@ -1,5 +1,0 @@
-"""One layout for all jobs: what `gusjob fmt` writes."""
-
-from gusjob.layout.layout import formatted, laid_out
-
-__all__ = ["formatted", "laid_out"]

@@ -1,0 +1,1 @@
+"""Sky writing (RTC5): run-ins, run-outs and moved switch points."""

@@ -1,0 +1,107 @@
+"""What a page shows of a run: the report's rows and marks, the path in strokes, and the facts about them."""
+
+from __future__ import annotations
+
+from math import ceil, floor, log10
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob import __version__
+from gusjob.config.machine import Machine
+from gusjob.kinematics.units import MS_PER_S
+from gusjob.report.rows import Report, SegmentKind
+from gusjob.view.page.render import Page
+from gusjob.view.strokes import Light, Strokes, left_out
+
+PAGE_SCHEMA = "gusjob-page/1"
+MAX_SEGMENTS = 2_000_000
+"""A browser still holds so many."""
+
+Table = dict[str, npt.NDArray[Any]]
+
+
+def page_of(
+    report: Report, strokes: Strokes, machine: Machine, diagnostics: list[dict[str, Any]], watched: str = ""
+) -> Page:
+    """The page of a run. `diagnostics` as in the JSON, each with its line's text as `source`."""
+    tables = {"rows": report.columns, "strokes": _strokes_table(strokes)}
+    if report.marks:
+        tables["marks"] = {**report.marks, "row": _rows_of_marks(report)}
+    facts = {
+        "schema": PAGE_SCHEMA,
+        "job": report.job,
+        "version": __version__,
+        "period_us": report.period_us,
+        "totals": report.totals,
+        "notes": report.notes,
+        "field_mm": {"x": list(machine.field_x_mm), "y": list(machine.field_y_mm)},
+        "start_mm": _start(strokes.path.x0, strokes.path.y0),
+        "kinds": [kind.word for kind in SegmentKind],
+        "channels": [_channel_facts(light) for light in strokes.lights],
+        "exact": strokes.exact,
+        "units_per_mm": _units_per_mm(strokes, machine),
+        "remarks": [text for light in strokes.lights for text in left_out(report, strokes, light)],
+    }
+    if strokes.beam is not None:
+        facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
+    return Page(facts=facts, tables=tables, diagnostics=diagnostics, marking=report.totals["marking"], watched=watched)
+
+
+def page_without_run(job: str, diagnostics: list[dict[str, Any]], watched: str = "", reason: str = "") -> Page:
+    """The page of a job that was not run, or of which nothing can be shown for a reason."""
+    facts = {"schema": PAGE_SCHEMA, "job": job, "version": __version__, "reason": reason}
+    return Page(facts=facts, tables={}, diagnostics=diagnostics, marking=None, watched=watched)
+
+
+def _units_per_mm(strokes: Strokes, machine: Machine) -> float:
+    """Units of the coordinates: as fine as 32 bits allow, since energy per mm hangs on lengths below a um; in long
+    runs, which end at pulses, as fine as a pulse."""
+    lines = [strokes.path] if strokes.beam is None else [strokes.path, strokes.beam]
+    ends = [np.abs(end).max(initial=1.0) for line in lines for end in (line.x0, line.y0, line.x1, line.y1)]
+    finest = floor(log10(np.iinfo(np.int32).max / max(ends)))
+    coarse = max(4, ceil(log10(max(machine.pulses_per_mm))))
+    return float(10.0 ** min(finest, 7 if strokes.exact else coarse))
+
+
+def _strokes_table(strokes: Strokes) -> Table:
+    table: Table = {
+        "row": strokes.row.astype(np.int32),
+        "duration_ms": strokes.duration_ms,
+        "x_mm": strokes.path.x1,
+        "y_mm": strokes.path.y1,
+        "vel0": strokes.vel0,
+        "vel1": strokes.vel1,
+    }
+    if strokes.beam is not None:
+        table |= {"beam_x_mm": strokes.beam.x1, "beam_y_mm": strokes.beam.y1}
+    for light in strokes.lights:
+        name = f"ch{light.channel}_"
+        table |= {f"{name}on": light.on.astype(np.int8), f"{name}power": light.power}
+        if len(light.units) > 1:
+            table[f"{name}unit"] = light.unit
+    return table
+
+
+def _channel_facts(light: Light) -> dict[str, Any]:
+    watts = np.unique(light.joules_per_unit_ms) * MS_PER_S
+    facts: dict[str, Any] = {
+        "channel": light.channel,
+        "unit": light.units[0],
+        "watts_per_unit": float(watts[0]) if len(watts) == 1 and not np.isnan(watts[0]) else None,
+    }
+    if len(light.units) > 1:
+        facts["units"] = list(light.units)
+    return facts
+
+
+def _start(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> list[float]:
+    return [float(x[0]), float(y[0])] if len(x) else [0.0, 0.0]
+
+
+def _rows_of_marks(report: Report) -> npt.NDArray[np.int32]:
+    """The segment in which each mark begins."""
+    assert report.marks is not None
+    row = np.searchsorted(report.columns["start_ms"], report.marks["start_ms"], side="right") - 1
+    return np.asarray(np.clip(row, 0, max(len(report) - 1, 0)), dtype=np.int32)

@@ -1,0 +1,361 @@
+"""One page of HTML: the figures written out, the columns packed for the browser, scripts that their hashes allow."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Any
+
+import jinja2
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from gusjob.diagnostics.model import Severity
+from gusjob.i18n.phrases import Phrase, all_of, figure, plural, printable, said
+from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
+from gusjob.view.page.encode import UNITS_PER_MM, Encoded, encode
+from gusjob.view.page.words import page_language, script_words, template_text
+
+MAX_BYTES = 30_000_000
+"""A page may be as large: a browser opens it in seconds, and most mail servers' shares still take it."""
+
+_VENDORED = ("leaflet.js", "flatbush.js", "uPlot.iife.min.js", "ag-grid-community.min.noStyle.js")
+_OURS = ("data.js", "colors.js", "tiles.js", "path.js", "time.js", "table.js", "page.js")
+_ALONE = ("data.js", "colors.js", "page.js")
+"""Scripts of a page without columns: the choice of colours, and following the job where it is watched."""
+_STYLES = ("vendor/leaflet.css", "vendor/uPlot.min.css", "page.css")
+_COLUMNS = Markup("<gusjob-columns>")
+"""Stands for the columns until they are written; a text of the job has its `<` escaped and can't say this."""
+_SHOWN = 50
+"""So many diagnostics are open, the rest is behind a click."""
+_DIRECTORY_BYTES = 32_768
+_CUT = 240
+"""Characters of a source line: of a longer one what is around the fault."""
+_DIGITS = 6
+
+Figure = tuple[str, str, str]
+"""Name, value, unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What the page shows.
+
+    `facts`: job, version, totals and what the columns mean. `tables`: equally long columns each: "rows" (a segment
+    each), "strokes", "marks" where they were judged; {} where the job was not run. `diagnostics` as in the JSON, each
+    with its line's text as `source`. `marking` as in the totals. `watched`: path of a stream of events that tells when
+    the page is to be loaded anew, "" if there is none. The texts in all of them are the user's: untrusted. Phrases
+    among them are said in the language that is spoken when the page is made; messages of diagnostics are said already.
+    """
+
+    facts: dict[str, Any]
+    tables: dict[str, dict[str, npt.NDArray[Any]]]
+    diagnostics: list[dict[str, Any]]
+    marking: list[dict[str, Any]] | None
+    watched: str = ""
+
+
+def render(page: Page) -> Iterator[bytes]:
+    """The page in pieces, UTF-8; at most MAX_BYTES, as far as rounding the figures can do that."""
+    shell = _shell(page, None)
+    if not _interactive(page):
+        yield shell.encode("utf-8", "replace")
+        return
+    budget = MAX_BYTES - len(shell.encode("utf-8", "replace")) - _DIRECTORY_BYTES
+    found = encode(page.tables, budget, page.facts.get("units_per_mm", UNITS_PER_MM))
+    if found.size > budget and page.tables.get("marks"):
+        left = {name: part for name, part in page.tables.items() if name != "marks"}
+        page = replace(page, tables=left, facts={**page.facts, "marks_left_out": True})
+        found = encode(page.tables, budget, page.facts.get("units_per_mm", UNITS_PER_MM))
+    head, _, tail = _shell(page, found).partition(str(_COLUMNS))
+    yield head.encode("utf-8", "replace")
+    yield from found.text()
+    yield tail.encode("utf-8", "replace")
+
+
+def _interactive(page: Page) -> bool:
+    """Whether there is anything to draw."""
+    rows = page.tables.get("rows", {})
+    strokes = page.tables.get("strokes", {})
+    return bool(rows and strokes and len(rows["line"]) and len(strokes["row"]))
+
+
+def _shell(page: Page, found: Encoded | None) -> str:
+    """All but the columns."""
+    interactive = _interactive(page)
+    names = [*(f"vendor/{name}" for name in _VENDORED), *_OURS] if interactive else [*_ALONE]
+    scripts = [_script(name) for name in names]
+    totals = page.facts.get("totals")
+    versions = json.loads(_read("vendor/versions.json"))
+    return _template().render(
+        language=page_language(),
+        words=_json(script_words()),
+        job=printable(str(page.facts.get("job", ""))),
+        version=str(page.facts.get("version", "")),
+        policy=_policy(scripts, watched=bool(page.watched)),
+        styles=Markup("\n".join(map(_style, _STYLES if interactive else _STYLES[-1:]))),
+        scripts=[Markup(script) for script in scripts],
+        facts=_json(_facts(page, found)),
+        columns=_COLUMNS,
+        interactive=interactive,
+        watched=bool(page.watched),
+        has_marks="marks" in page.tables and bool(page.tables["marks"]),
+        summary=_summary(page.facts, totals) if totals else [],
+        channels=[_channel(entry) for entry in totals["channels"]] if totals else [],
+        readings=_readings(page.facts),
+        remarks=_remarks(page.facts, found),
+        why_no_report=said(page.facts.get("reason") or _why_no_report(page.diagnostics)),
+        diagnostics=[_diagnostic(fault) for fault in page.diagnostics],
+        counts=_counts(page.diagnostics),
+        shown=_SHOWN,
+        marking=_marking(page.marking or []),
+        not_judged=bool(totals) and page.marking is None,
+        libraries=_libraries(versions),
+        licences=[(v["name"], _read(f"vendor/{v['file']}")) for v in versions if v["file"].endswith("LICENSE.txt")],
+    )
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.globals["_"] = template_text
+    return environment.from_string(_read("page.html"))
+
+
+def _libraries(versions: Sequence[Mapping[str, str]]) -> str:
+    """Whose libraries a page holds, each once."""
+    known = dict.fromkeys((v["name"], v["version"], v["licence"]) for v in versions)
+    return said(all_of(Phrase("{name} {version} ({licence})", name=n, version=v, licence=of) for n, v, of in known))
+
+
+def _read(name: str) -> str:
+    """A file of static/, with the line ends that a browser makes of it before it takes a script's hash."""
+    data = files("gusjob.view.page").joinpath("static", *name.split("/")).read_bytes()
+    return data.decode("utf-8").replace("\r\n", "\n")
+
+
+def _script(name: str) -> str:
+    """A script without the pointer to its source map, which is not there."""
+    return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", _read(name))
+
+
+def _style(name: str) -> str:
+    """A style sheet without pointers to pictures, which are not there."""
+    return re.sub(r"url\([^)]*\)", "none", _read(name))
+
+
+def _policy(scripts: Sequence[str], *, watched: bool) -> str:
+    """Nothing may be loaded or sent, and of scripts only these may run."""
+    hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
+    return "; ".join(
+        [
+            "default-src 'none'",
+            "script-src " + " ".join(f"'sha256-{one}'" for one in hashes),
+            "style-src 'unsafe-inline'",
+            "img-src data: blob:",
+            f"connect-src {chr(39)}{'self' if watched else 'none'}{chr(39)}",
+            "base-uri 'none'",
+            "form-action 'none'",
+        ]
+    )
+
+
+def _facts(page: Page, found: Encoded | None) -> dict[str, Any]:
+    return {
+        **page.facts,
+        "watched": page.watched,
+        "digits": found.digits if found else _DIGITS,
+        "directory": found.directory if found else [],
+    }
+
+
+def _json(value: object) -> Markup:
+    """JSON that can stand in a script: nothing in it ends the script or opens a comment."""
+    text = json.dumps(_plain(value), separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+
+
+def _plain(value: object) -> object:
+    """Without what JSON has not: NaN and infinity are null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+# Figures.
+
+
+def _figure(head: Phrase, value: float | None) -> Figure:
+    """A figure below a head that ends in its unit."""
+    name, _, unit = said(head).rpartition(" ")
+    return name, figure(value), unit
+
+
+def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure]:
+    runs = ((Phrase("run-ins mm"), "run_in_mm"), (Phrase("run-outs mm"), "run_out_mm"))
+    found = [
+        (said(Phrase("segments")), f"{totals['segments']:,}", ""),
+        (said(Phrase("stages")), f"{totals['stages']:,}", ""),
+        _figure(Phrase("duration ms"), totals["duration_ms"]),
+        _figure(Phrase("marks mm"), totals["mark_mm"]),
+        _figure(Phrase("jumps mm"), totals["jump_mm"]),
+        *(_figure(head, totals[name]) for head, name in runs if totals.get(name)),
+    ]
+    if facts.get("period_us"):
+        found.append(_figure(Phrase("period us"), facts["period_us"]))
+    scanner = (facts.get("notes") or {}).get("scanner")
+    if scanner:
+        lag = figure(scanner.get("tracking_error_us"))
+        found.append((said(Phrase("scanner")), printable(str(scanner.get("model", ""))), f"{lag} us"))
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Channel:
+    name: str
+    figures: list[Figure]
+    lit_at_end: bool
+
+
+_OFF_OUTPUT = {
+    "standby_khz": Phrase("while off: standby kHz"),
+    "standby_pct": Phrase("while off: standby %"),
+    "prevoltage_v": Phrase("while off: prevoltage V"),
+}
+
+
+def _channel(entry: Mapping[str, Any]) -> _Channel:
+    """The figures of a channel and power unit."""
+    unit = printable(str(entry["unit"]))
+    found = [
+        _figure(Phrase("on ms"), entry["emission_ms"]),
+        (said(Phrase("energy")), figure(entry["power_ms"]), f"{unit}*ms"),
+        (said(Phrase("highest power")), figure(entry["power_max"]), unit),
+    ]
+    if entry["joules"] is not None:
+        found.append(_figure(Phrase("joules J"), entry["joules"]))
+    if entry["clamped_ms"]:
+        found.append(_figure(Phrase("held by a limit ms"), entry["clamped_ms"]))
+    if entry.get("before_motion_power_ms"):
+        before = said(Phrase("before the first motion"))
+        found.append((before, figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
+    found += [_figure(_OFF_OUTPUT[name], value) for name, value in (entry["off_output"] or {}).items()]
+    name = said(Phrase("Channel {channel}", channel=entry["channel"]))
+    return _Channel(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
+
+
+def _readings(facts: Mapping[str, Any]) -> list[str]:
+    return [
+        said(
+            Phrase(
+                "Line {line}: GT_GetHSIOOpt reads {value} on channel {channel}.",
+                line=r["line"],
+                value=r["value"],
+                channel=r["channel"],
+            )
+        )
+        for r in (facts.get("notes") or {}).get("readings") or ()
+    ]
+
+
+def _remarks(facts: Mapping[str, Any], found: Encoded | None) -> list[str]:
+    remarks: list[str] = []
+    if facts.get("exact") is False:
+        remarks.append(Phrase("So many segments: the curves show each segment's highest velocity and mean power."))
+    if found is not None and found.digits < _DIGITS:
+        remarks.append(
+            Phrase(
+                "Figures in drawings and tables are rounded to about {digits} digits so that the page stays small.",
+                digits=found.digits,
+            )
+        )
+    remarks += facts.get("remarks", [])
+    if facts.get("marks_left_out"):
+        remarks.append(Phrase("The table of marks is left out so that the page stays small; the JSON report has it."))
+    return [said(remark) for remark in remarks]
+
+
+def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Worst and typical of each figure that is not 0."""
+    return [
+        {
+            "channel": str(entry["channel"]),
+            "word": said(word),
+            "unit": printable(marking_unit(name, entry["unit"])),
+            "marks": f"{entry['marks']:,}",
+            "worst": figure(entry["worst"][name]),
+            "typical": figure(entry["typical"][name]),
+        }
+        for entry in entries
+        for name, word in MARKING_WORDS.items()
+        if entry["worst"].get(name)
+    ]
+
+
+# Diagnostics.
+
+
+def _why_no_report(diagnostics: Sequence[Mapping[str, Any]]) -> Phrase:
+    if any(d["severity"] == "error" for d in diagnostics):
+        return Phrase("The job was not run, for it has errors.")
+    return Phrase("There is no report.")
+
+
+def _counts(diagnostics: Sequence[Mapping[str, Any]]) -> str:
+    counted = Counter(str(d["severity"]) for d in diagnostics)
+    errors, warnings, notes = (counted[severity.value] for severity in Severity)
+    said_of_each = (
+        (errors, plural(errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors))),
+        (
+            warnings,
+            plural(warnings, Phrase("{count} warning", count=warnings), Phrase("{count} warnings", count=warnings)),
+        ),
+        (notes, plural(notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes))),
+    )
+    return said(all_of(phrase for count, phrase in said_of_each if count))
+
+
+def _diagnostic(fault: Mapping[str, Any]) -> dict[str, Any]:
+    """A diagnostic with its source line in three parts: before the fault, the fault, behind it."""
+    severity = Severity(fault["severity"])
+    return {
+        **_placed(fault),
+        "severity": severity.value,
+        "word": severity.said,
+        "code": printable(str(fault["code"])),
+        "count": int(fault.get("count", 1)),
+        "notes": [_placed(note) for note in fault.get("notes", ())],
+    }
+
+
+def _placed(place: Mapping[str, Any]) -> dict[str, Any]:
+    source = printable(str(place.get("source") or "").rstrip("\r\n"))
+    start = min(max(int(place["column"]) - 1, 0), len(source))
+    end = int(place["end_column"]) - 1 if place["end_line"] == place["line"] else len(source)
+    end = min(max(end, start + 1), start + _CUT)
+    first = max(start - _CUT // 2, 0) if len(source) > _CUT else 0
+    last = max(end, first + _CUT)
+    return {
+        "path": printable(str(place["path"])),
+        "line": int(place["line"]),
+        "column": int(place["column"]),
+        "message": printable(str(place["message"])),
+        "source": source,
+        "before": ("..." if first else "") + source[first:start],
+        "marked": source[start:end] or " ",
+        "after": source[end:last] + ("..." if last < len(source) else ""),
+    }

@@ -1,0 +1,220 @@
+"""The frame of a picture: where everything has its place, axes in mm, colour bars and scale bars."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+
+from gusjob.i18n.phrases import figure as figure_text
+from gusjob.view.plot.lettering import FAINT, INK, line_in, put, width_in
+from gusjob.view.plot.pens import PT_PER_INCH, Sight, colours, norm
+from gusjob.view.plot.shades import Shade
+
+_LEFT, _RIGHT, _TOP, _BOTTOM = 0.8, 0.25, 0.12, 0.12
+_BAR = 1.1
+"""Room for a colour bar with its figures."""
+_HEADING = 0.26
+_TICKS = 0.52
+"""Below the axes: figures, then the axis' name and the scale bar."""
+_LEGEND_ROW = 0.21
+_LEAST = 0.4
+_UM_BELOW_MM = 1.1
+"""With its margin."""
+_EDGE, _GRID = "#8c959f", "#e6e8eb"
+_DISTINCT = 8
+"""So many values are told one by one on a colour bar."""
+_LOOKED_AT = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """Where a panel's axes stand, inches from the lower left corner; `right_in`: where its room ends.
+
+    `fits`: whether there is room for it at all.
+    """
+
+    x_in: float
+    y_in: float
+    width_in: float
+    height_in: float
+    right_in: float
+    fits: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Places in inches from the lower left corner."""
+
+    size_in: tuple[float, float]
+    panels: int
+    bars: bool
+    headed: bool
+    columns: int = 1
+    head: tuple[str, ...] = ("", "")
+    notes: tuple[str, ...] = ()
+    legend: tuple[str, ...] = ()
+
+    @property
+    def left_in(self) -> float:
+        """Where texts begin."""
+        return 0.25
+
+    @property
+    def text_in(self) -> float:
+        """How long lines of text may be."""
+        return self.size_in[0] - self.left_in - _RIGHT
+
+    @property
+    def notes_in(self) -> float:
+        """Upper edge of the sentences."""
+        return _BOTTOM + len(self.notes) * line_in(8)
+
+    def cells(self) -> list[Cell]:
+        """The panels, row by row."""
+        rows = -(-self.panels // self.columns)
+        below = self.notes_in + 0.08 + len(self._legend_rows()) * _LEGEND_ROW
+        above = _TOP + line_in(12) + len(self.head) * line_in(8.5) + 0.1
+        width = self.size_in[0] / self.columns
+        height = (self.size_in[1] - below - above) / rows
+        heading = _HEADING if self.headed else 0.0
+        found = []
+        for number in range(self.panels):
+            row, column = divmod(number, self.columns)
+            bottom = below + (rows - 1 - row) * height + _TICKS
+            found.append(
+                Cell(
+                    x_in=column * width + _LEFT,
+                    y_in=bottom,
+                    width_in=max(width - _LEFT - (_BAR if self.bars else 0.0) - _RIGHT, _LEAST),
+                    height_in=max(height - _TICKS - heading, _LEAST),
+                    fits=height - _TICKS - heading >= _LEAST,
+                    right_in=(column + 1) * width - _RIGHT,
+                )
+            )
+        return found
+
+    def sight(self, box: tuple[float, float, float, float], dpi: int) -> Sight:
+        """What axes of this layout show so that a box is in sight, mm."""
+        cell = self.cells()[0]
+        x0, y0, x1, y1 = box
+        in_per_mm = min(cell.width_in / (x1 - x0), cell.height_in / (y1 - y0))
+        x, y = (x0 + x1) / 2, (y0 + y1) / 2
+        wide, high = cell.width_in / in_per_mm / 2, cell.height_in / in_per_mm / 2
+        return Sight(
+            x0=x - wide,
+            y0=y - high,
+            x1=x + wide,
+            y1=y + high,
+            pt_per_mm=in_per_mm * PT_PER_INCH,
+            dpi=dpi,
+            small=max(x1 - x0, y1 - y0) < _UM_BELOW_MM,
+        )
+
+    def fitted(self, box: tuple[float, float, float, float]) -> Layout:
+        """With so many panels side by side that a box is seen largest in them."""
+        ways = [replace(self, columns=count) for count in range(1, self.panels + 1)]
+        return max(ways, key=lambda way: way.sight(box, 1).pt_per_mm)
+
+    def legend_places(self) -> list[tuple[str, tuple[float, float]]]:
+        """Entries of the legend and where they begin."""
+        rows = self._legend_rows()
+        top = self.notes_in + 0.08 + len(rows) * _LEGEND_ROW
+        return [
+            (word, (self.left_in + x, top - (number + 0.5) * _LEGEND_ROW))
+            for number, row in enumerate(rows)
+            for word, x in row
+        ]
+
+    def _legend_rows(self) -> list[list[tuple[str, float]]]:
+        """Entries with where they begin, in rows that fit."""
+        rows: list[list[tuple[str, float]]] = []
+        x = math.inf
+        for word in self.legend:
+            wide = 0.42 + width_in(word, 8) + 0.3
+            if x + wide - 0.3 > self.text_in:
+                rows.append([])
+                x = 0.0
+            rows[-1].append((word, x))
+            x += wide
+        return rows
+
+
+def set_axes(figure: Figure, cell: Cell, sight: Sight, size_in: tuple[float, float]) -> Axes:
+    """Axes in mm, or in um where less than one mm is in sight."""
+    wide, high = size_in
+    axes = figure.add_axes((cell.x_in / wide, cell.y_in / high, cell.width_in / wide, cell.height_in / high))
+    axes.set_xlim(sight.x0, sight.x1)
+    axes.set_ylim(sight.y0, sight.y1)
+    axes.set_autoscale_on(False)
+    factor, unit = (1000.0, "um") if sight.small else (1.0, "mm")
+    axes.set_axisbelow(True)
+    axes.grid(color=_GRID, linewidth=0.6)
+    for spine in axes.spines.values():
+        spine.set(edgecolor=_EDGE, linewidth=0.8, zorder=3.9)
+    axes.tick_params(color=_EDGE, labelcolor=FAINT, labelsize=8, length=3)
+    for axis, inches in ((axes.xaxis, cell.width_in / 0.9), (axes.yaxis, cell.height_in / 0.45)):
+        axis.set_major_locator(MaxNLocator(nbins=max(min(int(inches), 12), 2), steps=[1, 2, 5, 10]))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: figure_text(round(value * factor, 9), 10)))
+    put(figure, cell.x_in, cell.y_in - 0.42, f"X, {unit}", 8.5, color=INK)
+    put(figure, cell.x_in - 0.6, cell.y_in + cell.height_in / 2, f"Y, {unit}", 8.5, color=INK, rotation=90, va="center")
+    _scale_bar(figure, cell, sight, factor, unit)
+    return axes
+
+
+def _scale_bar(figure: Figure, cell: Cell, sight: Sight, factor: float, unit: str) -> None:
+    """A bar of a round length below the axes, on the right."""
+    most = cell.width_in / 4 * PT_PER_INCH / sight.pt_per_mm * factor
+    power = 10.0 ** math.floor(math.log10(most))
+    length = next(power * step for step in (5, 2, 1) if power * step <= most)
+    right, y = cell.x_in + cell.width_in, cell.y_in - 0.37
+    left = right - length / factor * sight.pt_per_mm / PT_PER_INCH
+    bar = Line2D([left, left, left, right, right, right], [y + 0.04, y - 0.04, y, y, y - 0.04, y + 0.04])
+    bar.set(transform=figure.dpi_scale_trans, color=INK, linewidth=1.2, solid_capstyle="butt", gid="scale-bar")
+    figure.add_artist(bar)
+    put(figure, left - 0.08, y - 0.04, f"{figure_text(length)} {unit}", 8, color=INK, ha="right")
+
+
+def colour_bar(figure: Figure, cell: Cell, shade: Shade, size_in: tuple[float, float]) -> None:
+    """The range of the colours, its ends in figures; an arrow where there is more."""
+    if shade.high != shade.high:
+        return
+    wide, high = size_in
+    place = (cell.x_in + cell.width_in + 0.14, cell.y_in, 0.15, cell.height_in)
+    axes = figure.add_axes((place[0] / wide, place[1] / high, place[2] / wide, place[3] / high), label="colours")
+    mappable = ScalarMappable(norm(shade), colours(shade))
+    bar = figure.colorbar(mappable, cax=axes, extend="max" if shade.beyond else "neither", extendfrac=0.05)
+    if bar.solids is not None:
+        bar.solids.set_edgecolor("face")
+        bar.solids.set_rasterized(False)
+    bar.outline.set(edgecolor=_EDGE, linewidth=0.8)
+    ticks = _bar_ticks(shade, cell.height_in)
+    bar.ax.yaxis.set_major_locator(FixedLocator(ticks))
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: figure_text(value, 4)))
+    bar.ax.minorticks_off()
+    bar.ax.tick_params(color=_EDGE, labelcolor=FAINT, labelsize=8, length=3)
+    beside = place[0] + 0.15 + 0.18 + max(width_in(figure_text(tick, 4), 8) for tick in ticks)
+    label = f"{shade.word}, {shade.unit}"
+    if width_in(label, 8.5) > cell.height_in + _TICKS:
+        label = f"{shade.word},\n{shade.unit}"
+    middle = cell.y_in + cell.height_in / 2
+    put(figure, beside, middle, label, 8.5, color=INK, rotation=90, va="center", multialignment="center")
+
+
+def _bar_ticks(shade: Shade, height_in: float) -> list[float]:
+    """Both ends, and round values between them; or all values if they are few."""
+    if shade.single:
+        return [shade.high]
+    room = (shade.high - shade.low) * 0.22 / height_in
+    values = np.unique(shade.value[:: max(len(shade.value) // _LOOKED_AT, 1)]).tolist()
+    if len(values) > _DISTINCT or min(np.diff(values), default=0.0) < room:
+        count = max(min(int(height_in / 0.5), 10), 2)
+        values = list(MaxNLocator(nbins=count, steps=[1, 2, 5, 10]).tick_values(shade.low, shade.high))
+    between = [v for v in values if shade.low + room < v < shade.high - room]
+    return [shade.low, *between, shade.high]

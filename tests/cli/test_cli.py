@@ -1,0 +1,402 @@
+"""The commands as users run them: files, formats, exit status, and a clear word for what can't be read."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.cli import GOOD, gusjob, write
+from support.tools import MARK, ROOT
+
+from gusjob.cli import common
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    path = tmp_path / "good.job"
+    path.write_text(GOOD, encoding="utf-8")
+    return path
+
+
+def test_check_exit_status(tmp_path: Path, good: Path) -> None:
+    assert gusjob("check", good).exit_code == 0
+    warned = write(tmp_path, MARK + "LASER DELAY ON 20 OFF 10\n", "warn.job")
+    assert gusjob("check", warned).exit_code == 0
+    assert gusjob("check", "--strict", warned).exit_code == 1
+    bad = write(tmp_path, "QQ\n", "bad.job")
+    assert gusjob("check", good, bad).exit_code == 1
+    assert gusjob("check", bad, tmp_path / "none.job").exit_code == 2
+    assert gusjob("check").exit_code == 2
+    assert gusjob("check", "--format", "xml", good).exit_code == 2
+
+
+def test_check_text_form(tmp_path: Path) -> None:
+    bad = write(tmp_path, MARK + "LASER POWER 120\n")
+    lines = gusjob("check", bad).output.splitlines()
+    assert lines[0] == f"{bad}:4:13: error[GJ201]: LASER POWER 120 % is outside (0, 100) %"
+    assert lines[1] == "    4 | LASER POWER 120"
+    assert lines[2] == "      |             ^^^"
+
+
+def test_check_json_form(tmp_path: Path) -> None:
+    bad = write(tmp_path, MARK + "LASER POWER 120\n")
+    found = json.loads(gusjob("check", "--format", "json", bad).stdout)
+    assert found == {
+        "schema": "gusjob-check/1",
+        "diagnostics": [
+            {
+                "path": str(bad), "line": 4, "column": 13, "end_line": 4, "end_column": 16, "severity": "error",
+                "code": "GJ201", "message": "LASER POWER 120 % is outside (0, 100) %",
+            }
+        ],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        (b"\xff\xfeL\x00", "GJ002"),
+        (b"LINE X \x00 1", "GJ002"),
+        (b"LASER ON\nLINE X \xe9\n", "GJ002"),
+        (b"", "GJ004"),
+        (b" \n; nothing\n", "GJ004"),
+    ],
+)
+@pytest.mark.parametrize("command", ["check", "run", "report", "compile"])
+def test_files_that_are_no_jobs(tmp_path: Path, content: bytes, code: str, command: str) -> None:
+    result = gusjob(command, write(tmp_path, content))
+    assert f"[{code}]" in result.output
+    assert result.exit_code == (2 if code == "GJ002" else 0)
+
+
+@pytest.mark.parametrize("command", ["check", "run", "report", "compile"])
+def test_a_folder_and_nothing_at_all(tmp_path: Path, command: str) -> None:
+    for path in (tmp_path, tmp_path / "none.job"):
+        result = gusjob(command, path)
+        assert result.exit_code == 2
+        assert "GJ001" in result.output or "no .job or .gts file" in result.output
+
+
+def test_check_looks_into_folders(tmp_path: Path, good: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    write(inner, "LINE X 1\n", "bad.job")
+    write(inner, "LINE X 1\n", "notes.txt")
+    hidden = tmp_path / ".hidden"
+    hidden.mkdir()
+    write(hidden, "QQ\n", "worse.job")
+    result = gusjob("check", tmp_path)
+    assert result.exit_code == 1
+    assert "bad.job:1:1: error[GJ501]" in result.output
+    assert "worse.job" not in result.output
+    assert "2 files: 2 errors" in result.output
+
+
+def test_rules_are_selected_and_ignored(tmp_path: Path) -> None:
+    path = write(tmp_path, "LINE X 1\nQQ\n")
+    assert gusjob("check", path, "--ignore", "GJ5,GJ102").exit_code == 0
+    only = gusjob("check", path, "--select", "GJ1")
+    assert "GJ102" in only.output
+    assert "GJ501" not in only.output
+    # The longer beginning wins: all of GJ5 but GJ502, and GJ102.
+    some = gusjob("check", path, "--select", "GJ5", "--ignore", "GJ502", "--select", "GJ102")
+    assert [c for c in ("GJ102", "GJ501", "GJ502") if c in some.output] == ["GJ102", "GJ501"]
+    assert gusjob("check", path, "--select", "GJ999").exit_code == 2
+    # A file that can't be read fails whatever is ignored.
+    assert gusjob("check", tmp_path / "none.job", "--ignore", "GJ0").exit_code == 2
+
+
+def test_statistics_count_rounds(tmp_path: Path) -> None:
+    path = write(tmp_path, MARK + "FOR i FROM 1 TO 300\nLINE X (i)\nEND\n")
+    result = gusjob("check", path, "--statistics")
+    assert result.exit_code == 1
+    assert "      150  GJ503  error    outside the field" in result.output
+    counted = json.loads(gusjob("check", path, "--statistics", "--format", "json").stdout)
+    assert counted["statistics"] == {"GJ503": 150}
+    assert counted["diagnostics"][0]["count"] == 150
+    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the round where i = 151"
+
+
+def test_explain() -> None:
+    result = gusjob("explain", "gj402")
+    assert result.exit_code == 0
+    for text in ("GJ402 error: jump with light", "The jump would be burnt", "bad:", "    JUMP X 5", "good:"):
+        assert text in result.output
+    assert "GJ715" in gusjob("explain").output
+    missing = gusjob("explain", "GJ4022")
+    assert missing.exit_code == 2
+    assert "did you mean GJ" in missing.output
+
+
+def test_faults_in_an_included_file_bear_its_name(tmp_path: Path) -> None:
+    write(tmp_path, "VEL 100\nACC 2000000\n", "setup.job")
+    top = write(tmp_path, 'INCLUDE "setup.job"\nLINE X 1\nLINE X 200\n')
+    result = gusjob("check", top)
+    assert "setup.job:2:5: error[GJ504]" in result.output
+    assert "    2 | ACC 2000000" in result.output
+    assert "x.job:1:1: note: included here" in result.output
+    assert "x.job:3:8: error[GJ503]" in result.output
+    found = json.loads(gusjob("check", top, "--format", "json").stdout)["diagnostics"]
+    assert sorted(Path(f["path"]).name for f in found) == ["setup.job", "x.job"]
+
+
+def test_compile_to_c(good: Path) -> None:
+    result = gusjob("compile", good, "--format", "c")
+    assert result.exit_code == 0
+    assert "#include GUSJOB_HEADER" in result.stdout
+
+
+def test_a_huge_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gusjob.frontend.source.MAX_FILE_MB", 0.001)
+    result = gusjob("check", write(tmp_path, b"; " + b"x" * 2000))
+    assert result.exit_code == 2
+    assert "GJ003" in result.output
+
+
+def test_run_prints_the_report(good: Path) -> None:
+    result = gusjob("run", good)
+    assert result.exit_code == 0
+    assert "2 segments in 1 stage" in result.output
+    assert "mark" in result.output
+    assert "jump" in result.output
+
+
+def test_a_job_with_errors_is_not_run(tmp_path: Path) -> None:
+    bad = write(tmp_path, MARK + "LASER ON\nLINE X 1\n")
+    for command in ("run", "report", "compile"):
+        result = gusjob(command, bad)
+        assert result.exit_code == 1
+        assert "GJ401" in result.output
+        assert result.stdout == ""
+
+
+def test_a_listing_with_refused_calls_is_reported(tmp_path: Path) -> None:
+    text = "GT_BufLaserPrfCmd(1,200,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\n"
+    path = write(tmp_path, text, "a.gts")
+    result = gusjob("report", path, "--format", "json")
+    found = json.loads(result.stdout)
+    assert found["totals"]["segments"] == 1
+    assert "GJ701" in [f["code"] for f in found["diagnostics"]]
+    assert result.exit_code == 1
+    unread = gusjob("report", write(tmp_path, "what(\n" + text, "b.gts"), "--format", "json")
+    assert (unread.exit_code, unread.stdout) == (1, "")
+
+
+def report(*args: object) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(gusjob("report", *args, "--format", "json").stdout)
+    return found
+
+
+def test_report_json(good: Path) -> None:
+    found = report(good)
+    assert found["schema"] == "gusjob-report/1"
+    assert found["period_us"] == 250
+    # JUMP: 5 mm at 100 mm/s, 10000 mm/s2: 10 ms and 0.5 mm up, 45 ms at speed, straight on into LINE, its mirror.
+    totals = found["totals"]
+    assert totals["segments"] == 2
+    assert totals["duration_ms"] == pytest.approx(110)
+    assert (totals["mark_mm"], totals["jump_mm"]) == (5, 5)
+    (channel,) = totals["channels"]
+    assert channel["unit"] == "%"
+    assert channel["emission_ms"] == pytest.approx(55)
+    assert channel["power_ms"] == pytest.approx(2750)
+    assert (channel["power_max"], channel["joules"]) == (50, None)
+    columns = found["segments"]
+    assert columns["kind"] == ["jump", "mark"]
+    assert columns["line"] == [5, 7]
+    assert columns["x_mm"] == [5, 10]
+    assert columns["start_ms"] == pytest.approx([0, 55])
+    assert columns["vel_max_mm_s"] == pytest.approx([100, 100])
+    assert columns["vel_mean_mm_s"] == pytest.approx([5 / 0.055, 5 / 0.055])
+    assert columns["ch0_power_min"] == [None, 50]
+    assert columns["ch0_joules"] == [None, None]
+    assert len({len(c) for c in columns.values()}) == 1
+    assert not any(name.startswith("ch1") for name in columns)
+    assert "segments" not in report(good, "--summary")
+
+
+def test_report_knows_watts(good: Path, tmp_path: Path) -> None:
+    profile = write(tmp_path, "[[laser]]\nchannel = 0\nrated_w = 30\n", "m.toml")
+    found = report(good, "--machine", profile)
+    # Half of 30 W for 55 ms.
+    assert found["totals"]["channels"][0]["joules"] == pytest.approx(0.825)
+    assert found["segments"]["ch0_joules"][1] == pytest.approx(0.825)
+
+
+def test_report_csv(good: Path, tmp_path: Path) -> None:
+    out = tmp_path / "r.csv"
+    assert gusjob("report", good, "--format", "csv", "-o", out).exit_code == 0
+    rows = list(csv.DictReader(io.StringIO(out.read_text(encoding="utf-8"))))
+    assert [r["kind"] for r in rows] == ["jump", "mark"]
+    assert [r["ch0_power_max"] for r in rows] == ["", "50.0"]
+    summary = list(csv.DictReader(io.StringIO(gusjob("report", good, "--format", "csv", "--summary").output)))
+    assert float(summary[0]["power_ms"]) == pytest.approx(2750)
+
+
+def test_compile_forms(good: Path, tmp_path: Path) -> None:
+    listing = gusjob("compile", good).stdout
+    assert listing.splitlines()[-1] == "GT_CrdStart(1,0)"
+    found = json.loads(gusjob("compile", good, "--format", "json").stdout)
+    assert found["schema"] == "gusjob-calls/1"
+    assert [c["call"] for c in found["calls"]][:2] == ["GT_SetAxisMode", "GT_LaserPowerMode"]
+    assert found["buffered"]["call"] == [
+        "GT_BufLaserPrfCmd", "GT_LnXY", "GT_BufLaserOn", "GT_LnXY", "GT_BufLaserOff",
+    ]  # fmt: skip
+    assert found["buffered"]["x"] == [0, 5000, 0, 10000, 0]
+    out = tmp_path / "a.gts"
+    gusjob("compile", good, "-o", out)
+    assert report(out)["totals"] == report(good)["totals"]
+
+
+def test_what_can_not_be_written(good: Path, tmp_path: Path) -> None:
+    before = good.read_bytes()
+    for command in ("compile", "report"):
+        over = gusjob(command, good, "-o", good)
+        assert over.exit_code == 2
+        assert "name another" in over.output
+        nowhere = gusjob(command, good, "-o", tmp_path / "no" / "a.gts")
+        assert nowhere.exit_code == 2
+        assert "can't write" in nowhere.output
+    assert good.read_bytes() == before
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_a_full_disk_is_no_traceback(good: Path) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "gusjob", "report", str(good)], stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert b"can't write" in done.stderr
+
+
+def test_one_fault_is_said_once(tmp_path: Path) -> None:
+    path = write(tmp_path, MARK + "LASER POWER 100\nLASER ON\nLINE X 1\nLASER OFF\n")
+    assert gusjob("report", path).output.count("GJ202") == 1
+
+
+def test_a_wrong_profile_stops_with_its_own_place(good: Path, tmp_path: Path) -> None:
+    profile = write(tmp_path, "period = 3\n", "m.toml")
+    result = gusjob("check", good, "--machine", profile)
+    assert result.exit_code == 1
+    assert f"{profile}:1:1: error[GJ602]" in result.output
+    assert "period_us" in result.output
+    assert gusjob("run", good, "--machine", tmp_path / "none.toml").exit_code == 2
+    write(tmp_path, "period_us = 10\n", "gusjob.toml")
+    assert report(good)["period_us"] == 10
+
+
+def test_a_job_does_not_steer_the_terminal(tmp_path: Path) -> None:
+    result = gusjob("check", write(tmp_path, "LINE X \x1b[31m\x07 ; \x1b]0;owned\x07\n"))
+    assert result.exit_code == 1
+    assert "\x1b" not in result.output
+    assert "\x07" not in result.output
+
+
+def test_help_names_every_command() -> None:
+    result = gusjob("--help")
+    for name in ("check", "compile", "run", "report"):
+        assert name in result.output
+        assert gusjob(name, "--help").exit_code == 0
+    assert gusjob("burn").exit_code == 2
+
+
+def test_as_a_module_and_into_a_closed_pipe() -> None:
+    job = ROOT / "jobs" / "engrave.job"
+    with subprocess.Popen(
+        [sys.executable, "-m", "gusjob", "compile", str(job)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline().startswith(b"GT_SetAxisMode")
+        process.stdout.close()
+        assert b"Traceback" not in process.stderr.read()
+
+
+def test_no_input_is_written_over(tmp_path: Path) -> None:
+    """Neither the job, nor what it includes, nor the profile; by whatever name."""
+    part = write(tmp_path, "LINE X 1\n", "part.job")
+    top = write(tmp_path, 'VEL 100\nACC 100\nINCLUDE "part.job"\n', "top.job")
+    profile = write(tmp_path, "period_us = 100\n", "gusjob.toml")
+    link = tmp_path / "link.gts"
+    link.hardlink_to(part)
+    for path in (top, part, profile, link):
+        before = path.read_bytes()
+        for words in (["compile"], ["report", "--format", "json"], ["trace", "--format", "csv"]):
+            done = gusjob(words[0], top, *words[1:], "-o", path)
+            assert (done.exit_code, "name another one with -o" in done.output) == (2, True)
+            assert path.read_bytes() == before
+
+
+def test_an_output_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interrupted or out of room in the middle: the older file stays, and nothing is left beside it."""
+    output = write(tmp_path, "old", "out.txt")
+
+    def pieces(error: BaseException) -> Iterator[bytes]:
+        yield b"new"
+        raise error
+
+    for error in (KeyboardInterrupt(), OSError(28, "No space left on device")):
+        with pytest.raises(SystemExit) as left:
+            common.write(pieces(error), output)
+        assert left.value.code == 2
+        with pytest.raises(SystemExit):
+            common.write(pieces(error), tmp_path / "other.txt")
+    with pytest.raises(ZeroDivisionError):
+        common.write(pieces(ZeroDivisionError()), output)
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"out.txt": "old"}
+    output.chmod(0o640)
+    common.write([b"new"], output)
+    assert output.read_text() == "new"
+    assert os.name != "posix" or output.stat().st_mode & 0o777 == 0o640
+
+
+def test_the_form_of_a_report_by_its_name(good: Path, tmp_path: Path) -> None:
+    starts = {
+        "a.json": b'{"schema"',
+        "a.csv": b"line,kind",
+        "a.MD": b"## ",
+        "a.html": b"<!DOCTYPE html>",
+        "a.parquet": b"PAR1",
+    }
+    for name, start in starts.items():
+        assert gusjob("report", good, "-o", tmp_path / name).exit_code == 0
+        assert (tmp_path / name).read_bytes().startswith(start), name
+    assert gusjob("report", good, "--format", "csv", "-o", tmp_path / "b.json").exit_code == 0
+    assert (tmp_path / "b.json").read_bytes().startswith(b"line,kind")
+
+
+def test_a_name_does_not_steer_the_terminal(tmp_path: Path, good: Path) -> None:
+    for words in (["watch", tmp_path / "no\x1b[31m"], ["trace", good, "-o", tmp_path / "no" / "x\x1b[31m"]):
+        done = gusjob(*words)
+        assert done.exit_code == 2
+        assert "\x1b" not in done.output
+
+
+@pytest.mark.parametrize(
+    "text", ['{"schema":"gusjob-journal/1","job":"a.j', '{"schema":"gusjob-journal/1","job":"x"}\n{"t":0.1,"part":1}\n']
+)
+def test_a_damaged_journal(tmp_path: Path, text: str) -> None:
+    done = gusjob("report", write(tmp_path, text, "x.journal"))
+    assert done.exit_code == 2
+    assert "it is damaged" in done.output
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\xfe.job"))
+    path.write_text(GOOD, encoding="utf-8")
+    for form in ("table", "json", "csv", "markdown", "html", "parquet"):
+        assert gusjob("report", path, "--format", form, "-o", tmp_path / "out").exit_code == 0
+    for form in ("vcd", "csv", "parquet", "npz"):
+        assert gusjob("trace", path, "--format", form, "-o", tmp_path / "out").exit_code == 0
+    assert json.loads(gusjob("report", path, "--format", "json").stdout)["job"].endswith("\\udcff\\udcfe.job")

@@ -1,0 +1,236 @@
+"""`gusjob watch` as users run it: a process, files that are saved, a page that follows."""
+
+from __future__ import annotations
+
+import http.client
+import os
+import queue
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support.cli import GOOD, gusjob, write
+
+from gusjob.cli.serve import PageServer
+
+PATIENCE_S = 20.0
+
+# Ctrl-C is ignored in what a shell started in the background.
+_MAIN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from gusjob.cli import main; main()"
+
+
+class Watched:
+    """A running `gusjob watch`, its lines as they come."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-u", "-c", _MAIN, "watch", "x.job", *arguments],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            encoding="utf-8",
+        )
+        self.lines: queue.Queue[str] = queue.Queue()
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.put(line.rstrip("\n"))
+
+    def until(self, text: str) -> str:
+        """The next line that holds a text."""
+        deadline, seen = time.monotonic() + PATIENCE_S, []
+        while time.monotonic() < deadline:
+            try:
+                seen.append(self.lines.get(timeout=0.1))
+            except queue.Empty:
+                assert self.process.poll() is None or not self.lines.empty(), seen
+                continue
+            if text in seen[-1]:
+                return seen[-1]
+        raise AssertionError(f"{text!r} was not said: {seen}")
+
+    def stop(self) -> int:
+        """Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+        return self.process.wait(PATIENCE_S)
+
+    def end(self) -> None:
+        """Gone, whatever it does."""
+        self.process.kill()
+        self.process.wait()
+        self.reader.join()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write(tmp_path, GOOD)
+    return tmp_path
+
+
+@pytest.fixture
+def watched(folder: Path) -> Iterator[Watched]:
+    found = Watched(folder, "--summary")
+    yield found
+    found.end()
+
+
+def saved(path: Path, text: str) -> None:
+    """Save as editors do: a new file in the place of the old one."""
+    beside = path.with_suffix(".tmp")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)
+
+
+def test_a_job_is_reported_whenever_it_is_saved(folder: Path, watched: Watched) -> None:
+    """5 mm of jump and 5 mm of mark; then 15 mm of mark; then a fault; then right again."""
+    assert "marks 5 mm, jumps 5 mm" in watched.until("segments in")
+    watched.until("no faults")
+    saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE X 20"))
+    assert "marks 15 mm, jumps 5 mm" in watched.until("segments in")
+    saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE Q 10"))
+    assert watched.until("error[").startswith("x.job:7:6: error[GJ101]")
+    (folder / "x.job").write_text(GOOD, encoding="utf-8")
+    assert "marks 5 mm" in watched.until("segments in")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Ctrl-C can't be sent to a single process elsewhere")
+def test_ctrl_c_ends_it(watched: Watched) -> None:
+    watched.until("no faults")
+    assert watched.stop() == 0
+
+
+def test_profile_and_includes_are_watched(folder: Path) -> None:
+    """A profile that comes, an included file that comes and that changes, a file that is none of the job's."""
+    (folder / "parts").mkdir()
+    write(folder, GOOD.replace("LINE X 10", 'INCLUDE "parts/part.job"'))
+    found = Watched(folder, "--summary")
+    try:
+        found.until("there is no such file")
+        write(folder, "LINE X 20\n", "other.job")
+        write(folder / "parts", "LINE X 10\n", "part.job")
+        assert "marks 5 mm" in found.until("segments in")
+        write(folder / "parts", "LINE X 30\n", "part.job")
+        assert "marks 25 mm" in found.until("segments in")
+        write(folder, "field_x_mm = [-8, 8]\n", "gusjob.toml")
+        found.until("error[GJ503]")
+    finally:
+        found.end()
+
+
+def test_the_page_follows(folder: Path) -> None:
+    pytest.importorskip("jinja2", reason="the page needs jinja2")
+    found = Watched(folder, "--page")
+    try:
+        host = found.until("http://").split("http://")[1].split("/")[0]
+        found.until("no faults")
+        old = events_of(got(host, "/")[1])
+        events = http.client.HTTPConnection(host, timeout=PATIENCE_S)
+        events.request("GET", old)
+        stream = events.getresponse()
+        saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE Q 10"))
+        assert stream.readline() == b"data: changed\n"
+        page = got(host, "/")[1]
+        assert b"GJ101" in page
+        assert events_of(page) != old
+        events.close()
+    finally:
+        found.end()
+
+
+def events_of(page: bytes) -> str:
+    """Where a page listens."""
+    found = re.search(rb'"watched":"(/events/[0-9a-f]{16})"', page)
+    assert found is not None
+    return found[1].decode()
+
+
+def got(host: str, path: str, **headers: str) -> tuple[int, bytes]:
+    connection = http.client.HTTPConnection(host, timeout=PATIENCE_S)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    try:
+        return answer.status, answer.read()
+    finally:
+        connection.close()
+
+
+def test_only_this_computer_is_served() -> None:
+    """Another name for this address (DNS rebinding) gets nothing, nor is there anything but the page."""
+    server = PageServer()
+    try:
+        events = server.new_events()
+        server.show(b"<p>1", events)
+        host = server.url.split("/")[2]
+        port = host.split(":")[1]
+        assert got(host, "/") == (200, b"<p>1")
+        assert got(host, "/", Host=f"localhost:{port}")[0] == 200
+        assert got(host, "/", Host="evil.example")[0] == 403
+        assert got(host, events, Host=f"evil.example:{port}")[0] == 403
+        assert got(host, "/x.job")[0] == 404
+        assert got(host, "/../x.job")[0] == 404
+        with pytest.raises(OSError, match=r"in use|only one usage"):
+            PageServer(int(port))
+    finally:
+        server.close()
+
+
+def test_a_page_that_is_old_is_told_at_once() -> None:
+    """Saved while the page was on its way; or the page of another run of watch at the same port."""
+    server = PageServer()
+    try:
+        host = server.url.split("/")[2]
+        first, second = server.new_events(), server.new_events()
+        server.show(b"<p>1", first)
+        server.show(b"<p>2", second)
+        for old in (first, "/events/0123456789abcdef"):
+            assert got(host, old) == (200, b"data: changed\n\n")
+    finally:
+        server.close()
+
+
+def test_a_browser_that_goes_away(capfd: pytest.CaptureFixture[str]) -> None:
+    """In the middle of a page: nothing of it is said, and others are served."""
+    server = PageServer()
+    try:
+        server.show(b"x" * 10_000_000, server.new_events())
+        host, port = server.url.split("/")[2].split(":")
+        for _ in range(3):
+            with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as browser:
+                browser.sendall(f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+                assert browser.recv(100)
+                browser.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        assert len(got(f"{host}:{port}", "/")[1]) == 10_000_000
+    finally:
+        server.close()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_port_that_is_taken(folder: Path) -> None:
+    pytest.importorskip("jinja2", reason="the page needs jinja2")
+    server = PageServer()
+    try:
+        port = server.url.rstrip("/").split(":")[-1]
+        found = gusjob("watch", folder / "x.job", "--page", "--port", port)
+        assert found.exit_code == 2
+        assert f"can't listen at port {port}" in found.output
+    finally:
+        server.close()
+
+
+def test_wrong_usage(folder: Path) -> None:
+    assert gusjob("watch", folder / "none.job").exit_code == 2
+    assert gusjob("watch", folder / "x.job", "--port", "1").exit_code == 2

@@ -1,0 +1,603 @@
+"""What CI systems read: SARIF and JUnit against the published schemas, globs, the hooks, the workflow in README.md."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlparse
+from urllib.request import url2pathname
+from xml.etree import ElementTree
+
+import pytest
+from click.testing import CliRunner, Result
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.tools import MARK, ROOT
+
+from gusjob.cli import cli
+from gusjob.diagnostics.formats.sarif import FINGERPRINT, descriptor, message_text
+from gusjob.diagnostics.rules import RULES
+
+jsonschema: Any = import_module("jsonschema")
+xmlschema: Any = import_module("xmlschema")
+yaml: Any = import_module("yaml")
+
+SCHEMAS = ROOT / "tests" / "schemas"
+GOOD = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
+WARNED = MARK + "LASER DELAY ON 20 OFF 10\n"
+NOTED = "LET unread = 1\n" + GOOD
+SARIF = jsonschema.Draft4Validator(json.loads((SCHEMAS / "sarif-schema-2.1.0.json").read_text(encoding="utf-8")))
+WORKFLOW = jsonschema.Draft7Validator(json.loads((SCHEMAS / "github-workflow.json").read_text(encoding="utf-8")))
+JUNIT = xmlschema.XMLSchema(str(SCHEMAS / "junit-10.xsd"))
+HOOKS = ROOT / ".pre-commit-hooks.yaml"
+
+
+def gusjob(*args: object) -> Result:
+    return CliRunner().invoke(cli, [str(a) for a in args], catch_exceptions=False)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, in which gusjob is called."""
+    folder = tmp_path / "checkout"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def write(path: Path, text: str | bytes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+# SARIF
+
+
+def sarif(*args: object, exit_code: int | None = None) -> dict[str, Any]:
+    """The run of a log that is valid by the schema, and whose indices point where they say."""
+    result = gusjob("check", "--format", "sarif", *args)
+    assert exit_code is None or result.exit_code == exit_code, result.output
+    log = json.loads(result.stdout)
+    SARIF.validate(log)
+    (run,) = log["runs"]
+    driver = run["tool"]["driver"]
+    assert [driver["rules"][r["ruleIndex"]]["id"] for r in run["results"]] == [r["ruleId"] for r in run["results"]]
+    assert {rule["id"] for rule in driver["rules"]} == {r["ruleId"] for r in run["results"]}
+    said = [n["descriptor"] for invocation in run["invocations"] for n in invocation["toolExecutionNotifications"]]
+    assert [driver["notifications"][d["index"]]["id"] for d in said] == [d["id"] for d in said]
+    assert dict(run)["columnKind"] == "unicodeCodePoints"
+    return dict(run)
+
+
+def place(location: dict[str, Any]) -> tuple[str, int, int, int, int]:
+    """(uri, line, column, end line, end column) of a location."""
+    physical = location["physicalLocation"]
+    region = physical["region"]
+    line, column = region["startLine"], region.get("startColumn", 1)
+    end = region.get("endLine", line), region.get("endColumn", column)
+    return (physical["artifactLocation"]["uri"], line, column, *end)
+
+
+def fingerprints(run: dict[str, Any]) -> list[str]:
+    return [result["partialFingerprints"][FINGERPRINT] for result in run["results"]]
+
+
+def test_a_result(here: Path) -> None:
+    write(here / "jobs" / "x.job", MARK + "LASER POWER 120\n")
+    run = sarif("jobs", exit_code=1)
+    (result,) = run["results"]
+    del result["partialFingerprints"]
+    assert result == {
+        "ruleId": "GJ201", "ruleIndex": 0, "level": "error",
+        "message": {"text": "LASER POWER 120 % is outside (0, 100) %"},
+        "locations": [
+            {
+                "physicalLocation": {
+                    "artifactLocation": {"uri": "jobs/x.job", "uriBaseId": "%SRCROOT%"},
+                    "region": {"startLine": 4, "startColumn": 13, "endLine": 4, "endColumn": 16},
+                }
+            }
+        ],
+    }  # fmt: skip
+    driver = run["tool"]["driver"]
+    assert driver["name"] == "gusjob"
+    assert gusjob("--version").output.split()[-1] == driver["version"]
+    assert "informationUri" not in driver
+    assert "%SRCROOT%" in run["originalUriBaseIds"]
+    assert run["invocations"] == [{"executionSuccessful": True, "toolExecutionNotifications": []}]
+
+
+def test_every_fault_is_a_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT / "tests")
+    found = json.loads(gusjob("check", "--format", "json", "bad", "good").stdout)["diagnostics"]
+    wanted = {
+        (f["path"], f["line"], f["column"], f["end_line"], f["end_column"], f["code"], f["severity"]) for f in found
+    }
+    run = sarif("bad", "good", exit_code=1)
+    made = [(*place(result["locations"][0]), result["ruleId"], result["level"]) for result in run["results"]]
+    assert len(found) > 100
+    assert {(unquote(one[0]), *one[1:]) for one in made} == wanted
+    # What is told of several jobs is one result: as often as it was told.
+    assert sum(f.get("count", 1) for f in found) == sum(r.get("occurrenceCount", 1) for r in run["results"])
+    assert len(set(fingerprints(run))) == len(run["results"])
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=RULES.keys())
+def test_a_rule(rule: Any) -> None:
+    made = descriptor(rule)
+    definitions = SARIF.schema["definitions"]
+    jsonschema.Draft4Validator({**definitions["reportingDescriptor"], "definitions": definitions}).validate(made)
+    assert re.fullmatch(r"([A-Z0-9]\w*)+", made["name"])
+    assert made["shortDescription"]["text"].lower() == rule.title.lower() + "."
+    assert made["fullDescription"]["text"].rstrip(".")[1:] == rule.why.rstrip(".")[1:]
+    for example in (rule.bad, rule.good):
+        assert example.rstrip("\n") in made["help"]["text"]
+        assert example.rstrip("\n") in made["help"]["markdown"]
+    assert made["defaultConfiguration"] == {"level": rule.severity.value}
+
+
+def test_columns_count_code_points(here: Path) -> None:
+    text = 'INCLUDE "\U0001d11e\U0001d11e.job" QQ\n'
+    write(here / "x.job", text)
+    places = [place(result["locations"][0]) for result in sarif("x.job")["results"]]
+    assert "QQ" in [text[column - 1 : end - 1] for _, _, column, _, end in places]
+
+
+@pytest.mark.parametrize("name", ["a b.job", "50%#1?.job", "täg/ö&ü.job", "c:d.job", "[x](y).job"])
+def test_names_of_files_are_uris(here: Path, name: str) -> None:
+    if os.name == "nt" and set(name) & set('?:"'):
+        pytest.skip("Windows allows no such name")
+    write(here / name, "QQ\n")
+    (result,) = sarif(name)["results"]
+    location = result["locations"][0]["physicalLocation"]["artifactLocation"]
+    assert re.fullmatch(r"([A-Za-z0-9_.~/-]|%[0-9A-F]{2})+", location["uri"])  # RFC 3986, 2.3.
+    assert unquote(location["uri"]) == name
+    assert location["uriBaseId"] == "%SRCROOT%"
+
+
+def test_a_name_that_is_no_text(here: Path) -> None:
+    try:
+        Path(os.fsdecode(b"\xff.job")).write_text("QQ\n", encoding="utf-8")
+    except (OSError, UnicodeError):
+        pytest.skip("this file system takes names of text only")
+    uris = [place(result["locations"][0])[0] for result in sarif(".")["results"]]
+    assert uris == ["%FF.job"]
+
+
+def test_files_elsewhere_are_absolute(here: Path) -> None:
+    outside = write(here.parent / "out side.job", "QQ\n")
+    write(here / "in" / "x.job", "QQ\n")
+    for name in (outside, Path("..") / outside.name):
+        (result,) = sarif(name)["results"]
+        location = result["locations"][0]["physicalLocation"]["artifactLocation"]
+        assert "uriBaseId" not in location
+        assert urlparse(location["uri"]).scheme == "file"
+        assert Path(url2pathname(urlparse(location["uri"]).path)) == outside
+    # The same file, however it is written.
+    for name in (here / "in" / "x.job", Path("in") / ".." / "in" / "x.job"):
+        assert place(sarif(name)["results"][0]["locations"][0])[0] == "in/x.job"
+
+
+def test_rounds_and_other_places(here: Path) -> None:
+    # X i for i = 1..300: from 151 on it is outside of -150..150 mm, 150 times, and first in the round i = 151.
+    write(here / "x.job", MARK + "FOR i FROM 1 TO 300\nLINE X (i)\nEND\n")
+    (result,) = sarif("x.job")["results"]
+    assert result["ruleId"] == "GJ503"
+    assert result["occurrenceCount"] == 150
+    related = [(r["message"]["text"], place(r)[:2]) for r in result["relatedLocations"]]
+    assert ("in the round where i = 151", ("x.job", 4)) in related
+
+
+def test_a_fault_in_a_shared_file_is_one_result(here: Path) -> None:
+    write(here / "setup.job", "VEL 100\nACC 2000000\n")
+    for name in ("a.job", "b.job"):
+        write(here / name, '; first\nINCLUDE "setup.job"\nLINE X 1\n')
+    run = sarif("a.job", "b.job")
+    (result,) = run["results"]
+    assert place(result["locations"][0])[:3] == ("setup.job", 2, 5)
+    assert result["occurrenceCount"] == 2
+    assert [place(r)[:2] for r in result["relatedLocations"]] == [("a.job", 2), ("b.job", 2)]
+
+
+def test_fingerprints_stay_with_their_lines(here: Path) -> None:
+    lines = [*MARK.splitlines(), "LINE X 200", "LINE X 300", "LINE X 200"]
+    job = write(here / "x.job", "\n".join(lines))
+    before = fingerprints(sarif(job))
+    assert len(set(before)) == 3
+    write(job, "\n".join(["; one", "", *lines[:3], "DWELL 1ms", *lines[3:]]))
+    assert fingerprints(sarif(job)) == before
+    write(job, "\n".join([*lines[:3], *(f"   {line.replace(' ', '  ')}" for line in lines[3:])]))
+    assert fingerprints(sarif(job)) == before
+    write(job, "\n".join([*lines[:4], "LINE X 301", *lines[5:]]))
+    after = fingerprints(sarif(job))
+    assert [a == b for a, b in zip(after, before, strict=True)] == [True, False, True]
+    moved = write(here / "y.job", "\n".join(lines))
+    assert not set(fingerprints(sarif(moved))) & set(before)
+
+
+def test_a_fault_of_a_whole_file_keeps_its_fingerprint(here: Path) -> None:
+    job = write(here / "x.job", "; nothing\n")
+    before = fingerprints(sarif(job))
+    write(job, "; more\n; nothing\n")
+    assert len(before) == 1
+    assert fingerprints(sarif(job)) == before
+
+
+def test_strict_leaves_levels_alone(here: Path) -> None:
+    write(here / "x.job", WARNED)
+    lax, strict = sarif("x.job", exit_code=0), sarif("--strict", "x.job", exit_code=1)
+    assert [result["level"] for result in lax["results"]] == ["warning"]
+    assert strict == lax
+
+
+def test_files_that_cannot_be_read(here: Path) -> None:
+    write(here / "x.job", "QQ\n")
+    write(here / "y.job", b"LINE X \xe9\n")
+    run = sarif("none.job", "x.job", "y.job", exit_code=2)
+    assert [result["ruleId"] for result in run["results"]] == ["GJ102"]
+    (invocation,) = run["invocations"]
+    assert invocation["executionSuccessful"] is False
+    said = invocation["toolExecutionNotifications"]
+    assert [(n["descriptor"]["id"], n["level"], place(n["locations"][0])[0]) for n in said] == [
+        ("GJ001", "error", "none.job"),
+        ("GJ002", "error", "y.job"),
+    ]
+
+
+def test_only_what_is_selected(here: Path) -> None:
+    write(here / "x.job", "LINE X 1\nQQ\n")
+    assert [result["ruleId"] for result in sarif("x.job", "--select", "GJ1")["results"]] == ["GJ102"]
+
+
+def test_a_profile_is_judged_once(here: Path) -> None:
+    write(here / "gusjob.toml", "period_us = -1\n")
+    for name in ("a.job", "b.job"):
+        write(here / name, GOOD)
+    (result,) = sarif(".")["results"]
+    assert result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"] == "gusjob.toml"
+    assert result["occurrenceCount"] == 2
+
+
+@given(st.text(max_size=30))
+def test_braces_in_a_message_are_no_placeholders(text: str) -> None:
+    # str.format reads doubled braces as SARIF does (3.11.5), and complains of single ones.
+    made = message_text(text).format()
+    assert len(made.replace("\\[", "[")) == len(text.replace("\\[", "["))
+    assert not re.search(r"(?<!\\)\[[^\[\]]*\]\(", made)
+
+
+def test_links_in_a_message_are_text() -> None:
+    assert message_text("[x](1)") == "\\[x](1)"
+    assert message_text("x [mm] {y}") == "x [mm] {{y}}"
+
+
+# JUnit
+
+
+def junit(*args: object, exit_code: int | None = None) -> ElementTree.Element:
+    """The top element of a file that is valid by the schema, and whose counts are true."""
+    result = gusjob("check", "--format", "junit", *args)
+    assert exit_code is None or result.exit_code == exit_code, result.output
+    JUNIT.validate(result.stdout)
+    top = ElementTree.fromstring(result.stdout)
+    for element in (top, *top):
+        cases = list(element.iter("testcase"))
+        assert int(element.attrib["tests"]) == len(cases) > 0
+        for count, kind in (("failures", "failure"), ("errors", "error")):
+            assert int(element.attrib[count]) == sum(case.find(kind) is not None for case in cases)
+    return top
+
+
+def outcomes(suite: ElementTree.Element) -> list[str]:
+    """What became of each case."""
+    return [next((child.tag for child in case), "passed") for case in suite.iter("testcase")]
+
+
+def test_a_suite_a_file_and_a_case_a_fault(here: Path) -> None:
+    names = {"good.job": GOOD, "warn.job": WARNED, "note.job": NOTED, "bad.job": "QQ\nZZ\n"}
+    for name, text in names.items():
+        write(here / name, text)
+    top = junit(*names, "none.job", exit_code=2)
+    assert {suite.get("name"): outcomes(suite) for suite in top} == {
+        "good.job": ["passed"],
+        "warn.job": ["system-out"],
+        "note.job": ["system-out"],
+        "bad.job": ["failure", "failure"],
+        "none.job": ["error"],
+    }
+    strict = junit("--strict", *names, exit_code=1)
+    assert [kind for suite in strict for kind in outcomes(suite)] == [
+        "passed", "failure", "system-out", "failure", "failure",
+    ]  # fmt: skip
+
+
+def test_a_failure_says_what_the_text_says(here: Path) -> None:
+    write(here / "x.job", MARK + "LASER POWER 120\n")
+    (case,) = junit("x.job", exit_code=1).iter("testcase")
+    assert case.attrib == {"name": "GJ201 value out of range (4:13)", "classname": "x.job", "time": "0"}
+    (failure,) = case
+    assert failure.attrib == {"type": "GJ201", "message": "LASER POWER 120 % is outside (0, 100) %"}
+    assert failure.text is not None
+    assert failure.text.splitlines() == gusjob("check", "x.job").stdout.splitlines()
+
+
+def test_every_fault_is_a_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT / "tests")
+    found = json.loads(gusjob("check", "--format", "json", "bad", "good").stdout)["diagnostics"]
+    top = junit("bad", "good")
+    wanted = sorted((f["path"], f["code"], f["line"], f["column"]) for f in found)
+    made, keys = [], []
+    for suite in top:
+        for case in suite:
+            name = re.fullmatch(r"(GJ\d+) .* \((\d+):(\d+)\)( #\d+)?", case.attrib["name"])
+            keys.append((suite.get("name"), case.get("classname"), case.get("name")))
+            if name:
+                made.append((case.attrib["classname"], name[1], int(name[2]), int(name[3])))
+    assert sorted(made) == wanted
+    assert len(set(keys)) == len(keys)
+
+
+def test_text_that_xml_does_not_hold(here: Path) -> None:
+    name = "a&b'.job" if os.name == "nt" else "a<b>&'\"\x01\n]]>.job"
+    write(here / name, b"\x01\x1b[31m ]]> <x> & \"'\xef\xbf\xbe\xef\xbf\xbf\xc2\x85\xe2\x80\xa8\nLINE X ]]> 1\n")
+    top = junit(name, exit_code=1)
+    assert "]]>" in "".join(top.itertext())
+    shown = "".join(c if c.isprintable() else "\ufffd" for c in name)
+    assert [suite.get("name") for suite in top] == [shown]
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.one_of(st.text(max_size=60).map(lambda t: t.encode("utf-8", "ignore")), st.binary(max_size=40)))
+def test_any_file_makes_valid_logs(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
+    job = write(tmp_path_factory.mktemp("any") / "x.job", data)
+    run, top = sarif(job), junit(job)
+    told = len(run["results"]) + len(run["invocations"][0]["toolExecutionNotifications"])
+    assert told <= len(list(top.iter("testcase")))
+
+
+# -o and PATHS
+
+
+@pytest.mark.parametrize("form", ["json", "sarif", "junit"])
+def test_output_goes_to_a_file(here: Path, form: str) -> None:
+    write(here / "x.job", "QQ\n")
+    printed = gusjob("check", "--format", form, "x.job")
+    result = gusjob("check", "--format", form, "-o", "out", "x.job")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == "1 file: 1 error\n"
+    assert (here / "out").read_bytes() == printed.stdout_bytes
+    over = gusjob("check", "--format", form, "-o", "x.job", "x.job")
+    assert over.exit_code == 2
+    assert (here / "x.job").read_text(encoding="utf-8") == "QQ\n"
+    nowhere = gusjob("check", "--format", form, "-o", "none/out", "x.job")
+    assert nowhere.exit_code == 2
+    assert "can't write" in nowhere.stderr
+
+
+def test_what_does_not_go_together(here: Path) -> None:
+    write(here / "x.job", GOOD)
+    for args in (["-o", "out"], ["--statistics", "--format", "sarif"], ["--statistics", "--format", "junit"]):
+        result = gusjob("check", "x.job", *args)
+        assert result.exit_code == 2
+        assert "Usage" in result.stderr
+    assert not (here / "out").exists()
+
+
+def checked(*paths: object) -> list[str]:
+    """The files that are checked, in order."""
+    return [str(suite.get("name")).replace(os.sep, "/") for suite in junit(*paths)]
+
+
+def test_globs(here: Path) -> None:
+    for name in ("b.job", "a.job", "c.gts", "d.txt", "in/e.job", "in/deep/f.JOB", ".hidden/g.job", "in/.h.job"):
+        write(here / name, GOOD if not name.endswith("gts") else "GT_CrdStart(1,0)\n")
+    assert checked("*.job") == ["a.job", "b.job"]
+    assert checked("[bc].*") == ["b.job", "c.gts"]
+    assert checked("?.job", "in/*") == ["a.job", "b.job", "in/deep/f.JOB", "in/e.job"]
+    assert checked("**/e.job", "**/a.job") == ["in/e.job", "a.job"]
+    assert checked(here / "in" / "*.job") == [(here / "in" / "e.job").as_posix()]
+    assert checked("**/*.job") == ["a.job", "b.job", "in/e.job"]
+
+
+@pytest.mark.parametrize("pattern", ["*.gts", "in/*.job", "[x].job", "**/*.gts", "empty*"])
+def test_a_glob_that_finds_nothing(here: Path, pattern: str) -> None:
+    write(here / "a.job", GOOD)
+    (here / "empty").mkdir()
+    result = gusjob("check", "a.job", pattern)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr == f"gusjob: {pattern}: no file matches\n"
+
+
+def test_a_name_with_brackets_is_a_name(here: Path) -> None:
+    write(here / "part[1].job", GOOD)
+    write(here / "part1.job", GOOD)
+    assert checked("part[1].job") == ["part[1].job"]
+
+
+def test_a_file_named_twice_is_checked_once(here: Path) -> None:
+    write(here / "a.job", GOOD)
+    write(here / "in" / "b.job", GOOD)
+    assert checked("in/../a.job", "a.job", "./a.job", here / "a.job", "*.job", ".") == ["in/../a.job", "in/b.job"]
+    result = gusjob("check", "none.job", "./none.job")
+    assert "1 file: 1 error" in result.stderr
+
+
+def test_a_link_is_a_name_of_its_own(here: Path) -> None:
+    write(here / "a.job", GOOD)
+    try:
+        (here / "b.job").symlink_to("a.job")
+    except OSError:
+        pytest.skip("links need rights here")
+    assert checked(".") == ["a.job", "b.job"]
+
+
+# pre-commit and CI
+
+
+@pytest.fixture
+def shell(tmp_path: Path) -> dict[str, str]:
+    """An environment in which `gusjob` is this one, and git asks nobody who it is."""
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    command = tools / "gusjob"
+    command.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m gusjob "$@"\n', encoding="utf-8")
+    command.chmod(0o755)
+    who = {f"GIT_{who}_{what}": "a@b.example" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    paths = os.pathsep.join([str(tools), os.environ["PATH"]])
+    old = {name: value for name, value in os.environ.items() if not name.startswith(("GIT_", "GITHUB_"))}
+    return {**old, **who, "PATH": paths, "GIT_CONFIG_GLOBAL": os.devnull, "GIT_CONFIG_SYSTEM": os.devnull}
+
+
+def need_posix(*tools: str) -> None:
+    for tool in tools:
+        if os.name == "nt" or shutil.which(tool) is None:
+            pytest.skip(f"{tool} is missing")
+
+
+def git(folder: Path, shell: dict[str, str], *args: str) -> None:
+    subprocess.run(["git", *args], cwd=folder, env=shell, check=True, capture_output=True)
+
+
+def committed(folder: Path, shell: dict[str, str], branch: str = "main") -> None:
+    """All of a folder as one more commit."""
+    if not (folder / ".git").exists():
+        git(folder, shell, "init", "--quiet", "--initial-branch", branch)
+    git(folder, shell, "add", "--all")
+    git(folder, shell, "commit", "--quiet", "--message", "x")
+
+
+def hooks() -> dict[str, dict[str, Any]]:
+    return {hook["id"]: hook for hook in yaml.safe_load(HOOKS.read_text(encoding="utf-8"))}
+
+
+def test_the_hooks_take_the_files_that_are_theirs() -> None:
+    assert set(hooks()) == {"gusjob-check", "gusjob-fmt"}
+    for name, wanted in (("gusjob-check", ["a.job", "in/b.JOB", "c.gts"]), ("gusjob-fmt", ["a.job", "in/b.JOB"])):
+        hook = hooks()[name]
+        names = ["a.job", "in/b.JOB", "c.gts", "d.txt", "e.job.bak", "job", "f.jobs"]
+        assert [n for n in names if re.search(hook["files"], n)] == wanted
+        assert hook["language"] == "python"
+
+
+@pytest.mark.parametrize("hook", ["gusjob-check", "gusjob-fmt"])
+def test_a_hook_runs(here: Path, hook: str) -> None:
+    program, command = shlex.split(hooks()[hook]["entry"])
+    assert program == "gusjob"
+    assert gusjob(command, write(here / "a.job", GOOD), write(here / "b.job", GOOD)).exit_code == 0
+    assert gusjob(command, write(here / "bad.job", "QQ\n")).exit_code == 1
+
+
+def test_pre_commit_runs_the_hook(tmp_path: Path, shell: dict[str, str]) -> None:
+    need_posix("git")
+    if find_spec("pre_commit") is None:
+        pytest.skip("pre-commit is not installed")
+    shell["PRE_COMMIT_HOME"] = str(tmp_path / "home")
+
+    def pre_commit(*args: object) -> subprocess.CompletedProcess[str]:
+        called = [sys.executable, "-m", "pre_commit", *map(str, args)]
+        return subprocess.run(called, cwd=work, env=shell, capture_output=True, text=True, encoding="utf-8")
+
+    # `language: python` would fetch what gusjob needs; here that stands ready, and no network is asked for.
+    text = HOOKS.read_text(encoding="utf-8")
+    assert text.count("language: python") == 2
+    write(tmp_path / "hooks" / HOOKS.name, text.replace("language: python", "language: system"))
+    committed(tmp_path / "hooks", shell)
+    work = tmp_path / "work"
+    write(work / "a.job", GOOD)
+    write(work / "notes.txt", "QQ\n")
+    committed(work, shell)
+    assert pre_commit("validate-manifest", HOOKS).returncode == 0
+    clean = pre_commit("try-repo", tmp_path / "hooks", "gusjob-check", "--all-files", "--verbose")
+    assert clean.returncode == 0, clean.stdout + clean.stderr
+    assert "1 file: clean" in clean.stdout
+    write(work / "in" / "b.gts", "GT_QQ(1)\n")
+    committed(work, shell)
+    bad = pre_commit("try-repo", tmp_path / "hooks", "gusjob-check", "--all-files")
+    assert bad.returncode == 1
+    assert "in/b.gts:1:1: error[GJ112]" in bad.stdout
+    assert "notes.txt" not in bad.stdout
+
+
+def blocks() -> list[Any]:
+    """The YAML blocks of the chapter."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8").split("\n## In CI\n")[1].split("\n## ")[0]
+    found = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    return [yaml.safe_load(re.sub(r"(?m)^on:", '"on":', block)) for block in found]  # In YAML 1.1 a bare on is true.
+
+
+def own_commands(steps: list[str]) -> list[str]:
+    """Commands that are ours; the line that installs gusjob is known and left out."""
+    ours = [step for step in steps if not step.startswith("python -m pip install gusjob")]
+    assert len(ours) == len(steps) - 1
+    assert all("gusjob " in step for step in ours)
+    return ours
+
+
+def test_the_workflow_is_one() -> None:
+    workflow = blocks()[0]
+    WORKFLOW.validate(workflow)
+    assert list(WORKFLOW.iter_errors({**workflow, "jobs": {"gusjob": {"steps": "x"}}}))
+    steps = workflow["jobs"]["gusjob"]["steps"]
+    sarif_file = next(step["with"]["sarif_file"] for step in steps if "upload-sarif" in step.get("uses", ""))
+    assert any(f"-o {sarif_file} " in step.get("run", "") for step in steps)
+
+
+@pytest.mark.parametrize("bad", [False, True])
+def test_the_workflow_runs(tmp_path: Path, shell: dict[str, str], bad: bool) -> None:
+    need_posix("git", "bash")
+    base, checkout, temp = tmp_path / "base", tmp_path / "checkout", tmp_path / "temp"
+    temp.mkdir()
+    for name in ("co2_cut.job", "manual_direct.job"):
+        write(base / "jobs" / name, (ROOT / "jobs" / name).read_bytes())
+    write(base / "jobs" / "part.job", GOOD)
+    committed(base, shell)
+    git(tmp_path, shell, "clone", "--quiet", str(base), str(checkout))
+    # The mark is made 15 instead of 5 mm long, and one job is new.
+    write(checkout / "jobs" / "part.job", GOOD.replace("LINE X 10", "LINE X 20"))
+    write(checkout / "jobs" / "new.job", "QQ\n" if bad else GOOD)
+    committed(checkout, shell)
+    summary = tmp_path / "summary.md"
+    shell |= {"GITHUB_BASE_REF": "main", "RUNNER_TEMP": str(temp), "GITHUB_STEP_SUMMARY": str(summary)}
+    steps = blocks()[0]["jobs"]["gusjob"]["steps"]
+    codes = []
+    for command in own_commands([step["run"] for step in steps if "run" in step]):
+        called = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", command]  # As the runner calls it.
+        done = subprocess.run(called, cwd=checkout, env=shell, capture_output=True, text=True, encoding="utf-8")
+        assert done.returncode in (0, 1), done.stderr
+        codes.append(done.returncode)
+    assert codes == [int(bad), 0]
+    log = json.loads((checkout / "gusjob.sarif").read_text(encoding="utf-8"))
+    SARIF.validate(log)
+    errors = [r["locations"][0] for r in log["runs"][0]["results"] if r["level"] == "error"]
+    assert [place(location)[:2] for location in errors] == ([("jobs/new.job", 1)] if bad else [])
+    text = summary.read_text(encoding="utf-8")
+    parts = {part.split("`")[1]: part for part in re.split(r"(?m)^(?=## `)", text)[1:]}
+    assert sorted(parts) == sorted(f"jobs/{path.name}" for path in (checkout / "jobs").glob("*.job"))
+    # At 100 mm/s 5 mm take 50 ms and 15 mm 150 ms, each with the same 5 ms of getting up to speed at both ends.
+    assert re.search(r"duration.*\b110\b.*\b210\b", parts["jobs/part.job"]), parts["jobs/part.job"]
+    assert ("Not run" in parts["jobs/new.job"]) is bad
+
+
+def test_the_gitlab_job_runs(here: Path) -> None:
+    job = blocks()[1]["gusjob"]
+    write(here / "jobs" / "part.job", WARNED)
+    (command,) = own_commands(job["script"])
+    assert gusjob(*shlex.split(command)[1:]).exit_code == 1
+    top = ElementTree.parse(here / job["artifacts"]["reports"]["junit"]).getroot()
+    assert outcomes(top) == ["failure"]
+
+
+def test_the_hooks_in_the_readme_are_there() -> None:
+    (repo,) = blocks()[2]["repos"]
+    assert {hook["id"] for hook in repo["hooks"]} <= set(hooks())

@@ -1,0 +1,96 @@
+"""INCLUDE: what is read and what never is, and lines that keep their file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gusjob.cli.check_command import judged
+from gusjob.pipeline import compiled
+from gusjob.report.rows import make_report
+from gusjob.simulate import interpret
+
+HEAD = "LASER MODE DUTY CARRIER 10\nVEL 100\nACC 5000\nLASER POWER 30\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The job's folder, with a job outside of it."""
+    inside = tmp_path / "inside"
+    (inside / "parts").mkdir(parents=True)
+    (tmp_path / "outside.job").write_text("LINE X 1\n", encoding="utf-8")
+    return inside
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_bytes(text.encode())
+    return path
+
+
+def said(top: Path) -> list[tuple[str, str]]:
+    return [(f.rule.code, f.message) for f in judged(top, None).faults]
+
+
+@pytest.mark.parametrize("name", ["../outside.job", "parts/../../outside.job", "..\\outside.job"])
+def test_nothing_outside_the_folder_is_read(folder: Path, name: str) -> None:
+    ((code, message),) = said(write(folder / "top.job", f'INCLUDE "{name}"\n'))
+    assert code == "GJ138"
+    assert "outside the job's folder" in message
+
+
+def test_no_link_leads_outside(folder: Path) -> None:
+    link = folder / "link.job"
+    try:
+        link.symlink_to(folder.parent / "outside.job")
+    except OSError:
+        pytest.skip("this system makes no links")
+    ((code, message),) = said(write(folder / "top.job", 'INCLUDE "link.job"\n'))
+    assert code == "GJ138"
+    assert "outside the job's folder" in message
+
+
+@pytest.mark.parametrize("name", ["/outside.job", "C:\\outside.job", "\\\\host\\outside.job"])
+def test_only_relative_names(folder: Path, name: str) -> None:
+    ((code, message),) = said(write(folder / "top.job", f'INCLUDE "{name}"\n'))
+    assert code == "GJ138"
+    assert "relative" in message
+
+
+def test_a_cycle_ends(folder: Path) -> None:
+    write(folder / "parts" / "a.job", 'INCLUDE "b.job"\n')
+    write(folder / "parts" / "b.job", 'INCLUDE "a.job"\n')
+    assert [m for _, m in said(write(folder / "top.job", 'INCLUDE "parts/a.job"\n'))] == [
+        'can\'t include "a.job": it includes itself'
+    ]
+
+
+def test_lines_are_those_of_their_files(folder: Path) -> None:
+    write(
+        folder / "parts" / "mark.job", '\ufeff; a part\r\nINCLUDE "move.job"\r\nLASER ON\r\nLINE Y 2\r\nLASER OFF\r\n'
+    )
+    write(folder / "parts" / "move.job", "JUMP X 5\n")
+    top = write(folder / "top.job", HEAD + 'REPEAT 2\nINCLUDE "parts/mark.job"\nJUMP Y 0\nEND\nLINE X 0\n')
+    loaded = judged(top, None)
+    assert loaded.faults == []
+    stream = compiled(loaded)
+    assert stream is not None
+    trace, _ = interpret(stream, loaded.machine)
+    assert trace is not None
+    report = make_report(trace, loaded.machine, loaded.files)
+    names = [Path(name).name for name in report.notes["files"]]
+    where = zip(report.columns["file"].tolist(), report.columns["line"].tolist(), strict=True)
+    rounds = [("move.job", 1), ("mark.job", 4), ("top.job", 7)]
+    assert [(names[file], line) for file, line in where] == [*rounds, *rounds, ("top.job", 9)]
+
+
+@pytest.mark.parametrize(("first", "second"), [("a1", "a01"), ("a1.5", "a1.50"), ("p 007", "p 7")])
+def test_digits_of_a_name_are_no_numbers(folder: Path, first: str, second: str) -> None:
+    """Names whose digits have one value are two files."""
+    write(folder / f"{first}.job", "DWELL 1\n")
+    write(folder / f"{second}.job", "DWELL 2\n")
+    for names in ((first, second), (second, first)):
+        top = write(folder / "top.job", "".join(f'INCLUDE "{name}.job"\n' for name in names))
+        stream = compiled(judged(top, None))
+        assert stream is not None
+        assert stream.buffered.p.tolist() == [1 if name == first else 2 for name in names]

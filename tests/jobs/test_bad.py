@@ -1,0 +1,122 @@
+"""Every fault is found where it stands and nowhere else: `; error: CODE` on the line of the file demands just that."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from support.tools import ROOT
+
+from gusjob.cli.check_command import judged
+from gusjob.cli.text import diagnostic_text
+from gusjob.config.profile import read_machine
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.diagnostics.rules import RULES
+from gusjob.frontend import check_text, read_job, read_source
+
+BAD = ROOT / "tests" / "bad"
+_MARK = re.compile(r"(error|warning|note): (GJ\d+)")
+Found = Counter[tuple[int, str, str]]
+
+ELSEWHERE = {"GJ001", "GJ002", "GJ003", "GJ004", "GJ005", "GJ006", *(code for code in RULES if code[:3] == "GJ9")}
+"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: test_hardware."""
+
+
+def files() -> list[Path]:
+    return sorted(p for p in BAD.iterdir() if ".machine" not in p.name)
+
+
+def demanded(path: Path) -> Found:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return Counter((n, *mark) for n, line in enumerate(lines, 1) for mark in _MARK.findall(line))
+
+
+def faults_of(path: Path) -> list[Diagnostic]:
+    if path.suffix == ".toml":
+        return read_machine(path)[1]
+    profile = path.with_suffix(".machine.toml")
+    return judged(path, profile if profile.exists() else None).faults
+
+
+@pytest.mark.parametrize("path", files(), ids=lambda p: p.name)
+def test_file_has_just_these_faults(path: Path) -> None:
+    found = Counter((f.span.line, f.severity.value, f.rule.code) for f in faults_of(path))
+    assert found == demanded(path)
+
+
+def test_every_rule_is_hit() -> None:
+    marked = {code for path in files() for _, _, code in demanded(path)}
+    assert marked | ELSEWHERE == set(RULES)
+    assert not marked & ELSEWHERE
+
+
+@pytest.mark.parametrize("path", files(), ids=lambda p: p.name)
+def test_messages_are_whole(path: Path) -> None:
+    """Every template gets all its fields, and every span lies in its line."""
+    source, _ = read_source(path)
+    assert source is not None
+    for fault in faults_of(path):
+        text = diagnostic_text(fault, lambda span, _: source.line(span.line), color=False)
+        assert "{" not in fault.message
+        assert fault.rule.code in text
+        line = source.line(fault.span.line)
+        assert 1 <= fault.span.column <= len(line) + 1
+        assert fault.span.end_column <= len(line) + 2
+
+
+def test_a_caret_stands_under_the_value() -> None:
+    path = BAD / "units.job"
+    source, _ = read_source(path)
+    assert source is not None
+    fault = next(f for f in faults_of(path) if f.rule is rules.WRONG_UNIT)
+    text = diagnostic_text(fault, lambda span, _: source.line(span.line), color=False).splitlines()
+    assert text[1].index("20kHz") == text[2].index("^^^^^")
+
+
+def test_a_nearly_right_word_gets_the_right_one() -> None:
+    messages = {f.span.line: f.message for f in faults_of(BAD / "words.job")}
+    assert "did you mean LINE?" in messages[4]
+
+
+def test_many_faults_are_counted_not_listed() -> None:
+    text = "LASER MODE DUTY CARRIER 10\nVEL 1\nACC 1\n" + "LASER POWER 200\n" * 5000 + "QQ 1\n" * 3000
+    from gusjob.config.machine import Machine
+    from gusjob.lint import check
+
+    source, _ = check_text(text.encode(), "a.job")
+    assert source is not None
+    job, faults = read_job(source, Machine())
+    assert sum(f.rule is rules.UNKNOWN_STATEMENT for f in faults) == 1000
+    assert [f.fields["count"] for f in faults if f.rule is rules.MORE] == [2000]
+    judged_faults = check(job, Machine())
+    assert sum(f.rule is rules.OUT_OF_RANGE for f in judged_faults) == 1000
+    assert [f.fields["count"] for f in judged_faults if f.rule is rules.MORE] == [4000]
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [("LASER POWER 5V", "GJ203"), ("VEL 0", "GJ201"), ("VEL 20000", "GJ504")],
+)
+def test_every_rule_counts_what_it_does_not_list(line: str, code: str) -> None:
+    from gusjob.config.machine import Machine
+    from gusjob.lint import check
+
+    source, _ = check_text(f"LASER MODE DUTY CARRIER 10\nVEL 1\nACC 1\n{(line + chr(10)) * 1500}".encode(), "a.job")
+    assert source is not None
+    found = check(read_job(source, Machine())[0], Machine())
+    listed = sum(f.rule.code == code for f in found)
+    more = sum(f.fields["count"] for f in found if f.rule is rules.MORE and f.fields["code"] == code)
+    assert listed == 1000
+    assert listed + more == 1500
+
+
+def test_a_line_without_end_is_refused() -> None:
+    source, _ = check_text(b"LINE X 1" + b" " * 20_000 + b"Y 2\nQQ\n", "a.job")
+    assert source is not None
+    from gusjob.config.machine import Machine
+
+    _, faults = read_job(source, Machine())
+    assert [(f.rule.code, f.span.line) for f in faults] == [("GJ006", 1), ("GJ102", 2)]

@@ -1,0 +1,134 @@
+"""Trapezoids and look-ahead against closed forms and plain loops."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gusjob.kinematics.trapezoids import corner_velocity, look_ahead, reached_ends, running_sum, trapezoids
+
+A = np.array
+
+
+def one(length: float, start: float, vel: float, end: float, acc: float) -> tuple[float, float, float, float]:
+    t = trapezoids(A([length]), A([start]), A([vel]), A([end]), A([acc]))
+    return float(t.rise_ms[0]), float(t.cruise_ms[0]), float(t.fall_ms[0]), float(t.peak[0])
+
+
+def test_trapezoid_with_a_cruise() -> None:
+    # 50 pulse/ms at 2 pulse/ms2: 25 ms and 625 pulse up and down; 98750 pulse at 50 are 1975 ms.
+    assert one(100_000, 0, 50, 0, 2) == pytest.approx((25, 1975, 25, 50), rel=1e-15)
+
+
+def test_triangle() -> None:
+    # 100 pulse: v^2 = a*L = 200.
+    peak = math.sqrt(200)
+    assert one(100, 0, 50, 0, 2) == pytest.approx((peak / 2, 0, peak / 2, peak), rel=1e-14)
+
+
+def test_ramps_to_and_from_other_velocities() -> None:
+    # From 10 to 30 over the shortest length that allows it: (900 - 100) / 4 = 200 pulse.
+    assert one(200, 10, 50, 30, 2) == pytest.approx((10, 0, 0, 30), rel=1e-12)
+    assert one(200, 30, 50, 10, 2) == pytest.approx((0, 0, 10, 30), rel=1e-12)
+
+
+def test_a_start_above_the_velocity_slows_down_first() -> None:
+    # From 40 to 20 takes 10 ms and 300 pulse at 2 pulse/ms2; from 20 to 0 100 pulse; 600 are left at 20.
+    assert one(1000, 40, 20, 0, 2) == pytest.approx((10, 30, 10, 20), rel=1e-12)
+
+
+def test_no_length_takes_no_time() -> None:
+    assert one(0, 0, 50, 0, 2)[:3] == (0, 0, 0)
+    assert one(0, 20, 50, 20, 2)[:3] == (0, 0, 0)
+
+
+@given(
+    st.lists(st.tuples(st.floats(1e-3, 1e6), st.floats(1e-2, 1e3), st.floats(0.1, 1e4)), min_size=1, max_size=30),
+    st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=200)
+def test_a_trapezoid_covers_its_length(rows: list[tuple[float, float, float]], seed: int) -> None:
+    length, acc, vel = (A(c) for c in zip(*rows, strict=True))
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(0, 1, len(rows)) * vel
+    low, high = np.sqrt(np.maximum(start**2 - 2 * acc * length, 0)), np.sqrt(start**2 + 2 * acc * length)
+    end = np.minimum(low + (high - low) * rng.uniform(0, 1, len(rows)), vel)
+    t = trapezoids(length, start, vel, end, acc)
+    covered = (start + t.peak) / 2 * t.rise_ms + t.peak * t.cruise_ms + (t.peak + end) / 2 * t.fall_ms
+    assert covered == pytest.approx(length, rel=1e-9)
+
+
+def plain_look_ahead(length: list[float], acc: list[float], limit: list[float], breaks: list[bool]) -> list[float]:
+    """The textbook loop."""
+    w = [v * v for v in limit]
+    before = 0.0
+    for i in range(len(w)):
+        before = 0.0 if breaks[i] else before
+        w[i] = before = min(w[i], before + 2 * acc[i] * length[i])
+    for i in range(len(w) - 1, 0, -1):
+        if not breaks[i]:
+            w[i - 1] = min(w[i - 1], w[i] + 2 * acc[i] * length[i])
+    return [math.sqrt(x) for x in w]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_look_ahead_equals_the_loop(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 20_000))
+    length = np.exp(rng.uniform(-3, 10, n))
+    acc = np.exp(rng.uniform(-2, 4, n))
+    limit = np.exp(rng.uniform(-2, 6, n)) * (rng.uniform(0, 1, n) > 0.01)
+    breaks = rng.uniform(0, 1, n) < 0.01
+    breaks[0] = True
+    found = look_ahead(length, acc, limit, breaks)
+    plain = plain_look_ahead(length.tolist(), acc.tolist(), limit.tolist(), breaks.tolist())
+    assert found == pytest.approx(plain, rel=1e-8, abs=1e-12)
+    # What it gives can be driven: no segment asks for more than length and acceleration give.
+    start = np.concatenate([[0.0], found[:-1]])
+    start[breaks] = 0
+    forward = ~np.append(breaks[1:], False)
+    assert (np.abs(found**2 - start**2)[forward] <= (2 * acc * length)[forward] * (1 + 1e-9) + 1e-9).all()
+
+
+def test_reached_ends_take_the_nearest_and_go_on_from_there() -> None:
+    # 100 pulse at 2: from 0 at most 20. Then 100 pulse from 20: 0 wanted, 400 - 400 = 0 reached. Then 30 from 0.
+    found = reached_ends(
+        A([100.0, 100.0, 225.0]), A([99.0] * 3), A([50.0, 0.0, 30.0]), A([2.0] * 3), A([True, False, False])
+    )
+    assert found == pytest.approx([20, 0, 30], abs=1e-9)
+
+
+def test_reached_ends_carry_a_miss_through_a_chain() -> None:
+    # 10 pulse at 2 gain 40 each: 40, 80, 120, 160 where 60 (3600) is wanted each time.
+    found = reached_ends(A([10.0] * 4), A([99.0] * 4), A([60.0] * 4), A([2.0] * 4), A([True, False, False, False]))
+    assert found**2 == pytest.approx([40, 80, 120, 160])
+
+
+def test_reached_ends_cannot_stop_in_time() -> None:
+    # 30 at the end of the first; 100 pulse lose 400 of 900.
+    found = reached_ends(A([1000.0, 100.0]), A([50.0, 50.0]), A([30.0, 0.0]), A([2.0, 2.0]), A([True, False]))
+    assert found == pytest.approx([30, math.sqrt(500)])
+
+
+def test_corner_velocity() -> None:
+    # A right angle changes the vector by v*sqrt(2), going back by 2*v, going on by nothing.
+    x, y = A([1.0, 1.0, 1.0]), A([0.0, 0.0, 0.0])
+    found = corner_velocity(x, y, A([0.0, -1.0, 1.0]), A([1.0, 0.0, 0.0]), A([5.0, 5.0, 5.0]))
+    assert found[:2] == pytest.approx([5 / math.sqrt(2), 2.5], rel=1e-15)
+    assert found[2] == math.inf
+
+
+def test_running_sum_is_exact_to_one_rounding() -> None:
+    rng = np.random.default_rng(3)
+    values = rng.uniform(0, 1, 100_001) * 10.0 ** rng.integers(-6, 4, 100_001)
+    sums = running_sum(values)
+    assert sums[0] == 0
+    for n in (1, 17, 1000, 100_001):
+        exact = math.fsum(values[:n])
+        assert abs(sums[n] - exact) <= 2 * math.ulp(exact)
+    assert running_sum(np.zeros(3)).tolist() == [0, 0, 0, 0]
+    assert running_sum(np.empty(0)).tolist() == [0]

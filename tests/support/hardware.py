@@ -1,0 +1,196 @@
+"""Runs of streams on the virtual controller, in this process, and what it saw."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from support.controller import GTS, GTS_MULTI, GUS, Edge, Floats, Row, VirtualController, build
+from support.tools import MARK
+
+from gusjob.config.machine import Abi, Machine
+from gusjob.controllers.control import Control
+from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.driver.library import Library, load_library
+from gusjob.controllers.gus.driver.link import Link
+from gusjob.controllers.gus.driver.resume import find_place, recorded_place
+from gusjob.controllers.gus.driver.session import Session, needed_calls, outputs_of
+from gusjob.controllers.gus.place import Place
+from gusjob.controllers.gus.remainder import Part, rest, whole
+from gusjob.controllers.journal import Journal, read_journal
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.hardware.runner import Runner
+
+ABIS = {GUS: Abi.GUS, GTS: Abi.GTS, GTS_MULTI: Abi.GTS_MULTI}
+EVERYTHING = (
+    "LASER DELAY ON 50us OFF 60us\nLASER STANDBY FREQ 5 DUTY 2\n"
+    + MARK
+    + """LASER POWER 40
+JUMP X -5 Y 0
+LASER ON
+LINE X 5
+LINE X 5 Y 3
+LASER OFF
+LASER POWER 25 NOW
+LASER FPK WIDTH 10us GAP 20us OFFDELAY 5us
+LASER DISTANCE REF X 0 Y 0 RATIO X 1 Y 0 MIN 0 MAX 100
+LASER ON
+ARC CCW I 5 J 0
+DWELL 3
+LASER FOLLOW MIN 5 MAX 60 AT 100
+ARC CW X 8 Y 3 R 4
+LASER OFF
+LASER FPK OFF
+LASER MODE FREQUENCY WIDTH 5us CHANNEL 1
+LASER POWER 20 CHANNEL 1
+LASER ON CHANNEL 1
+LINE X 1 Y 2
+LASER OFF CHANNEL 1
+"""
+)
+"""Every buffered call, nearly every other one, three stages, two channels."""
+
+_numbers = itertools.count()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ran:
+    """A run: its faults, its session, its journal."""
+
+    faults: list[Diagnostic]
+    session: Session
+    journal: Path
+
+    @property
+    def codes(self) -> list[str]:
+        return [fault.rule.code for fault in self.faults]
+
+
+@dataclass(slots=True)
+class Bench:
+    """A virtual controller on the bench. The machine has short patience, so that tests are short."""
+
+    path: Path
+    folder: Path
+    abi: int = GUS
+    controller: VirtualController = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.controller = VirtualController(self.path)
+
+    def machine(self, machine: Machine, **changes: Any) -> Machine:
+        quick: dict[str, Any] = {"abi": ABIS[self.abi], "call_timeout_s": 0.5, "link_patience_s": 0.1}
+        return replace(machine, controller=replace(machine.controller, **(quick | changes)))
+
+    def library(self, stream: Stream, machine: Machine) -> Library:
+        abi = machine.controller.abi or ABIS[self.abi]
+        library, faults = load_library(str(self.path), abi, machine.controller.card, needed_calls(stream, machine))
+        assert library is not None, faults
+        return library
+
+    def run(
+        self,
+        stream: Stream,
+        machine: Machine,
+        part: Callable[[Session], Part | None] | None = None,
+        *,
+        begin: Place | None = None,
+        tick: Callable[[Control], None] | None = None,
+    ) -> Ran:
+        """A run as the command does it."""
+        place = begin or Place(row=0)
+        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [place.row, place.run_pulse]})
+        control = Control()
+        session = Session(
+            link=Link(self.library(stream, machine), journal),
+            machine=machine,
+            control=control,
+            stream=stream,
+            outputs=outputs_of(stream),
+        )
+        runner = Runner(session, (lambda: tick(control)) if tick else (lambda: None))
+
+        def from_there(session: Session) -> Part:
+            return whole(stream, session.head()) if begin is None else rest(stream, begin, session.head())
+
+        try:
+            outcome = runner.run(part or from_there)
+        finally:
+            journal.close()
+        return Ran(faults=outcome.faults, session=session, journal=journal.path)
+
+    def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[Ran, Place | None]:
+        """Go on where a journal's run broke, as the command does it."""
+        recorded = read_journal(journal)
+        assert not isinstance(recorded, str), recorded
+        place = recorded_place(recorded)
+        if place is None:
+            found: list[Place] = []
+            ran = self.run(stream, machine, lambda session: found.append(find_place(session, recorded)))
+            if not found or ran.faults:
+                return ran, None
+            place = found[0]
+        return self.run(stream, machine, begin=place), place
+
+
+def bench(folder: Path, abi: int = GUS, *flags: str) -> Bench:
+    """A virtual controller of an ABI, built into a folder."""
+    return Bench(build(folder, abi, *flags), folder, abi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Broken:
+    """Where the light went off in a run that broke: segment of the whole path, and how far along it, pulse."""
+
+    segment: int
+    along: float
+
+
+def light_off_at(rows: Floats, edges: Floats) -> Broken:
+    """Where the light of a run from the job's start went off for the last time; where the motion ended, if it was dark
+    then. For an abrupt stop: what was run behind the light's end is run at the velocity of the end.
+    """
+    if not len(rows):
+        return Broken(segment=0, along=0.0)
+    last = len(rows) - 1
+    along = rows[last, Row.LENGTH]
+    off_ms = edges[-1, Edge.RUNNING_MS] if len(edges) else -1.0
+    end_ms = rows[last, Row.START_MS] + rows[last, Row.DURATION_MS]
+    if off_ms >= rows[last, Row.START_MS]:
+        along -= rows[last, Row.V1] * (end_ms - off_ms)
+    if rows[last, Row.COMPLETED] and rows[last, Row.LENGTH] - along < 1:
+        return Broken(segment=last + 1, along=0.0)
+    return Broken(segment=last, along=float(along))
+
+
+def goes_on(wanted: Floats, rows: Floats, broken: Broken) -> tuple[int, float] | str:
+    """Whether a run goes on where another one broke, and makes the rest of the path: (its first segment, along it).
+
+    `wanted`: the pieces of a whole run; `rows`: those of the run that goes on, to the end. It may begin up to one
+    segment earlier, never later. Else what is wrong.
+    """
+    if not len(rows):
+        return (len(wanted), 0.0) if broken.segment >= len(wanted) else "nothing ran"
+    said = "its rows are not the rest of the path"
+    for way in (1, 0):  # With a dark way to where it begins, or without.
+        pieces = rows[way:]
+        segment = len(wanted) - len(pieces)
+        if segment < 0 or (way and rows[0, [Row.EMISSION0_MS, Row.EMISSION1_MS]].any()):
+            continue
+        rest_of = wanted[segment:]
+        ends = np.abs(pieces[:, [Row.X1, Row.Y1]] - rest_of[:, [Row.X1, Row.Y1]]).max(initial=0)
+        starts = np.abs(pieces[1:, [Row.X0, Row.Y0]] - rest_of[1:, [Row.X0, Row.Y0]]).max(initial=0)
+        if max(ends, starts) > 1.5:
+            continue
+        along = float(rest_of[0, Row.LENGTH] - pieces[0, Row.LENGTH]) if len(pieces) else 0.0
+        if (segment, along) > (broken.segment, broken.along + 2):
+            said = f"it leaves out from {broken} to {segment}, {along}"
+        elif segment < broken.segment - 1 or (segment < broken.segment and along + 1 < 0):
+            said = f"it repeats from {segment}, {along} to {broken}"
+        else:
+            return segment, along
+    return said

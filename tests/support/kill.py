@@ -1,0 +1,148 @@
+"""Kills runs by SIGKILL at random moments and goes on with them: python tests/kill.py [COUNT]
+
+The virtual controller outlives the process, as hardware does: it goes on with what is in its FIFO. Each journal must
+resume to a complete job: the path whole, nothing twice beyond one segment, nothing left out.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from support.controller import GUS, Floats, Row, VirtualController, build
+from support.hardware import Broken, goes_on
+from support.tools import MARK
+
+JOB = (
+    MARK
+    + "VEL 400\nLASER POWER 40\nREPEAT 3 AS k\nLASER ON\nREPEAT 60 AS i\nLINE X (i % 2 * 3) Y (k + i / 100)\nEND\n"
+    + "ARC CCW I 1 J 0\nLASER OFF\nJUMP X 0 Y (k + 1)\nLASER DELAY ON 20us OFF 30us\nEND\n"
+)
+SPEED = 4.0
+
+
+def command(job: Path, library: Path, *more: str) -> list[str]:
+    """A run on the virtual controller."""
+    options = ("--backend", "gts", "--library", str(library), "--abi", "gus", "--yes", "--progress", "none")
+    return [sys.executable, "-m", "gusjob", "run", str(job), *options, *more]
+
+
+def executed(library: Path, state: Path) -> Floats:
+    """All rows that a machine of that state executed. In a process of its own: a library maps one state."""
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import pathlib, numpy as np;"
+        "from support.controller import VirtualController;"
+        "np.save(sys.argv[3], VirtualController(pathlib.Path(sys.argv[2])).rows())"
+    )
+    out = state.with_suffix(".npy")
+    environment = os.environ | {"VC_STATE": str(state)}
+    subprocess.run(
+        [sys.executable, "-c", code, str(Path(__file__).parents[1]), str(library), str(out)],
+        env=environment,
+        check=True,
+    )
+    rows: Floats = np.load(out)
+    return rows
+
+
+def killed(folder: Path, library: Path, after_s: float, number: int, slots: int = 4096) -> tuple[Path, Path, bool]:
+    """A run that is killed so long after its journal appears: its machine, its journal, whether it was alive."""
+    job, state, journal = folder / "kill.job", folder / f"{number}.state", folder / f"{number}.journal"
+    job.write_text(JOB, encoding="utf-8")
+    environment = os.environ | {"VC_STATE": str(state), "VC_OPTIONS": f"speed={SPEED},log=0,slots={slots}"}
+    process = subprocess.Popen(
+        command(job, library, "--journal", str(journal)), env=environment, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    while not journal.exists() and process.poll() is None:
+        time.sleep(0.001)
+    time.sleep(after_s)
+    alive = process.poll() is None
+    process.kill()
+    process.wait()
+    return state, journal, alive
+
+
+def gone_on(folder: Path, library: Path, state: Path, journal: Path, whole: Floats, wait_s: float) -> str:
+    """Go on with a killed run; '' or what is wrong."""
+    time.sleep(wait_s)
+    before = len(executed(library, state))
+    environment = os.environ | {"VC_STATE": str(state)}
+    done = subprocess.run(
+        command(folder / "kill.job", library, "--resume", str(journal)), env=environment, capture_output=True,
+        text=True, timeout=60, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        return f"exit {done.returncode}: {done.stderr.strip()[-400:]}"
+    rows = executed(library, state)
+    if "nothing to go on with" in done.stderr:
+        return "" if len(rows) >= len(whole) else "not all was done"
+    # What the killed process had sent went on by itself, up to where the run that goes on stopped it.
+    return "" if _goes_on_somewhere(rows, before, whole) else "the path is not whole"
+
+
+def _goes_on_somewhere(rows: Floats, before: int, whole: Floats) -> bool:
+    """Whether behind the `before` rows or more that make the path's beginning the others make the rest of it."""
+    for first in range(before, min(len(rows), len(whole)) + 1):
+        head = rows[:first]
+        ends = np.abs(head[:-1, [Row.X1, Row.Y1]] - whole[: max(first - 1, 0), [Row.X1, Row.Y1]]).max(initial=0)
+        if ends > 1.5:
+            return False
+        if not isinstance(goes_on(whole, rows[first:], _broken_behind(head)), str):
+            return True
+    return False
+
+
+def _broken_behind(head: Floats) -> Broken:
+    if not len(head):
+        return Broken(segment=0, along=0.0)
+    if head[-1, Row.COMPLETED]:
+        return Broken(segment=len(head), along=0.0)
+    return Broken(segment=len(head) - 1, along=float(head[-1, Row.LENGTH]))
+
+
+def whole_run(folder: Path, library: Path) -> tuple[Floats, float]:
+    """The rows of a run that nobody kills, and how long it took from its journal on, s."""
+    job, state = folder / "kill.job", folder / "whole.state"
+    job.write_text(JOB, encoding="utf-8")
+    environment = os.environ | {"VC_STATE": str(state), "VC_OPTIONS": f"speed={SPEED},log=0"}
+    journal = folder / "whole.journal"
+    process = subprocess.Popen(command(job, library, "--journal", str(journal)), env=environment)
+    while not journal.exists() and process.poll() is None:
+        time.sleep(0.001)
+    began = time.perf_counter()
+    assert process.wait() == 0
+    return executed(library, state), time.perf_counter() - began
+
+
+def main() -> int:
+    """Kill so often; the exit code is 1 if a journal did not resume to a complete job."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    chance, failures, alive_count = random.Random(5), 0, 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        library = build(folder, GUS)
+        VirtualController(library)
+        whole, took_s = whole_run(folder, library)
+        for number in range(count):
+            after_s = chance.uniform(0, took_s)
+            state, journal, alive = killed(folder, library, after_s, number, chance.choice([64, 4096]))
+            alive_count += alive
+            # Sometimes the controller is still running when the run is gone on with, sometimes it has long run dry.
+            wrong = gone_on(folder, library, state, journal, whole, chance.choice([0.0, 0.2, 1.5]))
+            failures += bool(wrong)
+            if wrong:
+                print(f"{number}: killed {after_s:.3f} s after its start: {wrong}")
+            state.unlink()
+    print(f"{count} runs killed ({alive_count} of them alive), {count - failures} resumed to a complete job")
+    return int(failures > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

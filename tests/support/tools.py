@@ -1,0 +1,93 @@
+"""Short ways for tests: text in, job, calls or report out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.listing import listing
+from gusjob.diagnostics.model import Diagnostic, Severity
+from gusjob.frontend import check_text, read_job, read_listing
+from gusjob.ir.job import Job
+from gusjob.lint import check
+from gusjob.planner import compile_job
+from gusjob.report.rows import Report, make_report
+from gusjob.simulate import interpret
+
+ROOT = Path(__file__).resolve().parents[2]
+MACHINE = Machine()
+
+MARK = """LASER MODE DUTY CARRIER 10
+VEL 100
+ACC 10000
+"""
+"""The head of a job that may mark."""
+
+
+def job_of(text: str, machine: Machine = MACHINE) -> Job:
+    """A job that must read without a fault."""
+    source, _ = check_text(text.encode(), "test.job")
+    assert source is not None
+    job, faults = read_job(source, machine)
+    assert [f.message for f in faults if f.severity is not Severity.NOTE] == []
+    return job
+
+
+def faults_in(text: str, machine: Machine = MACHINE) -> list[tuple[int, str]]:
+    """(line, code) of everything that reading, checking and planning find."""
+    source, _ = check_text(text.encode(), "test.job")
+    assert source is not None
+    job, faults = read_job(source, machine)
+    return [(f.span.line, f.rule.code) for f in [*faults, *check(job, machine)]]
+
+
+def stream_of(text: str, machine: Machine = MACHINE) -> Stream:
+    """The calls of a job."""
+    stream, faults = compile_job(job_of(text, machine), machine)
+    assert [f.message for f in faults if f.severity is Severity.ERROR] == []
+    return stream
+
+
+def calls_of(text: str, machine: Machine = MACHINE) -> list[str]:
+    """The listing of a job, line by line."""
+    return "".join(listing(stream_of(text, machine))).splitlines()
+
+
+def path_calls(text: str, machine: Machine = MACHINE) -> list[str]:
+    """The motion and dwell calls of a job."""
+    return [c for c in calls_of(text, machine) if c.startswith(("GT_LnXY", "GT_Arc", "GT_BufDelay"))]
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What came out of a run."""
+
+    report: Report
+    faults: list[Diagnostic]
+
+    def column(self, name: str) -> list[float]:
+        """A column of the report."""
+        return [float(v) for v in self.report.columns[name]]
+
+    def codes(self) -> list[str]:
+        """Rules that spoke."""
+        return [f.rule.code for f in self.faults]
+
+
+def run_listing(text: str, machine: Machine = MACHINE) -> Ran:
+    """Read and interpret calls."""
+    source, _ = check_text(text.encode(), "test.gts")
+    assert source is not None
+    stream, read_faults = read_listing(source)
+    trace, faults = interpret(stream, machine, foreign=True)
+    assert trace is not None
+    return Ran(make_report(trace, machine), [*read_faults, *faults])
+
+
+def run_job(text: str, machine: Machine = MACHINE) -> Ran:
+    """Compile and interpret a job."""
+    trace, faults = interpret(stream_of(text, machine), machine)
+    assert trace is not None
+    return Ran(make_report(trace, machine), faults)
