@@ -35,12 +35,6 @@ Columns = dict[str, Column]
 _PIECE_ROWS = 1 << 15
 
 
-def counted(counts: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """`counts[i]` entries of each i, in a row: the i of each, and its number among them, from 0."""
-    which = np.repeat(np.arange(len(counts)), counts)
-    return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
-
-
 def pieces(columns: Columns, rows: int = _PIECE_ROWS) -> Iterator[Columns]:
     """A table in pieces; one without rows is one piece."""
     count = len(next(iter(columns.values()), ()))

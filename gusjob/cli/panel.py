@@ -15,7 +15,6 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Protocol, TextIO
 
 import numpy as np
-import numpy.typing as npt
 import orjson
 
 from gusjob.cli.keys import Keys
@@ -23,6 +22,7 @@ from gusjob.config.machine import Machine
 from gusjob.controllers.control import Control, Phase, View
 from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.kinematics.arrays import Indices
 
 if TYPE_CHECKING:  # The interpreter and rich are imported by who needs them.
     from rich.console import Console, RenderableType
@@ -149,7 +149,7 @@ class _Gauge:
     stream: Stream
     machine: Machine
     line_of: Callable[[int], str]
-    timed_before: npt.NDArray[np.intp]
+    timed_before: Indices
 
     @staticmethod
     def of(

@@ -27,6 +27,7 @@ from gusjob.cli.common import (
 )
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import interpreted, load
 
 if TYPE_CHECKING:
@@ -133,10 +134,10 @@ def _span_ms(
     start_ms = 0.0 if first is None else first.time_ms
     end_ms = timeline.total_ms if last is None else min(last.time_ms, timeline.total_ms)
     if first is not None and first.line:
-        start_ms = float((trace.clock.times[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]])
+        start_ms = float((trace.clock.times_ms[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]])
     if last is not None and last.line:
         upto = (lines > 0) & (lines <= last.line)
-        end_ms = float((trace.clock.times[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
+        end_ms = float((trace.clock.times_ms[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
     if start_ms > end_ms:
         wrong = Phrase(
             "nothing lies between --from {start} ms and --to {end} ms; the run takes {total} ms",
@@ -148,7 +149,7 @@ def _span_ms(
     return start_ms, end_ms
 
 
-def _moving(option: str, line: int, wanted: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+def _moving(option: str, line: int, wanted: Bools) -> Indices:
     """The segments of the lines that are asked for."""
     at = np.flatnonzero(wanted)
     if not len(at):

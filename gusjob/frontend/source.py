@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.i18n.phrases import Phrase, reason_of
+from gusjob.kinematics.arrays import Indices
 
 MAX_FILE_MB = 1000
 
@@ -27,7 +27,7 @@ class Source:
     name: str
     data: bytes
     path: Path | None = None
-    _ends: npt.NDArray[np.intp] | None = field(default=None, repr=False)
+    _ends: Indices | None = field(default=None, repr=False)
 
     def count_lines(self) -> int:
         """How many lines there are."""

@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.dry import box_pulse
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +43,7 @@ class Forecast:
 
     duration_ms: float
     row_ms: Floats
-    timed: npt.NDArray[np.intp]
+    timed: Indices
     box_mm: tuple[float, float, float, float] | None
     channels: tuple[ChannelForecast, ...]
 
@@ -71,8 +69,8 @@ def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
     box = box_pulse(trace)
     per_x, per_y = machine.pulses_per_mm
     return Forecast(
-        duration_ms=float(clock.times[-1]),
-        row_ms=np.append(clock.times[np.minimum(timed, len(clock.row))], clock.times[-1]),
+        duration_ms=float(clock.times_ms[-1]),
+        row_ms=np.append(clock.times_ms[np.minimum(timed, len(clock.row))], clock.times_ms[-1]),
         timed=timed,
         box_mm=None if box is None else (box[0] / per_x, box[1] / per_x, box[2] / per_y, box[3] / per_y),
         channels=tuple(found for channel in trace.channels for found in _channel(channel, trace, machine)),

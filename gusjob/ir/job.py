@@ -16,10 +16,9 @@ from gusjob.config.machine import Machine
 from gusjob.controllers.gus.ranges import AUTO_SHARE, RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
 from gusjob.diagnostics.model import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span
 from gusjob.i18n.phrases import Phrase, number
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Arcs, arcs_by_either
 from gusjob.kinematics.units import PowerUnit
-
-Floats = npt.NDArray[np.float64]
 
 
 class Op(IntEnum):
@@ -61,8 +60,8 @@ class Path:
     op: npt.NDArray[np.uint8]
     line: npt.NDArray[np.int32]
     channel: npt.NDArray[np.int8]
-    ccw: npt.NDArray[np.bool_]
-    arc_in_mm: npt.NDArray[np.bool_]
+    ccw: Bools
+    arc_in_mm: Bools
     x: Floats
     y: Floats
     cx: Floats
@@ -73,15 +72,15 @@ class Path:
     end: Floats
     vel_line: npt.NDArray[np.int32]
     acc_line: npt.NDArray[np.int32]
-    vel_in_mm: npt.NDArray[np.bool_]
-    acc_in_mm: npt.NDArray[np.bool_]
-    end_in_mm: npt.NDArray[np.bool_]
+    vel_in_mm: Bools
+    acc_in_mm: Bools
+    end_in_mm: Bools
     dwell_ms: Floats
     power: Floats
     low: Floats
     high: Floats
     ratio: Floats
-    follow_in_mm: npt.NDArray[np.bool_]
+    follow_in_mm: Bools
     power_unit: npt.NDArray[np.int8]
     low_unit: npt.NDArray[np.int8]
     high_unit: npt.NDArray[np.int8]
@@ -91,12 +90,12 @@ class Path:
         return len(self.op)
 
     @property
-    def takes_time(self) -> npt.NDArray[np.bool_]:
+    def takes_time(self) -> Bools:
         """Rows that become motion or a dwell."""
         return self.op <= Op.DWELL
 
     @property
-    def moves(self) -> npt.NDArray[np.bool_]:
+    def moves(self) -> Bools:
         """Rows that become motion."""
         return self.op < Op.DWELL
 
@@ -296,10 +295,10 @@ class Speeds:
     line: npt.NDArray[np.int32]
     word: npt.NDArray[np.int8]
     value: Floats
-    in_mm: npt.NDArray[np.bool_]
-    inline: npt.NDArray[np.bool_]
+    in_mm: Bools
+    inline: Bools
     trail: npt.NDArray[np.int32]
-    at: npt.NDArray[np.intp]
+    at: Indices
 
 
 Locate = Callable[[int, str], Span]
@@ -419,7 +418,7 @@ class Job:
         """Whether sky writing is on somewhere: only the planner can say where its run-ins lie."""
         return any(isinstance(s.what, SkyWrite) and s.what.settings and s.what.settings.is_on for s in self.setups)
 
-    def sky_of_rows(self) -> tuple[npt.NDArray[np.intp], tuple[SkyWriting, ...]]:
+    def sky_of_rows(self) -> tuple[Indices, tuple[SkyWriting, ...]]:
         """For each row of the path which of the settings is in force, -1 where sky writing is off; and the settings."""
         found: list[SkyWriting] = []
         places, numbers = [0], [-1]
@@ -482,9 +481,7 @@ def stages_of_setups(job: Job) -> list[tuple[bool, int]]:
     return found
 
 
-def with_lines(
-    path: Path, at: npt.NDArray[np.intp], pieces: npt.NDArray[np.intp], x: Floats, y: Floats
-) -> tuple[Path, npt.NDArray[np.intp]]:
+def with_lines(path: Path, at: Indices, pieces: Indices, x: Floats, y: Floats) -> tuple[Path, Indices]:
     """A path whose rows `at` are `pieces` lines each, to the points x, y (pulse) of all of them in order.
 
     The last line of each ends where its row did. Returns the path, and for each of its rows the row it comes from.
@@ -505,7 +502,7 @@ def with_lines(
     return Path(**columns), origin
 
 
-def chords(arcs: Arcs, radius_mm: Floats, tolerance_um: float) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
+def chords(arcs: Arcs, radius_mm: Floats, tolerance_um: float) -> tuple[Indices, Floats, Floats]:
     """Arcs as chords within a tolerance: how many each has, and the ends of all of them in order.
 
     A chord of angle a leaves its circle by r*(1 - cos(a/2)). `radius_mm`: the largest radius of each on the part.
@@ -518,7 +515,7 @@ def chords(arcs: Arcs, radius_mm: Floats, tolerance_um: float) -> tuple[npt.NDAr
     return pieces, x, y
 
 
-def arcs_mm(path: Path, at: npt.NDArray[np.intp], machine: Machine) -> Arcs:
+def arcs_mm(path: Path, at: Indices, machine: Machine) -> Arcs:
     """The arcs at rows `at` as circles in mm, from their unrounded ends."""
     px, py = machine.pulses_per_mm
     before_x = np.concatenate([[0.0], path.x])[at] / px

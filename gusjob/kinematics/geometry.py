@@ -8,10 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 TURN = 2 * np.pi
 CLOSES_MM = 0.005
@@ -42,7 +40,7 @@ class Arcs:
         """Along the arc."""
         return np.asarray(self.radius * np.abs(self.sweep))
 
-    def pick(self, at: npt.NDArray[np.intp]) -> Arcs:
+    def pick(self, at: Indices) -> Arcs:
         """Some of the arcs."""
         return Arcs(**{f.name: getattr(self, f.name)[at] for f in fields(Arcs)})
 
@@ -125,10 +123,10 @@ class Segments:
     start_y: Floats
     end_x: Floats
     end_y: Floats
-    arc_at: npt.NDArray[np.intp]
+    arc_at: Indices
     arcs: Arcs
 
-    def arcs_among(self, at: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], Arcs]:
+    def arcs_among(self, at: Indices) -> tuple[Indices, Arcs]:
         """Which of some segments are round, as places in `at`, and the arc of each of these."""
         if not len(self.arc_at):
             return np.empty(0, dtype=np.intp), NO_ARCS
@@ -136,7 +134,7 @@ class Segments:
         found = np.flatnonzero(self.arc_at[number] == at)
         return found, self.arcs.pick(number[found])
 
-    def extent(self, at: npt.NDArray[np.intp]) -> tuple[Floats, Floats, Floats, Floats]:
+    def extent(self, at: Indices) -> tuple[Floats, Floats, Floats, Floats]:
         """True (x low, x high, y low, y high) of some segments."""
         x_low, x_high = np.minimum(self.x0[at], self.x1[at]), np.maximum(self.x0[at], self.x1[at])
         y_low, y_high = np.minimum(self.y0[at], self.y1[at]), np.maximum(self.y0[at], self.y1[at])
@@ -145,7 +143,7 @@ class Segments:
             x_low[found], x_high[found], y_low[found], y_high[found] = arcs.extent()
         return x_low, x_high, y_low, y_high
 
-    def points(self, at: npt.NDArray[np.intp], share: Floats) -> tuple[Floats, Floats]:
+    def points(self, at: Indices, share: Floats) -> tuple[Floats, Floats]:
         """The points at a share 0..1 of some segments, each its own."""
         x = self.x0[at] + (self.x1[at] - self.x0[at]) * share
         y = self.y0[at] + (self.y1[at] - self.y0[at]) * share
@@ -155,7 +153,7 @@ class Segments:
         return x, y
 
 
-def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: npt.NDArray[np.intp], arcs: Arcs) -> Segments:
+def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: Indices, arcs: Arcs) -> Segments:
     """Segments from their end points; those at `arc_at` are `arcs`, the others straight."""
     dx, dy = x1 - x0, y1 - y0
     length = np.hypot(dx, dy)

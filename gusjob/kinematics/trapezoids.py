@@ -14,9 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 REACHED = 1e-9
 """Relative difference of squared velocities below which a velocity counts as reached: rounding, not physics."""
@@ -87,7 +86,7 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
     return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
 
 
-def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, breaks: npt.NDArray[np.bool_]) -> Floats:
+def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, breaks: Bools) -> Floats:
     """End velocity that each segment really reaches, in order, (n,).
 
     Each segment starts at what the one before it reached, or at 0 where `breaks` is set. From start v0 over length L
@@ -125,7 +124,7 @@ def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, break
     return np.asarray(np.sqrt(reached2))
 
 
-def distance_run(profile: Trapezoids, which: npt.NDArray[np.intp], since_ms: Floats) -> Floats:
+def distance_run(profile: Trapezoids, which: Indices, since_ms: Floats) -> Floats:
     """Length that some of the segments have run a time after their start, pulse."""
     rise, cruise = profile.rise_ms[which], profile.cruise_ms[which]
     start, peak, acc = profile.start[which], profile.peak[which], profile.acc[which]
@@ -147,7 +146,7 @@ def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, ju
         return np.asarray(np.where(change > 1e-12, jump / np.maximum(change, 1e-300), np.inf))
 
 
-def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: npt.NDArray[np.bool_]) -> Floats:
+def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: Bools) -> Floats:
     """End velocities of segments in a row, (n,).
 
     Each is the highest that limits, lengths and accelerations allow from both sides. `limit` (n,): highest end

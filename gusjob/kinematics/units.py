@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar
 
-import numpy as np
-import numpy.typing as npt
-
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Floats
 
 
 class Kind(IntEnum):
@@ -115,7 +113,7 @@ def spelling(unit: str) -> str:
     return {"khz": "kHz", "hz": "Hz", "mhz": "MHz", "v": "V", "mv": "mV"}.get(unit.lower(), unit.lower())
 
 
-_N = TypeVar("_N", float, npt.NDArray[np.float64])
+_N = TypeVar("_N", float, Floats)
 
 
 def velocity_pulse_per_ms(mm_s: _N, pulses_per_mm: float) -> _N:

@@ -10,7 +10,8 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Remark
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import LaserDelay, LaserFpk, Op, opens_stage
-from gusjob.lint.view import CHANNELS, Findings, Floats, Indices, Remarks, View
+from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.lint.view import CHANNELS, Findings, Remarks, View
 
 
 def left_on(view: View, findings: Findings) -> None:

@@ -8,8 +8,9 @@ from gusjob.controllers.gus import ranges
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import SPEED_WORDS, Op, arcs_mm
+from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.geometry import CLOSES_MM, arcs_by_either
-from gusjob.lint.view import CHANNELS, Findings, Indices, View
+from gusjob.lint.view import CHANNELS, Findings, View
 
 
 def speeds(view: View, findings: Findings) -> None:

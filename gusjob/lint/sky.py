@@ -10,8 +10,9 @@ from gusjob.controllers.gus import ranges
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Op, Setup, SkyWrite, SkyWriting, SwitchNow, opens_stage
+from gusjob.kinematics.arrays import Bools
 from gusjob.lint.light import switched_on
-from gusjob.lint.view import CHANNELS, Bools, Findings, View
+from gusjob.lint.view import CHANNELS, Findings, View
 
 _LAG_SLACK = 0.2
 """Share of a scanner's tracking error by which TIMELAG may miss it: what tuning makes of it, and more."""

@@ -17,11 +17,8 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Remark, Rule
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job, LaserMode, Op, PowerNow, Setup, Shown, SwitchNow, arcs_mm, shown_units, stages_of_setups
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import Kind, PowerUnit
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.intp]
 
 CHANNELS = (0, 1)
 

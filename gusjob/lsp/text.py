@@ -11,17 +11,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from lsprotocol.types import Position, PositionEncodingKind, Range, TextDocumentContentChangeEvent
 
 from gusjob.diagnostics.model import Span
+from gusjob.kinematics.arrays import Ints
 
 _BOM = b"\xef\xbb\xbf"
 _LF, _CR = 10, 13
 _UNITS = {PositionEncodingKind.Utf8: ("utf-8", 1), PositionEncodingKind.Utf16: ("utf-16-le", 2)}
 """How each kind of unit is written, and bytes a unit; UTF-32 counts characters."""
-
-Starts = npt.NDArray[np.int64]
 
 
 def utf8(text: str) -> bytes:
@@ -36,16 +34,16 @@ class Text:
 
     data: bytes
     unit: PositionEncodingKind | str = PositionEncodingKind.Utf16
-    known: Starts | None = field(default=None, repr=False)
+    known: Ints | None = field(default=None, repr=False)
     """Where the editor's lines begin, if that is known already."""
 
     @cached_property
-    def starts(self) -> Starts:
+    def starts(self) -> Ints:
         """Where the editor's lines begin."""
         return _line_starts(self.data) if self.known is None else self.known
 
     @cached_property
-    def _own_starts(self) -> Starts:
+    def _own_starts(self) -> Ints:
         """Where gusjob's lines begin: a CR alone ends none of them."""
         if b"\r" not in self.data or self.data.count(b"\r") == self.data.count(b"\r\n"):
             return self.starts
@@ -143,7 +141,7 @@ class Text:
         return Text(data, self.unit, np.concatenate([head, inner, tail]))
 
 
-def _line_starts(data: bytes) -> Starts:
+def _line_starts(data: bytes) -> Ints:
     raw = np.frombuffer(data, dtype=np.uint8)
     ends = raw == _LF
     if b"\r" in data:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.diagnostics.model import Collector, Rule
+from gusjob.kinematics.arrays import Indices
 from gusjob.planner.plan import Plan
 
 
@@ -16,7 +16,7 @@ def report_rows(
     state: Plan,
     collector: Collector,
     rule: Rule,
-    rows: npt.NDArray[np.intp],
+    rows: Indices,
     fields: Callable[[int], dict[str, Any]],
     word: str = "",
 ) -> None:

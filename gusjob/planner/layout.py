@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.ir.job import Op, Path
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.geometry import NO_ARCS, Arcs, Ends, arcs_by_either, segments
 from gusjob.planner.plan import Plan
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 
 def layout(state: Plan) -> Plan:

@@ -11,9 +11,8 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.ir.job import Job, Op, Path, Setup
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,12 +37,12 @@ class Sky:
     """
 
     run: npt.NDArray[np.int8]
-    smooth: npt.NDArray[np.bool_]
-    row: npt.NDArray[np.intp]
-    ref: npt.NDArray[np.intp]
-    at_end: npt.NDArray[np.bool_]
+    smooth: Bools
+    row: Indices
+    ref: Indices
+    at_end: Bools
     edge_us: Floats
-    placed: npt.NDArray[np.bool_]
+    placed: Bools
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,19 +58,19 @@ class Plan:
     machine: Machine
     path: Path
     stages: tuple[Stage, ...] = ()
-    origin: npt.NDArray[np.intp] | None = None
-    timed: npt.NDArray[np.intp]
+    origin: Indices | None = None
+    timed: Indices
     segments: Segments | None = None
     vel: Floats
     acc: Floats
     vel_end: Floats
     sky: Sky | None = None
-    mark_end: npt.NDArray[np.intp] | None = None
+    mark_end: Indices | None = None
     """As in stream.Intent, where there is sky writing."""
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
-def rearranged(state: Plan, source: npt.NDArray[np.intp], columns: dict[str, npt.NDArray[Any]]) -> Plan:
+def rearranged(state: Plan, source: Indices, columns: dict[str, npt.NDArray[Any]]) -> Plan:
     """A plan with other rows: row i is like row source[i], but for what `columns` gives anew. No row leaves its stage.
 
     What hangs on the rows (segments, velocities, sky) is for the caller to make anew.
@@ -102,7 +101,7 @@ def rearranged(state: Plan, source: npt.NDArray[np.intp], columns: dict[str, npt
     )
 
 
-def _taken(column: npt.NDArray[Any], source: npt.NDArray[np.intp]) -> npt.NDArray[Any]:
+def _taken(column: npt.NDArray[Any], source: Indices) -> npt.NDArray[Any]:
     """A column's values at rows; one that is one value for all rows stays so and takes no memory."""
     if len(column) and column.strides == (0,):
         return np.broadcast_to(column[0], len(source))

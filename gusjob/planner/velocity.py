@@ -7,17 +7,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import Run
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule
 from gusjob.ir.job import LookAhead, Op, shown_units
+from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.schedule import starts_at_rest
 from gusjob.kinematics.trapezoids import corner_velocity, look_ahead
 from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
-
-Floats = npt.NDArray[np.float64]
 
 
 def velocities(state: Plan) -> Plan:
@@ -33,7 +32,7 @@ def velocities(state: Plan) -> Plan:
     vel = path_velocity(state, jump)
     acc = np.where(dwell, 1.0, state.acc)
     smooth = state.sky.smooth[timed] if state.sky is not None else np.zeros(n, dtype=np.bool_)
-    breaks = starts_at_rest(state)
+    breaks = at_rest_before(state)
     limit = np.zeros(n)
     corner = corner_velocity(
         laid.end_x[:-1], laid.end_y[:-1], laid.start_x[1:], laid.start_y[1:], np.where(ahead, jump, 0.0)[:-1]
@@ -74,14 +73,15 @@ def path_velocity(state: Plan, jump: Floats) -> Floats:
     return np.where(slows, _slowed_on_arcs(state, vel), vel)
 
 
-def starts_at_rest(state: Plan) -> npt.NDArray[np.bool_]:
+def stage_first(state: Plan) -> Indices:
+    """Number of each stage's first timed row, and how many timed rows there are, (s+1,)."""
+    return np.append(np.searchsorted(state.timed, [stage.first for stage in state.stages]), len(state.timed))
+
+
+def at_rest_before(state: Plan) -> Bools:
     """Timed rows before which motion stands still, (m,): the first of a stage, dwells and what follows them."""
     dwell = state.path.op[state.timed] == Op.DWELL
-    starts = np.searchsorted(state.timed, [stage.first for stage in state.stages])
-    breaks: npt.NDArray[np.bool_] = dwell.copy()
-    breaks[starts[starts < len(breaks)]] = True
-    breaks[1:] |= dwell[:-1]
-    return breaks
+    return dwell | starts_at_rest(dwell, stage_first(state))
 
 
 def corner_jump(state: Plan) -> Floats:
@@ -117,9 +117,7 @@ def _slowed_on_arcs(state: Plan, vel: Floats) -> Floats:
     return slowed
 
 
-def _report(
-    state: Plan, collector: Collector, rule: Rule, where: npt.NDArray[np.bool_], reached: Floats, **columns: Floats
-) -> None:
+def _report(state: Plan, collector: Collector, rule: Rule, where: Bools, reached: Floats, **columns: Floats) -> None:
     """A fault at the END of every segment in `where`."""
     at = np.flatnonzero(where)
     path, timed, shown = state.path, state.timed, shown_units(state.job, state.machine)

@@ -12,19 +12,9 @@ import orjson
 from rich.cells import cell_len
 
 from gusjob.i18n.phrases import Phrase, figure, number, plural, said
-from gusjob.report.earlier import (
-    ANY_UNIT,
-    CHANNELS,
-    COUNTS,
-    FIGURES,
-    POWERS,
-    Columns,
-    Earlier,
-    Floats,
-    Key,
-    flat_totals,
-)
-from gusjob.report.match import Rows, matched_rows
+from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.report.earlier import ANY_UNIT, CHANNELS, COUNTS, FIGURES, POWERS, Columns, Earlier, Key, flat_totals
+from gusjob.report.match import matched_rows
 from gusjob.report.rows import OFF_OUTPUT, Report, SegmentKind
 
 MAX_ROWS = 40
@@ -62,7 +52,7 @@ class Total:
 class Moved:
     """One figure where it moved: `pair` numbers the matched segments, ascending. A null is NaN."""
 
-    pair: Rows
+    pair: Indices
     old: npt.NDArray[Any]
     new: npt.NDArray[Any]
     change_pct: Floats
@@ -78,15 +68,15 @@ class Segments:
 
     old: Columns
     new: Columns
-    old_row: Rows
-    new_row: Rows
-    appeared: Rows
-    vanished: Rows
+    old_row: Indices
+    new_row: Indices
+    appeared: Indices
+    vanished: Indices
     shifted: bool
     moved: dict[str, Moved]
 
     @property
-    def changed(self) -> Rows:
+    def changed(self) -> Indices:
         """Matched segments of which something moved, in the order of this report."""
         changed = np.zeros(len(self.new_row), dtype=np.bool_)
         for what in self.moved.values():
@@ -164,7 +154,7 @@ def _nothing(what: str) -> float:
     return _NOTHING / 1e3 if what.endswith("joules") else _NOTHING
 
 
-def _moves(old: Floats, new: Floats, tolerance: Floats | float, nothing: Floats | float) -> tuple[Rows, Floats]:
+def _moves(old: Floats, new: Floats, tolerance: Floats | float, nothing: Floats | float) -> tuple[Indices, Floats]:
     """Where figures moved, and by how many percent of the larger magnitude; NaN where one of them is null."""
     with np.errstate(all="ignore"):
         larger = np.maximum(np.abs(old), np.abs(new))
@@ -208,7 +198,7 @@ def _unlit(other: Floats) -> Floats:
     return np.where(np.isnan(other), np.nan, 0.0)
 
 
-def _others(rows: Rows, count: int) -> Rows:
+def _others(rows: Indices, count: int) -> Indices:
     left = np.ones(count, dtype=np.bool_)
     left[rows] = False
     return np.flatnonzero(left)

@@ -13,9 +13,9 @@ import orjson
 
 from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.i18n.phrases import Phrase, all_of, printable, reason_of
+from gusjob.kinematics.arrays import Floats
 from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
 
-Floats = npt.NDArray[np.float64]
 Columns = Mapping[str, npt.NDArray[Any]]
 Key = tuple[str, int | None, str | None]
 """A total: its name, and channel and unit of power where it has them."""

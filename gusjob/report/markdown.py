@@ -11,8 +11,8 @@ import numpy as np
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase, figure, printable, said
+from gusjob.kinematics.arrays import Indices
 from gusjob.report.compare import Comparison, segment_rows, totals_rows, verdict
-from gusjob.report.match import Rows
 from gusjob.report.rows import Report, SegmentKind, while_off
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
@@ -167,7 +167,7 @@ def _cell(report: Report, name: str, row: int) -> str:
     return SegmentKind(int(value)).said if name == "kind" else figure(float(value))
 
 
-def _worth_seeing(report: Report) -> Rows:
+def _worth_seeing(report: Report) -> Indices:
     """Half of the rows for the segments that take longest, half for those with most energy, in order."""
     energies = [column for name, column in report.columns.items() if name.endswith("_power_ms")]
     chosen = [_largest(report.columns["duration_ms"], MAX_ROWS // 2)]
@@ -175,8 +175,8 @@ def _worth_seeing(report: Report) -> Rows:
     return np.unique(np.concatenate(chosen))
 
 
-def _largest(column: np.ndarray[tuple[int, ...], np.dtype[np.float64]], most: int) -> Rows:
-    """Rows of the largest values above 0; of equal ones the first."""
+def _largest(column: np.ndarray[tuple[int, ...], np.dtype[np.float64]], most: int) -> Indices:
+    """Indices of the largest values above 0; of equal ones the first."""
     order = np.argsort(-column, kind="stable")[:most]
     return order[column[order] > 0]
 

@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.report.earlier import Columns, Floats
-
-Rows = npt.NDArray[np.intp]
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
+from gusjob.report.earlier import Columns
 
 _SAME_PLACE_MM = 1e-6
 
 
-def matched_rows(old: Columns, new: Columns) -> tuple[Rows, Rows, bool]:
+def matched_rows(old: Columns, new: Columns) -> tuple[Indices, Indices, bool]:
     """Matched rows, in the order of the new ones; whether line numbers had to be mapped.
 
     Of the ways to map lines the one that matches most segments, those that keep their place counted twice.
@@ -41,7 +39,7 @@ def _places(columns: Columns) -> Floats:
         return np.rint(np.column_stack([columns["x_mm"], columns["y_mm"]]) / _SAME_PLACE_MM)
 
 
-def _line_maps(old: Columns, new: Columns) -> Iterator[npt.NDArray[np.int64]]:
+def _line_maps(old: Columns, new: Columns) -> Iterator[Ints]:
     """For each old row the line that its own may be in the new report, -1 for none; the simplest map first."""
     yield old["line"]
     _, old_first, old_number, old_count = np.unique(
@@ -55,7 +53,7 @@ def _line_maps(old: Columns, new: Columns) -> Iterator[npt.NDArray[np.int64]]:
     yield np.append(new_lines, -1)[_aligned(old_marks, new_marks)[old_number]]
 
 
-def _aligned(old: Floats, new: Floats) -> Rows:
+def _aligned(old: Floats, new: Floats) -> Indices:
     """For each old line, told by its marks, the number of the new one; -1 for none.
 
     Sure are the equal ends of both jobs, and between them what each has once. Where equally many lines lie between two
@@ -73,7 +71,7 @@ def _aligned(old: Floats, new: Floats) -> Rows:
     return np.where(edited, j[before] + line - i[before], -1)
 
 
-def _once(old: Floats, new: Floats) -> tuple[Rows, Rows]:
+def _once(old: Floats, new: Floats) -> tuple[Indices, Indices]:
     """Where lines stand whose place each side has once; those that changed their order are left out."""
     places = np.concatenate([old, new])[:, :2].copy().view(np.complex128)[:, 0]  # One number sorts fast.
     _, which = np.unique(places, return_inverse=True)
@@ -86,13 +84,13 @@ def _once(old: Floats, new: Floats) -> tuple[Rows, Rows]:
     return i[in_order], j[in_order]
 
 
-def _run(equal: npt.NDArray[np.bool_]) -> int:
+def _run(equal: Bools) -> int:
     """How many are true from the start."""
     return int(np.append(equal, False).argmin())
 
 
-def _joined(old_line: npt.NDArray[np.int64], new_line: npt.NDArray[np.int64]) -> tuple[Rows, Rows]:
-    """Rows of the k-th segment of a line and of the k-th of the same line, in the order of the new ones."""
+def _joined(old_line: Ints, new_line: Ints) -> tuple[Indices, Indices]:
+    """Indices of the k-th segment of a line and of the k-th of the same line, in the order of the new ones."""
     if np.array_equal(old_line, new_line):
         rows = np.arange(len(new_line))
         return rows, rows
@@ -105,7 +103,7 @@ def _joined(old_line: npt.NDArray[np.int64], new_line: npt.NDArray[np.int64]) ->
     return old_row[order], new_row[order]
 
 
-def _occurrence(line: Rows) -> Rows:
+def _occurrence(line: Indices) -> Indices:
     """How often the same line stood before."""
     order = np.argsort(line, kind="stable")
     in_order = line[order]

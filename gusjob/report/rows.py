@@ -12,11 +12,10 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Run
 from gusjob.i18n.phrases import Phrase, all_of, figure, said
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.simulate.state import LaserState
-
-Floats = npt.NDArray[np.float64]
 
 REPORT_SCHEMA = "gusjob-report/1"
 _ARC_NODES = 64
@@ -130,7 +129,7 @@ def make_report(
         totals={
             "segments": len(length_mm),
             "stages": len(clock.stage_first) - 1,
-            "duration_ms": float(clock.times[-1]),
+            "duration_ms": float(clock.times_ms[-1]),
             **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
             "channels": totals,
             "marking": None if marks is None else marking_totals(trace, marks) if marks else [],
@@ -161,14 +160,14 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
         "x_mm": laid.x1 / px,
         "y_mm": laid.y1 / py,
         "length_mm": length_mm,
-        "start_ms": clock.times[:-1],
+        "start_ms": clock.times_ms[:-1],
         "duration_ms": duration,
         "vel_mean_mm_s": mean,
         "vel_max_mm_s": fastest,
     }
 
 
-def _kinds(trace: Trace, lit: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:
+def _kinds(trace: Trace, lit: Bools) -> npt.NDArray[np.int8]:
     """SegmentKind of each timed call; what a dark motion is for is known of a planned job only."""
     dark = np.full(len(lit), SegmentKind.JUMP, dtype=np.int8)
     if trace.intent is not None:
@@ -212,9 +211,7 @@ def segment_mm(trace: Trace, machine: Machine) -> Floats:
     return length
 
 
-def _channel_columns(
-    channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine
-) -> dict[str, npt.NDArray[Any]]:
+def _channel_columns(channel: ChannelTrace, stages: Indices, machine: Machine) -> dict[str, npt.NDArray[Any]]:
     done, name = channel.emitted, f"ch{channel.channel}_"
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = done.power_ms / done.emission_ms
@@ -232,7 +229,7 @@ def _channel_columns(
     }
 
 
-def _channel_totals(channel: ChannelTrace, stages: npt.NDArray[np.intp], machine: Machine) -> list[dict[str, Any]]:
+def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) -> list[dict[str, Any]]:
     """One entry a power unit: a job that changes from duty to analog has two for that channel."""
     done = channel.emitted
     unit_of = channel.unit_at(stages)

@@ -50,10 +50,10 @@ def interpret(
     calls = stream.buffered
     clock, faults = run_clock(calls, program, stream.name)
     faults = [*program.diagnostics, *faults]
-    ticks = float(clock.times[-1]) * US_PER_MS / machine.period_us
+    ticks = float(clock.times_ms[-1]) * US_PER_MS / machine.period_us
     if ticks > MAX_TICKS:
         longest = int(np.argmax(clock.duration_ms))
-        fields = {"duration": float(clock.times[-1]), "ticks": ticks, "limit": float(MAX_TICKS)}
+        fields = {"duration": float(clock.times_ms[-1]), "ticks": ticks, "limit": float(MAX_TICKS)}
         span = Span(line=int(calls.line[clock.row[longest]]))
         return None, [*faults, Diagnostic(rule=rules.TOO_LONG, span=span, fields=fields, path=stream.name)]
     if foreign:

@@ -16,16 +16,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.columns import counted
 from gusjob.config.machine import Scanner, ScannerModel
+from gusjob.kinematics.arrays import Floats, Indices, counted
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate.clock import Clock
 from gusjob.simulate.path import Motion
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 _ARC_ERROR_PULSE = 0.01
 """How far the parabolas may lie off an arc; the beam's error is no larger, since both filters average."""
@@ -77,7 +73,7 @@ def _command(motion: Motion, stage: Indices, time: Floats) -> tuple[Floats, Floa
     """Commanded position within stages. In a stage without motion: where the one before it ended, or 0."""
     clock = motion.clock
     time = np.maximum(time, clock.stage_start()[stage])
-    cell = clock.cell_at(stage, time)
+    cell = clock.segment_at(stage, time)
     x, y = motion.position(np.maximum(cell, 0), time)
     return np.where(cell < 0, 0.0, x), np.where(cell < 0, 0.0, y)
 
@@ -205,7 +201,7 @@ def _cut(clock: Clock) -> _Cut:
     vel = np.where(phase == 0, profile.start[cell], profile.peak[cell])
     acc = np.where(phase == 0, up, np.where(phase == 2, -profile.acc[cell], 0.0))
     # Rounding must not put a piece behind the next call's start.
-    start = np.minimum(clock.times[cell] + start, clock.times[cell + 1])
+    start = np.minimum(clock.times_ms[cell] + start, clock.times_ms[cell + 1])
     cut = _Cut(cell=cell, start=start, length=span, way=way, vel=vel, acc=acc)
     return _cut_arcs(clock, cut) if len(clock.laid.arc_at) else cut
 
@@ -230,7 +226,7 @@ def _cut_arcs(clock: Clock, cut: _Cut) -> _Cut:
     since, vel, acc = part * length, cut.vel[which], cut.acc[which]
     return _Cut(
         cell=cut.cell[which],
-        start=np.minimum(cut.start[which] + since, clock.times[cut.cell[which] + 1]),
+        start=np.minimum(cut.start[which] + since, clock.times_ms[cut.cell[which] + 1]),
         length=length,
         way=cut.way[which] + (vel + acc * since / 2) * since,
         vel=vel + acc * since,

@@ -1,29 +1,20 @@
-"""When each segment runs, and how fast: trapezoids in order, and where the calls ask for what can't be.
-
-What cannot be is modelled so: an end velocity that length and acceleration do not give is replaced by the nearest
-that they give, and the next segment starts with that; a start above the segment's velocity slows down to it first; a
-corner is taken at the velocity asked for; where motion stops without having been slowed down (dwell, end of a
-stage), it stops at once.
-"""
+"""When each call of a run moves, and how fast; what the calls ask for and the path can't give."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Arcs, Segments, arcs_by_centre, arcs_by_radius, segments
-from gusjob.kinematics.trapezoids import Trapezoids, reached_ends, running_sum, trapezoids
+from gusjob.kinematics.schedule import Schedule, schedule, starts_at_rest
 from gusjob.simulate.state import Program
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 _ARC_SLACK_PULSE = 3.0
 _ROUNDING_PULSE = 2**0.5
@@ -31,50 +22,19 @@ _ROUNDING_PULSE = 2**0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clock:
-    """All timed calls of all stages, (m,) in order; stages back to back on one time axis, ms.
+class Clock(Schedule):
+    """The schedule of all timed calls of all stages, (m,), and the calls that it comes from.
 
     `rows` (r,): every buffered row that ran, as index into the stream; `boundary` (r,): how many timed calls ran
-    before it; `stage_of_row` (r,). `row` (m,): the timed ones' indices; `stage` (m,). `times` (m+1,): start of each
-    and the end. `stage_first` (s+1,): number of each stage's first timed call.
+    before it; `stage_of_row` (r,). `row` (m,): the timed ones' indices; `laid`, `vel` (m,): what was scheduled.
     """
 
     rows: Indices
     boundary: Indices
     stage_of_row: Indices
     row: Indices
-    stage: Indices
-    stage_first: Indices
-    dwell: npt.NDArray[np.bool_]
     laid: Segments
     vel: Floats
-    profile: Trapezoids
-    duration_ms: Floats
-    times: Floats
-
-    def stage_start(self) -> Floats:
-        """Start of each stage, (s,) ms."""
-        return self.times[self.stage_first[:-1]]
-
-    def stage_end(self) -> Floats:
-        """End of each stage, (s,) ms."""
-        return self.times[self.stage_first[1:]]
-
-    def phases(self) -> tuple[Floats, Floats]:
-        """End of the rise and start of the fall of each timed call, (m,) ms, never behind its end."""
-        profile, begin, end = self.profile, self.times[:-1], self.times[1:]
-        risen = np.where(self.dwell, begin, np.minimum(begin + profile.rise_ms, end))
-        falls = np.where(self.dwell, begin, np.minimum(begin + profile.rise_ms + profile.cruise_ms, end))
-        return risen, falls
-
-    def cell_at(self, stage: Indices, time: Floats) -> Indices:
-        """The timed call that runs at moments of stages; behind a stage's end, and in one without any, the last.
-
-        -1 before all motion.
-        """
-        first, last = self.stage_first[stage], self.stage_first[stage + 1] - 1
-        found = np.searchsorted(self.times[:-1], time, side="right") - 1
-        return np.asarray(np.minimum(np.maximum(found, first), last))
 
 
 def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock, list[Diagnostic]]:
@@ -92,44 +52,34 @@ def run_clock(calls: BufferedCalls, program: Program, path: str) -> tuple[Clock,
     stage_first = np.searchsorted(stage, np.arange(len(stages) + 1))
     laid = lay(calls, row, dwell)
 
-    vel = np.where(dwell, 1.0, calls.vel[row])
-    acc = np.where(dwell, 1.0, calls.acc[row])
     vel_max = np.array([s.vel_max for s in stages] or [np.inf])
-    too_fast = vel > vel_max[stage] * (1 + 1e-9) if len(row) else np.zeros(0, dtype=np.bool_)
-    vel = np.minimum(vel, vel_max[stage]) if len(row) else vel
-    breaks = np.zeros(len(row), dtype=np.bool_)
-    breaks[stage_first[:-1][stage_first[:-1] < len(row)]] = True
-    breaks[1:] |= dwell[:-1]
+    too_fast = ~dwell & (calls.vel[row] > vel_max[stage] * (1 + 1e-9))
+    vel = np.where(dwell, 1.0, np.minimum(calls.vel[row], vel_max[stage]))
     wanted = np.where(dwell, 0.0, calls.vel_end[row])
-    end = reached_ends(laid.length, vel, wanted, acc, breaks)
-    end[dwell] = 0.0
-    start = np.zeros_like(end)
-    start[1:] = end[:-1]
-    start[breaks] = 0.0
-    profile = trapezoids(laid.length, start, vel, end, acc)
-    duration = np.where(dwell, calls.p[row], profile.duration_ms)
+    planned = schedule(
+        length=laid.length,
+        vel=vel,
+        acc=calls.acc[row],
+        vel_end=wanted,
+        dwell=dwell,
+        dwell_ms=calls.p[row],
+        stage_first=stage_first,
+    )
     clock = Clock(
+        **{f.name: getattr(planned, f.name) for f in fields(Schedule)},
         rows=rows,
         boundary=boundary,
         stage_of_row=stage_of_row,
         row=row,
-        stage=stage,
-        stage_first=stage_first,
-        dwell=dwell,
         laid=laid,
         vel=vel,
-        profile=profile,
-        duration_ms=duration,
-        times=running_sum(duration),
     )
     reporter = _Reporter(calls=calls, clock=clock, collector=Collector(path))
-    reporter.report(wanted, too_fast, breaks)
+    reporter.report(wanted, too_fast, starts_at_rest(dwell, stage_first))
     return clock, reporter.collector.done(rules.MORE)
 
 
-def lay(
-    calls: BufferedCalls, row: Indices, dwell: npt.NDArray[np.bool_], start: tuple[float, float] = (0.0, 0.0)
-) -> Segments:
+def lay(calls: BufferedCalls, row: Indices, dwell: Bools, start: tuple[float, float] = (0.0, 0.0)) -> Segments:
     """Segments of timed rows in a row, from the calls' own coordinates; a dwell stays where it is."""
     x1, y1 = calls.x[row], calls.y[row]
     if dwell.any():
@@ -156,7 +106,7 @@ class _Reporter:
     clock: Clock
     collector: Collector
 
-    def add(self, rule: Rule, where: npt.NDArray[np.bool_], **columns: Floats | str) -> None:
+    def add(self, rule: Rule, where: Bools, **columns: Floats | str) -> None:
         """One diagnostic for each segment in `where`, its fields from columns (m,)."""
         at = np.flatnonzero(where)
         listed = at[: self.collector.room(rule)].tolist()
@@ -165,7 +115,7 @@ class _Reporter:
             self.collector.add(rule, Span(line=int(self.calls.line[self.clock.row[i]])), fields)
         self.collector.uncounted(rule, len(at) - len(listed))
 
-    def report(self, wanted: Floats, too_fast: npt.NDArray[np.bool_], breaks: npt.NDArray[np.bool_]) -> None:
+    def report(self, wanted: Floats, too_fast: Bools, breaks: Bools) -> None:
         """Everything that the calls asked for and the path can't give."""
         clock, profile = self.clock, self.clock.profile
         if not len(clock.row):

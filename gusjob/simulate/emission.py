@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate.clock import Clock
 from gusjob.simulate.spans import Spans
 from gusjob.simulate.state import Program
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +134,7 @@ def _commands(calls: BufferedCalls, clock: Clock, program: Program, channel: int
     kind = calls.kind[clock.rows]
     mine = np.flatnonzero(((kind == Buffered.ON) | (kind == Buffered.OFF)) & (calls.channel[clock.rows] == channel))
     stage, boundary, on = clock.stage_of_row[mine], clock.boundary[mine], kind[mine] == Buffered.ON
-    times, row = clock.times[boundary] if len(mine) else np.empty(0), clock.rows[mine]
+    times, row = clock.times_ms[boundary] if len(mine) else np.empty(0), clock.rows[mine]
     rank = np.full(len(mine), 1, dtype=np.int8)
     extra: list[tuple[int, float, bool, int]] = []
     lit = False
@@ -177,7 +173,7 @@ def _commands(calls: BufferedCalls, clock: Clock, program: Program, channel: int
     return commands, lit
 
 
-def _last_in_stage(stage: Indices, on: npt.NDArray[np.bool_], count: int) -> list[bool | None]:
+def _last_in_stage(stage: Indices, on: Bools, count: int) -> list[bool | None]:
     behind = np.searchsorted(stage, np.arange(count), side="right")
     before = np.searchsorted(stage, np.arange(count), side="left")
     return [bool(on[b - 1]) if b > a else None for a, b in zip(before.tolist(), behind.tolist(), strict=True)]

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.trapezoids import REACHED, distance_run
 from gusjob.simulate.clock import Clock
 from gusjob.simulate.state import Program
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +22,7 @@ class Motion:
     def lines(self, cell: Indices, time: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """The cells' velocity is the lowest of three lines: rising and falling line at `time`, slope, peak."""
         profile, clock = self.clock.profile, self.clock
-        since = time - clock.times[cell]
+        since = time - clock.times_ms[cell]
         left = clock.duration_ms[cell] - since
         moves = left > 0  # Light may shine on behind a stage's end, at rest.
         acc, peak = np.where(moves, profile.acc[cell], 0.0), np.where(moves, profile.peak[cell], 0.0)
@@ -43,12 +40,12 @@ class Motion:
         if not len(clock.row):
             return np.zeros(len(time))
         rise, fall, acc, peak = self.lines(cell, time)
-        since = np.maximum(time - clock.times[cell], 0.0)
+        since = np.maximum(time - clock.times_ms[cell], 0.0)
         start = profile.start[cell]
         slowing = start > peak
         first = np.where(slowing, np.maximum(start - acc * since, peak), np.minimum(rise, peak))
         velocity = np.minimum(first, fall)
-        still = clock.dwell[cell] | (time >= clock.times[cell] + clock.duration_ms[cell])
+        still = clock.dwell[cell] | (time >= clock.times_ms[cell] + clock.duration_ms[cell])
         # A sample at the very end of a segment still has its end velocity.
         ended = np.where(time > clock.stage_end()[clock.stage[cell]], 0.0, profile.end[cell])
         return np.where(still, np.where(clock.dwell[cell], 0.0, ended), np.maximum(velocity, 0.0))
@@ -56,7 +53,7 @@ class Motion:
     def distance_run(self, cell: Indices, time: Floats) -> Floats:
         """Length run since the cell's start, pulse."""
         profile, clock = self.clock.profile, self.clock
-        since = np.clip(time - clock.times[cell], 0.0, clock.duration_ms[cell])
+        since = np.clip(time - clock.times_ms[cell], 0.0, clock.duration_ms[cell])
         return distance_run(profile, cell, since)
 
     def position(self, cell: Indices, time: Floats) -> tuple[Floats, Floats]:

@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.columns import counted
+from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
 from gusjob.simulate.beam import Beam
 from gusjob.simulate.clock import Clock
 from gusjob.simulate.emission import Emission
@@ -20,10 +19,6 @@ from gusjob.simulate.settings import PowerCalls, Setting, limited
 from gusjob.simulate.spans import Spans
 from gusjob.simulate.state import LaserState
 from gusjob.simulate.ticks import Ticks
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 _BLOCK_PIECES = 1 << 17
 """Pieces that are ticked at once: bounds the memory."""
@@ -111,15 +106,15 @@ def _cut(clock: Clock, stage: Indices, begin: Floats, finish: Floats) -> tuple[I
         return none, empty, empty, none
     limit = clock.stage_end()[stage]
     start, end = np.minimum(begin, limit), np.minimum(finish, limit)
-    first = np.searchsorted(clock.times[1:], start, side="right")
-    last = np.searchsorted(clock.times[:-1], end, side="left")
+    first = np.searchsorted(clock.times_ms[1:], start, side="right")
+    last = np.searchsorted(clock.times_ms[:-1], end, side="left")
     first = np.maximum(first, clock.stage_first[stage])
     last = np.minimum(last, clock.stage_first[stage + 1])
     counts = np.where(start < end, np.maximum(last - first, 0), 0)
     which, number = counted(counts)
     cell = first[which] + number
-    cut_start = np.maximum(start[which], clock.times[cell])
-    cut_end = np.minimum(end[which], clock.times[cell + 1])
+    cut_start = np.maximum(start[which], clock.times_ms[cell])
+    cut_end = np.minimum(end[which], clock.times_ms[cell + 1])
     real = cut_start < cut_end
     if real.all():
         return cell, cut_start, cut_end, which
@@ -128,7 +123,7 @@ def _cut(clock: Clock, stage: Indices, begin: Floats, finish: Floats) -> tuple[I
 
 def _whole(clock: Clock, cell: Indices, start: Floats, end: Floats) -> Floats:
     """Length of each piece: the segment's own duration where it covers all of it, so that no digits are lost."""
-    covers = (start <= clock.times[cell]) & (end >= clock.times[cell + 1])
+    covers = (start <= clock.times_ms[cell]) & (end >= clock.times_ms[cell + 1])
     return np.where(covers, clock.duration_ms[cell], end - start)
 
 
@@ -214,7 +209,7 @@ class _Integrator:
     def held(self, stage: Indices, time: Floats) -> Floats:
         """Power held at moments."""
         clock = self.motion.clock
-        cell = clock.cell_at(stage, time)
+        cell = clock.segment_at(stage, time)
         at_rest = time >= clock.stage_end()[stage]
         last_event = np.searchsorted(self.powers.stage, stage, side="right") - 1
         event = np.where(at_rest, last_event, np.searchsorted(self.powers.boundary, cell, side="right") - 1)
@@ -240,8 +235,8 @@ class _Integrator:
     def moment(self, event: Indices, stage: Indices) -> Floats:
         """When the power call in force acted; at the earliest the stage's start."""
         clock = self.motion.clock
-        boundary = np.minimum(self.powers.boundary[event], len(clock.times) - 1)
-        return np.maximum(clock.times[boundary], clock.stage_start()[stage])
+        boundary = np.minimum(self.powers.boundary[event], len(clock.times_ms) - 1)
+        return np.maximum(clock.times_ms[boundary], clock.stage_start()[stage])
 
 
 def _gather(parts: list[tuple[Indices, _Pieces]], count: int) -> Emitted:

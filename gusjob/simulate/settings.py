@@ -9,15 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.simulate.clock import Clock
 from gusjob.simulate.state import Program
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 CLAMPED = 1e-9
 """Relative distance beyond a limit from which a power counts as held by it: rounding, not physics."""

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gusjob.kinematics.arrays import Floats, Indices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

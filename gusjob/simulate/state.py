@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import MODE_LIMIT, PowerMode
 from gusjob.diagnostics.model import Diagnostic
-
-Rows = npt.NDArray[np.intp]
+from gusjob.kinematics.arrays import Indices
 
 EXECUTION_ERROR, PARAMETER_ERROR = 1, 7
 """Return codes (sister series)."""
@@ -70,7 +68,7 @@ class StageRun:
     crd: int
     fifo: int
     line: int
-    parts: list[Rows]
+    parts: list[Indices]
     lasers: tuple[LaserState, LaserState]
     at_rest: list[Action]
     moving: list[Action] = field(default_factory=list)
@@ -79,7 +77,7 @@ class StageRun:
     waiting: int = 0
 
     @property
-    def rows(self) -> Rows:
+    def rows(self) -> Indices:
         """Buffered rows in order."""
         return np.concatenate(self.parts) if self.parts else np.empty(0, dtype=np.intp)
 

@@ -6,17 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.columns import counted
+from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
 from gusjob.simulate.beam import Beam
 from gusjob.simulate.path import Motion
 from gusjob.simulate.settings import Setting, limited
 from gusjob.simulate.state import LaserState
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 _ON_TICK = 1e-9
 """Share of a period by which a moment may miss a tick and still lie on it: rounding."""
@@ -58,7 +53,7 @@ class Ticks:
         # Up to the first tick inside: what was sampled at the last tick, or at the power call if that came later.
         head = np.where(count > 0, first_tick, self.end) - self.start
         sampled_at = np.maximum(np.maximum(origin + (first - 1) * period, self.moment), origin)
-        value, held = self.sample(self.cell_at(sampled_at), sampled_at, self.setting, self.by_distance)
+        value, held = self.sample(self.segment_at(sampled_at), sampled_at, self.setting, self.by_distance)
         with_head = head > _ON_TICK * period
         energy = np.where(with_head, value * head, 0.0)
         clamped = np.where(with_head & held, head, 0.0)
@@ -75,12 +70,12 @@ class Ticks:
         ticks = (self.start - origin) / self.period_ms
         tick = np.floor(ticks + _ON_TICK + ticks * 1e-15)
         sampled_at = np.maximum(np.maximum(origin + tick * self.period_ms, self.moment), origin)
-        return self.sample(self.cell_at(sampled_at), sampled_at, self.setting, self.by_distance)[0]
+        return self.sample(self.segment_at(sampled_at), sampled_at, self.setting, self.by_distance)[0]
 
-    def cell_at(self, time: Floats) -> Indices:
+    def segment_at(self, time: Floats) -> Indices:
         """The timed call that runs at a moment of a piece's stage: its own, or an earlier one."""
         clock = self.motion.clock
-        found = np.searchsorted(clock.times[:-1], time, side="right") - 1
+        found = np.searchsorted(clock.times_ms[:-1], time, side="right") - 1
         first, last = clock.stage_first[self.stage], clock.stage_first[self.stage + 1] - 1
         return np.maximum(np.minimum(found, np.minimum(self.cell, last)), np.minimum(first, last))
 

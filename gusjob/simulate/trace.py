@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Intent
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate.beam import Beam
 from gusjob.simulate.clock import Clock
@@ -43,12 +44,12 @@ class ChannelTrace:
         states = self.lasers or (self.at_end,)
         return tuple(dict.fromkeys(state.power_mode.unit for state in states))
 
-    def unit_at(self, stages: npt.NDArray[np.intp]) -> npt.NDArray[np.uint8]:
+    def unit_at(self, stages: Indices) -> npt.NDArray[np.uint8]:
         """Place of the unit among `units` in stages."""
         table = [self.units.index(state.power_mode.unit) for state in self.lasers] or [0]
         return np.array(table, dtype=np.uint8)[stages]
 
-    def watts_per_unit(self, stages: npt.NDArray[np.intp], machine: Machine) -> npt.NDArray[np.float64]:
+    def watts_per_unit(self, stages: Indices, machine: Machine) -> Floats:
         """Watts per unit of power in segments of these stages; NaN where the rated power is unknown."""
         laser = machine.laser(self.channel)
         per_stage = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in self.lasers]
@@ -78,13 +79,11 @@ class Trace:
         """The controller's tick."""
         return self.period_us / US_PER_MS
 
-    def power_ms(self, channel: ChannelTrace, spans: Spans) -> npt.NDArray[np.float64]:
+    def power_ms(self, channel: ChannelTrace, spans: Spans) -> Floats:
         """Integral of a channel's held power over spans of time, (k,), unit * ms."""
         return integrals(self.motion, self.beam, channel.powers, list(channel.lasers), self.period_ms, spans)
 
-    def held_power(
-        self, channel: ChannelTrace, stage: npt.NDArray[np.intp], time_ms: npt.NDArray[np.float64]
-    ) -> npt.NDArray[np.float64]:
+    def held_power(self, channel: ChannelTrace, stage: Indices, time_ms: Floats) -> Floats:
         """A channel's power at moments of stages, (k,), whether its light is on or not."""
         lasers = list(channel.lasers)
         return held_power(self.motion, self.beam, channel.powers, lasers, self.period_ms, stage, time_ms)

@@ -10,16 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Run
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.ends import Place, ends_of
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 _MOST_MARKS = 2000
 """So many marks, evenly picked, speak for all."""
@@ -57,7 +54,11 @@ def nearest(
     most = int(min(_LAGS * machine.scanner.tracking_error_us, most_us))
     on, off = (
         _Side(
-            trace=trace, machine=machine, stage=shine.stage[marks], time=clock.times[at[marks]], place=place.pick(marks)
+            trace=trace,
+            machine=machine,
+            stage=shine.stage[marks],
+            time=clock.times_ms[at[marks]],
+            place=place.pick(marks),
         )
         for at, place in ((ends.on, ends.begin), (ends.off, ends.finish))
     )

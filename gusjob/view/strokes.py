@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.columns import counted
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, figure
+from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report, scale_mm
 from gusjob.simulate import ChannelTrace, Trace
@@ -23,10 +23,6 @@ from gusjob.simulate.clock import Clock
 from gusjob.simulate.outputs.steps import follows, ticks_in
 from gusjob.simulate.outputs.timeline import timeline_of
 from gusjob.simulate.spans import Spans
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 FINE_STROKES = 300_000
 """Up to so many strokes are cut as fine as the controller works; longer runs by segments and light alone."""
@@ -105,9 +101,9 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
     clock = trace.clock
     cuts, exact = _cuts(trace, machine, fine_strokes)
     row, start = _in_order(clock, cuts)
-    end = np.append(start[1:], clock.times[-1:])
+    end = np.append(start[1:], clock.times_ms[-1:])
     goes_on = np.append(row[1:] == row[:-1], False) if len(row) else np.zeros(0, dtype=np.bool_)
-    end = np.where(goes_on, end, clock.times[1:][row])
+    end = np.where(goes_on, end, clock.times_ms[1:][row])
     stage = clock.stage[row]
     px, py = machine.pulses_per_mm
     scale = scale_mm(trace, machine)[row] * MS_PER_S
@@ -153,7 +149,7 @@ def _light_edges(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]:
     stage = np.concatenate([shine.stage, shine.stage])
     time = np.concatenate([shine.start_ms, shine.end_ms])
     inside = (time >= clock.stage_start()[stage]) & (time < clock.stage_end()[stage])
-    return clock.cell_at(stage[inside], time[inside]), time[inside]
+    return clock.segment_at(stage[inside], time[inside]), time[inside]
 
 
 def _chords(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
@@ -162,7 +158,7 @@ def _chords(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
     count = np.maximum(np.ceil(np.abs(laid.arcs.sweep) / step_rad), 1).astype(np.intp) - 1
     which, part = counted(count)
     cell = laid.arc_at[which]
-    return cell, clock.times[cell] + clock.duration_ms[cell] * ((part + 1) / (count[which] + 1))
+    return cell, clock.times_ms[cell] + clock.duration_ms[cell] * ((part + 1) / (count[which] + 1))
 
 
 def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
@@ -179,19 +175,19 @@ def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Flo
         which, time = ticks_in(trace, of)
         inside = time < clock.stage_end()[of.stage[which]]
         stage, time = of.stage[which[inside]], time[inside]
-        found.append((clock.cell_at(stage, time), time))
+        found.append((clock.segment_at(stage, time), time))
     return found
 
 
 def _in_order(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
     """Start of each stroke: (timed call, ms). Every timed call has one, however short it is."""
-    starts = clock.times[:-1]
+    starts = clock.times_ms[:-1]
     number = np.arange(len(starts))
     cell = np.concatenate([number, *(cell for cell, _ in cuts)])
     time = np.concatenate([starts, *(time for _, time in cuts)])
     first = np.zeros(len(cell), dtype=np.bool_)
     first[: len(number)] = True
-    real = first | ((time > starts[cell] + _SAME_MS) & (time < clock.times[1:][cell] - _SAME_MS))
+    real = first | ((time > starts[cell] + _SAME_MS) & (time < clock.times_ms[1:][cell] - _SAME_MS))
     cell, time, first = cell[real], time[real], first[real]
     order = np.lexsort((time, cell))
     cell, time, first = cell[order], time[order], first[order]

@@ -102,7 +102,7 @@ def test_a_job_is_received_and_done_as_compiled_and_interpreted(gus: Bench, path
     assert len(rows) == len(trace.clock.row)
     if not len(rows):
         return
-    assert np.abs(rows[:, Row.START_MS] - trace.clock.times[:-1]).max() < period_ms / 1000
+    assert np.abs(rows[:, Row.START_MS] - trace.clock.times_ms[:-1]).max() < period_ms / 1000
     assert np.abs(rows[:, Row.DURATION_MS] - trace.clock.duration_ms).max() < period_ms / 1000
     assert np.abs(rows[:, Row.X1] - trace.clock.laid.x1).max() < 1e-6
     assert np.abs(rows[:, Row.Y1] - trace.clock.laid.y1).max() < 1e-6

@@ -134,7 +134,7 @@ def test_a_corner_at_speed(model: ScannerModel) -> None:
     tau, vel = 0.3, 100.0
     trace = trace_of(CORNER, lag(model, tau * 1000))
     corner = 50.0 + vel / AT_ONCE / 2
-    assert trace.clock.times[1] == pytest.approx(corner)
+    assert trace.clock.times_ms[1] == pytest.approx(corner)
     u = np.linspace(-2.0, 5.0, 7001)
     x, y = seen(trace, corner + u)
     # In X a ramp goes on and its like is taken off; in Y one begins.
@@ -359,8 +359,8 @@ def test_what_is_not_forgotten_goes_from_block_to_block(model: ScannerModel) -> 
     turn = vel / radius * tau
     gain = 1 / (1 + 1j * turn) if model is ScannerModel.FIRST_ORDER else 1 / (1 + 1j * turn / 2) ** 2
     wanted = radius * (np.exp(1j * angle) * gain - 1)
-    got_x, got_y = seen(trace, trace.clock.times)
-    settled = trace.clock.times > 20 * tau
+    got_x, got_y = seen(trace, trace.clock.times_ms)
+    settled = trace.clock.times_ms > 20 * tau
     assert np.abs(got_x + 1j * got_y - wanted)[settled].max() < 5
 
 

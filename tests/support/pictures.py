@@ -220,7 +220,7 @@ def _straight_on(leg: Leg, follower: Leg) -> bool:
 def marks_of(trace: Trace) -> list[Mark]:
     """The marks of the first laser."""
     ends, points = ends_of(trace, MACHINE, trace.channels[0]), _points(trace)
-    shine, times = trace.channels[0].emission, trace.clock.times
+    shine, times = trace.channels[0].emission, trace.clock.times_ms
     marks = []
     for k, (start, end) in enumerate(zip(shine.start_ms.tolist(), shine.end_ms.tolist(), strict=True)):
         between = np.flatnonzero((times > start) & (times < end)).tolist()
@@ -233,7 +233,7 @@ def marks_of(trace: Trace) -> list[Mark]:
 
 def command_at(trace: Trace, time: float) -> Point:
     """Where the command is, mm."""
-    cell = int(np.clip(np.searchsorted(trace.clock.times, time, side="right") - 1, 0, len(trace.clock.row) - 1))
+    cell = int(np.clip(np.searchsorted(trace.clock.times_ms, time, side="right") - 1, 0, len(trace.clock.row) - 1))
     x, y = trace.motion.position(np.array([cell]), np.array([time]))
     return Point(float(x[0]) / MACHINE.pulses_per_mm[0], float(y[0]) / MACHINE.pulses_per_mm[1])
 
@@ -502,7 +502,7 @@ def _draw_beam(canvas: Canvas, view: View, trace: Trace) -> None:
             [view.px(leg.start), view.px(leg.end)], class_="command", stroke=COMMAND, stroke_width=6,
             stroke_linecap="round",
         )  # fmt: skip
-    time = np.arange(0.0, float(trace.clock.times[-1]) + 1.0, DOT_US / 1000)
+    time = np.arange(0.0, float(trace.clock.times_ms[-1]) + 1.0, DOT_US / 1000)
     canvas.path(map(view.px, map(Point, *beam_at(trace, time))), class_="beam", stroke=BEAM, stroke_width=1.5)
     shine = trace.channels[0].emission
     spans = zip(burnt(trace), shine.start_ms.tolist(), shine.end_ms.tolist(), strict=True)

@@ -6,16 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Arg, Buffered, BufferedCalls, Call, Kind, Signature
 from gusjob.controllers.gus.ranges import FOLLOW, POWER, PowerMode, Range, Verdict
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase, number
-from gusjob.simulate.state import PARAMETER_ERROR, Rows
-
-Bools = npt.NDArray[np.bool_]
+from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.simulate.state import PARAMETER_ERROR
 
 _OFF_MEANS_NOTHING = ("GT_SetWaitPulse", "GT_SetPreVltg", "GT_SetLaserDisMode")
 """Calls whose other numbers mean nothing while their first argument switches off."""
@@ -49,7 +47,7 @@ class BufferedJudge:
     modes: tuple[PowerMode, PowerMode]
     collector: Collector
 
-    def taken(self, rows: Rows) -> Rows:
+    def taken(self, rows: Indices) -> Indices:
         """The rows whose arguments the controller takes; the others are faults."""
         bad = np.zeros(len(rows), dtype=np.bool_)
         kinds = self.calls.kind[rows]
@@ -68,7 +66,7 @@ class BufferedJudge:
                     )
         return rows[~bad] if bad.any() else rows
 
-    def judge_power(self, rows: Rows, at: Rows, signature: Signature, allowed: Range, bad: Bools) -> None:
+    def judge_power(self, rows: Indices, at: Indices, signature: Signature, allowed: Range, bad: Bools) -> None:
         """Powers, whose range hangs on the mode; and follow's max above its min."""
         for arg in signature.args:
             if arg.range is None:
@@ -79,7 +77,7 @@ class BufferedJudge:
             self.each(rules.REFUSED, rows[upside_down], lambda _: _refused(signature, reason))
             bad[upside_down] = True
 
-    def judge(self, rows: Rows, at: Rows, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
+    def judge(self, rows: Indices, at: Indices, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
         """One argument of the rows at `at` against its range."""
         values = self.calls.column(arg.column)[rows[at]]
         verdict = allowed.judge(values)
@@ -98,7 +96,7 @@ class BufferedJudge:
         what = {"what": f"{signature.name} {arg.name}", "unit": allowed.unit, "range": str(allowed)}
         self.each(rules.ON_OPEN_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
 
-    def each(self, rule: Rule, rows: Rows, fields: Callable[[int], dict[str, object]]) -> None:
+    def each(self, rule: Rule, rows: Indices, fields: Callable[[int], dict[str, object]]) -> None:
         """A fault for each row, with the fields for the i-th."""
         listed = rows[: self.collector.room(rule)].tolist()
         for i, row in enumerate(listed):

@@ -15,8 +15,7 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import Range
-
-Floats = npt.NDArray[np.float64]
+from gusjob.kinematics.arrays import Floats, Indices
 
 
 class Buffered(IntEnum):
@@ -364,7 +363,7 @@ class Intent:
     """
 
     run: npt.NDArray[np.int8]
-    mark_end: npt.NDArray[np.intp]
+    mark_end: Indices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,6 @@ In the order of the job language: setup, GT_SetCrdPrm, GT_CrdClear, path, GT_Crd
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Intent, Stream, Value, crd_start
@@ -25,6 +24,7 @@ from gusjob.ir.job import (
     Setup,
     SwitchNow,
 )
+from gusjob.kinematics.arrays import Floats
 from gusjob.planner.plan import Plan
 
 _KINDS = {
@@ -139,7 +139,7 @@ def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
     n = len(path)
     kind = _KIND_TABLE[path.op]
 
-    def spread(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def spread(values: Floats) -> Floats:
         if len(timed) == n:
             return values
         column = np.zeros(n)
@@ -186,6 +186,6 @@ def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
     )
 
 
-def _radius(written: npt.NDArray[np.float64], fitted: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _radius(written: Floats, fitted: Floats) -> Floats:
     """The radius as written, or half the chord where rounding made the chord longer than twice that."""
     return np.where(np.abs(written) >= fitted, written, np.sign(written) * fitted)

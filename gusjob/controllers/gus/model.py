@@ -26,7 +26,8 @@ from gusjob.controllers.gus.ranges import (
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase
-from gusjob.simulate.state import EXECUTION_ERROR, PARAMETER_ERROR, Action, LaserState, Program, Rows, StageRun
+from gusjob.kinematics.arrays import Indices
+from gusjob.simulate.state import EXECUTION_ERROR, PARAMETER_ERROR, Action, LaserState, Program, StageRun
 
 _DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")
 _PWM, _MOVING = Phrase("the PWM modes"), Phrase("the coordinate system is moving")
@@ -53,7 +54,7 @@ class _Executor:
     """GT_SetAxisMode since the last GT_LaserPowerMode, per channel."""
     axis_ever: list[bool] = field(default_factory=lambda: [False, False])
     named: set[int] = field(default_factory=set)
-    queues: dict[tuple[int, int], list[Rows]] = field(default_factory=dict)
+    queues: dict[tuple[int, int], list[Indices]] = field(default_factory=dict)
     running: StageRun | None = None
     stages: list[StageRun] = field(default_factory=list)
     actions: list[Action] = field(default_factory=list)
@@ -295,7 +296,7 @@ class _Executor:
         self.stages.append(self.running)
         self.follow_switch(self.running.parts)
 
-    def follow_switch(self, parts: list[Rows]) -> None:
+    def follow_switch(self, parts: list[Indices]) -> None:
         """The switch as GT_GetHSIOOpt would find it: behind the buffered calls before the first motion."""
         calls = self.stream.buffered
         rows = np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)

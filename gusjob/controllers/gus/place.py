@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
+from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.geometry import TURN
 from gusjob.simulate.clock import lay
 
@@ -38,7 +38,7 @@ class Route:
     """Buffered calls as a route. `timed` (m,): the rows that take time; `start`: where the first one begins, pulse."""
 
     calls: BufferedCalls
-    timed: npt.NDArray[np.intp]
+    timed: Indices
     start: tuple[float, float]
 
     @classmethod

@@ -11,7 +11,7 @@ import numpy as np
 from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
 from gusjob.controllers.gus.place import START, Place
 from gusjob.kinematics.geometry import Segments
-from gusjob.kinematics.trapezoids import reached_ends
+from gusjob.kinematics.schedule import reachable_ends
 from gusjob.simulate.clock import lay
 
 CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
@@ -262,8 +262,7 @@ def _reach(stream: Stream, start: tuple[float, float]) -> None:
         return
     dwell = calls.kind[rows] == Buffered.DELAY
     laid = lay(calls, rows, dwell, start)
-    breaks = np.concatenate([[True], dwell[:-1]])
-    vel, acc = np.where(dwell, 1.0, calls.vel[rows]), np.where(dwell, 1.0, calls.acc[rows])
-    wanted = np.where(dwell, 0.0, calls.vel_end[rows])
-    reached = np.minimum(wanted, reached_ends(laid.length, vel, wanted, acc, breaks))
+    given = calls.vel_end[rows]
+    ends = np.array([0, len(rows)])
+    reached = np.minimum(given, reachable_ends(laid.length, calls.vel[rows], calls.acc[rows], given, dwell, ends))
     calls.vel_end[rows] = np.where(dwell, calls.vel_end[rows], reached)

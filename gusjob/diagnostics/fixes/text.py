@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.diagnostics.model import Diagnostic
+from gusjob.kinematics.arrays import Indices
 from gusjob.pipeline import Loaded
 
 
@@ -37,7 +37,7 @@ class Look:
 
     loaded: Loaded
     data: bytes
-    _starts: npt.NDArray[np.intp] | None = field(default=None, repr=False)
+    _starts: Indices | None = field(default=None, repr=False)
 
     def start(self, line: int) -> int:
         """The byte at which a line (from 1) begins."""

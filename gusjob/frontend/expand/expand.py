@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -28,9 +27,7 @@ from gusjob.frontend.parse.statements import Statement
 from gusjob.frontend.scan.shapes import Rows
 from gusjob.i18n.phrases import Phrase, both_of
 from gusjob.ir.job import Trails
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from gusjob.kinematics.arrays import Floats, Ints
 
 _CALL_STEPS = 40
 _LOOP_STEPS = 100

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.frontend.parse.expressions import Number, Type
-
-Ints = npt.NDArray[np.int64]
+from gusjob.kinematics.arrays import Ints
 
 
 @dataclass(slots=True)

@@ -14,9 +14,7 @@ from gusjob.frontend.parse.forms import Field
 from gusjob.frontend.parse.job_reader import RowOp
 from gusjob.frontend.parse.statements import Statement
 from gusjob.frontend.scan.shapes import Rows, join
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from gusjob.kinematics.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, slots=True)

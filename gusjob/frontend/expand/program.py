@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -23,9 +22,7 @@ from gusjob.frontend.parse.statements import Statement
 from gusjob.frontend.scan.shapes import Rows
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, printable
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gusjob.kinematics.arrays import Indices
 
 MAX_NESTING = 32
 """Blocks within blocks in the text of a file."""

@@ -14,14 +14,13 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from lark import Token, Tree
 
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.geometry import sin_cos_deg
 from gusjob.kinematics.units import Kind
 
-Floats = npt.NDArray[np.float64]
 Number = np.float64 | Floats
 """One value, or one a lane."""
 

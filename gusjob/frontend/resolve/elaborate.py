@@ -47,12 +47,10 @@ from gusjob.ir.job import (
     chords,
     with_lines,
 )
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 from gusjob.kinematics.geometry import CLOSES_MM
 from gusjob.kinematics.trapezoids import running_sum
 from gusjob.kinematics.units import System, acceleration_pulse_per_ms2, velocity_pulse_per_ms
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 _OPS = {
     RowOp.LINE: Op.LINE,
@@ -84,7 +82,7 @@ class Told:
     rows: Rows
     setups: tuple[Statement, ...]
     sources: SourceMap
-    frame_parent: npt.NDArray[np.int64]
+    frame_parent: Ints
     trails: Trails | None = None
     lets: dict[str, list[int]] = field(default_factory=dict)
     """Lines that set each name."""
@@ -113,7 +111,7 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     return job, reader.faults(job)
 
 
-def last_set(is_set: Bools) -> npt.NDArray[np.int64]:
+def last_set(is_set: Bools) -> Ints:
     """For each row the last row up to it at which `is_set`; -1 where there is none."""
     at = np.where(is_set, np.arange(len(is_set)), -1)
     return np.maximum.accumulate(at) if len(at) else at
@@ -154,7 +152,7 @@ class _Elaboration:
     """Rows of arcs in turned frames that do not close, with the distances of their ends from the centre, mm."""
     known_frames: Frames | None = None
     """What `frames` has found."""
-    first_piece: npt.NDArray[np.intp] | None = None
+    first_piece: Indices | None = None
     """Where arcs became lines: the row that each row of the path became."""
 
     @property
@@ -241,7 +239,7 @@ class _Elaboration:
             at=np.concatenate([self.places(p[0]) - p[4] for p in parts]),
         )
 
-    def places(self, rows: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    def places(self, rows: Indices) -> Indices:
         """How many rows of the path stand up to some rows."""
         before = np.cumsum(_OP_TABLE[self.rows.op] != _NONE)[rows]
         return before if self.first_piece is None else self.first_piece[before]
@@ -336,7 +334,7 @@ class _Elaboration:
             found.append(self.fault(job, rules.ARC_OFF, at, "", 1, fields))
         return found
 
-    def once(self, rows: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
+    def once(self, rows: Indices) -> list[tuple[int, int]]:
         """Of rows that came from one line the first, and how many there are."""
         _, first, count = np.unique(self.rows.line[rows], return_index=True, return_counts=True)
         return list(zip(rows[first].tolist(), count.tolist(), strict=True))

@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.ir.job import Op, Path
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
 from gusjob.kinematics.trapezoids import running_sum
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +118,7 @@ def positions_in_frames(x: Floats, y: Floats, relative: Bools, frame: Ints, fram
     return frames.out(frame, local_x, local_y)
 
 
-def bent_arcs(path: Path, at: npt.NDArray[np.intp], frames: Frames, frame: Ints) -> tuple[Arcs, Floats]:
+def bent_arcs(path: Path, at: Indices, frames: Frames, frame: Ints) -> tuple[Arcs, Floats]:
     """The arcs at rows `at` as the circles that they are in the pulses of their frames, but for the frames' shift.
 
     With them how far the end of each lies from its centre, in the same pulses.

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-Floats = npt.NDArray[np.float64]
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 
 MAX_LINE = 10_000
 """Characters in a statement; longer lines are faults, not work."""
@@ -194,9 +194,7 @@ class _Scanner:
         self._collect(ids, numbers, offsets, first_line, alone)
         return len(ends)
 
-    def _comments(
-        self, raw: npt.NDArray[np.uint8], text: bytes, ends: npt.NDArray[np.intp]
-    ) -> tuple[npt.NDArray[np.bool_] | None, npt.NDArray[np.intp] | None]:
+    def _comments(self, raw: npt.NDArray[np.uint8], text: bytes, ends: Indices) -> tuple[Bools | None, Indices | None]:
         """Mask of the bytes of comments, and where each line's comment begins (len(text) if none)."""
         slashes = b"//" in text
         if not slashes and not (self.semicolon_comments and b";" in text):
@@ -216,7 +214,7 @@ class _Scanner:
         edges[ends[lines]] -= 1
         return np.cumsum(edges, dtype=np.int8).astype(np.bool_), comment_at
 
-    def _shapes(self, raw: npt.NDArray[np.uint8], text: bytes, comment: npt.NDArray[np.bool_] | None) -> list[bytes]:
+    def _shapes(self, raw: npt.NDArray[np.uint8], text: bytes, comment: Bools | None) -> list[bytes]:
         flat = np.frombuffer(text.translate(_COLLAPSE), dtype=np.uint8)
         digit = flat == 48
         keep = np.ones(len(flat), dtype=np.bool_)
@@ -243,17 +241,17 @@ class _Scanner:
         self.templates.append(template)
         return len(self.templates) - 1
 
-    def _runs_per_id(self) -> npt.NDArray[np.int64]:
+    def _runs_per_id(self) -> Ints:
         return np.array([0 if t is None else len(t.slots) + len(t.fixed) for t in self.templates], dtype=np.int64)
 
     def _numbers(
         self,
         raw: npt.NDArray[np.uint8],
-        comment: npt.NDArray[np.bool_] | None,
+        comment: Bools | None,
         ids: npt.NDArray[np.int32],
-        starts: npt.NDArray[np.intp],
-        ends: npt.NDArray[np.intp],
-    ) -> tuple[Floats, npt.NDArray[np.int64], npt.NDArray[np.int32]]:
+        starts: Indices,
+        ends: Indices,
+    ) -> tuple[Floats, Ints, npt.NDArray[np.int32]]:
         """All numbers of the lines with a template, and each line's offset in them.
 
         The third is the ids again: lines that turn out to need the parser are marked.
@@ -296,7 +294,7 @@ class _Scanner:
         self,
         ids: npt.NDArray[np.int32],
         numbers: Floats,
-        offsets: npt.NDArray[np.int64],
+        offsets: Ints,
         first_line: int,
         alone: list[tuple[int, Row]],
     ) -> None:

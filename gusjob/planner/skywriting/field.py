@@ -6,17 +6,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import Run
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 _RUN_IN, _RUN_OUT = Phrase("run-in"), Phrase("run-out")
 _SLACK_PULSE = 1.5

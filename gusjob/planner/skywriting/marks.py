@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.ir.job import Op, SkyWriting
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
 from gusjob.lint.view import view_of
 from gusjob.planner.plan import Plan
 from gusjob.planner.velocity import corner_jump, path_velocity
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 _SAME_CORNER = 1e-9
 

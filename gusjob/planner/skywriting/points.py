@@ -12,14 +12,12 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.planner.plan import Plan
 from gusjob.planner.skywriting.marks import Marks
 from gusjob.planner.skywriting.timeline import OFF, ON, delays_us
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 _NEAR_PULSE = 0.75
 """A point so near to an end may be that end, in whole pulses."""

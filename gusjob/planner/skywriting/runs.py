@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import TURN, Arcs, Segments
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 _HALF_PULSE = 0.7072
 """By how much a whole pulse may lie beside the point it stands for: half the diagonal."""

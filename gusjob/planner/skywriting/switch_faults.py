@@ -12,16 +12,14 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, has_errors
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Op, shown_units
+from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.trapezoids import distance_run
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.lint.view import CHANNELS
 from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
-from gusjob.planner.skywriting.timeline import Events, Timeline
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
+from gusjob.planner.skywriting.timeline import Events
 
 _NO_TIME_US = 1e-6
 _MOMENT_MS = 1e-4
@@ -36,23 +34,23 @@ _BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("behind the end of
 _INTO, _RAISE_NPOST = Phrase("into a DWELL"), Phrase("raise NPOST")
 
 
-def switch_faults(state: Plan, timeline: Timeline, events: Events, place: Floats) -> list[Diagnostic]:
+def switch_faults(state: Plan, schedule: Schedule, events: Events, place: Floats) -> list[Diagnostic]:
     """Where a switch can't come when it should: no motion runs then, or it would come before what it follows.
 
     `place`: of every event, as the switch points have it.
     """
-    times = timeline.times
+    times = schedule.times_ms
     collector = Collector(state.job.name)
     rows, time = state.timed[events.ref], events.time_ms[events.goes]
     channels = state.path.channel[events.row[events.goes]]
-    cell = np.minimum(np.searchsorted(times[1:], time, side="left"), len(timeline.stage) - 1)
+    cell = np.minimum(np.searchsorted(times[1:], time, side="left"), len(schedule.stage) - 1)
     dwell = state.path.op[state.timed[cell]] == Op.DWELL
     at_us = events.time_ms * US_PER_MS
     waits_us = _waits(state, events, at_us)[events.goes]
     at_us[events.goes] += events.late_us
     dark_us = np.where(events.op == Op.OFF, _waits(state, events, at_us)[events.goes], 0.0)
-    before_us = (times[timeline.stage_first[events.stage]] - time) * US_PER_MS
-    behind_us = (time - times[timeline.stage_first[events.stage + 1]]) * US_PER_MS
+    before_us = (times[schedule.stage_first[events.stage]] - time) * US_PER_MS
+    behind_us = (time - times[schedule.stage_first[events.stage + 1]]) * US_PER_MS
     into_us = np.where(dwell, np.minimum(time - times[cell], times[cell + 1] - time), 0.0) * US_PER_MS
     crosses_us = np.where(dark_us > _NO_TIME_US, 0.0, waits_us)
     for what, switch, faults in (
@@ -77,9 +75,9 @@ def switch_faults(state: Plan, timeline: Timeline, events: Events, place: Floats
             _report(state, collector, rules.SKY_ROOM, rows, switch & (amount > _NO_TIME_US), **columns)
     dark = (dark_us > _NO_TIME_US) | _at_one_point(state, events, place)[events.goes]
     _report(state, collector, rules.SKY_DARK, rows, dark, late=dark_us)
-    _report_slow(state, timeline, events, collector)
+    _report_slow(state, schedule, events, collector)
     if not has_errors(collector.found):
-        _report_coarse(state, timeline, events, collector)
+        _report_coarse(state, schedule, events, collector)
     return collector.done(rules.MORE)
 
 
@@ -103,14 +101,14 @@ def _at_one_point(state: Plan, events: Events, place: Floats) -> Bools:
     return found
 
 
-def _report_coarse(state: Plan, timeline: Timeline, events: Events, collector: Collector) -> None:
+def _report_coarse(state: Plan, schedule: Schedule, events: Events, collector: Collector) -> None:
     """Light that is switched where the command is so slow that a whole pulse takes long, for a beam at mark speed."""
-    times, time = timeline.times, events.time_ms[events.goes]
-    cell = np.clip(np.searchsorted(times[1:], time, side="left"), 0, len(timeline.stage) - 1)
+    times, time = schedule.times_ms, events.time_ms[events.goes]
+    cell = np.clip(np.searchsorted(times[1:], time, side="left"), 0, len(schedule.stage) - 1)
     since, moment = np.clip(time - times[cell], 0.0, times[cell + 1] - times[cell]), _MOMENT_MS
-    run = [distance_run(timeline.profile, cell, np.maximum(since + step, 0.0)) for step in (-moment, moment)]
+    run = [distance_run(schedule.profile, cell, np.maximum(since + step, 0.0)) for step in (-moment, moment)]
     # Half a pulse at this velocity; from rest it takes 1/sqrt(acc).
-    acc = timeline.profile.acc[cell]
+    acc = schedule.profile.acc[cell]
     off_ms = 0.5 / np.maximum((run[1] - run[0]) / (2 * moment), 0.5 * np.sqrt(acc))
     off_pulse = off_ms * state.vel[events.ref]
     error_um = off_pulse / min(state.machine.pulses_per_mm) * US_PER_MS
@@ -125,13 +123,13 @@ def _report_coarse(state: Plan, timeline: Timeline, events: Events, collector: C
             _report(state, collector, rules.SKY_COARSE, state.timed[events.ref], which, **columns)
 
 
-def _report_slow(state: Plan, timeline: Timeline, events: Events, collector: Collector) -> None:
+def _report_slow(state: Plan, schedule: Schedule, events: Events, collector: Collector) -> None:
     """Marks that are not at speed where their light should come or go: look-ahead slows them for a corner inside."""
     shown, laid, (px, py) = shown_units(state.job, state.machine), state.segments, state.machine.pulses_per_mm
     assert laid is not None
     for what, op, before in ((Phrase("begins"), Op.ON, 1), (Phrase("ends"), Op.OFF, 0)):
         mark = events.ref[events.op == op]
-        passed, wanted = timeline.profile.end[mark - before], state.vel[mark]
+        passed, wanted = schedule.profile.end[mark - before], state.vel[mark]
         slow = passed < wanted * (1 - _AT_SPEED)
         x, y = (laid.start_x, laid.start_y) if op is Op.ON else (laid.end_x, laid.end_y)
         per_pulse = np.hypot(x[mark] / px, y[mark] / py) * US_PER_MS if shown.speed == "mm/s" else np.ones(len(mark))

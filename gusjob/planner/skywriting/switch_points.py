@@ -16,17 +16,15 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.ir.job import Op
+from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.trapezoids import Trapezoids, distance_run, look_ahead
 from gusjob.lint.view import CHANNELS
 from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, rearranged
 from gusjob.planner.skywriting.switch_faults import switch_faults
-from gusjob.planner.skywriting.timeline import Events, Timeline, events_of, timeline_of
-from gusjob.planner.velocity import starts_at_rest
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
+from gusjob.planner.skywriting.timeline import Events, events_of, schedule_of
+from gusjob.planner.velocity import at_rest_before
 
 _HALF_PULSE = 0.5
 
@@ -39,10 +37,10 @@ def switch_points(state: Plan) -> Plan:
         return replace(
             state, mark_end=_mark_ends(state, np.arange(len(state.path)), state.timed, state.timed, len(state.path))
         )
-    timeline = timeline_of(state)
-    events = events_of(state, timeline)
-    points = _points(state, timeline, events)
-    return _split(state, timeline, events, points)
+    schedule = schedule_of(state)
+    events = events_of(state, schedule)
+    points = _points(state, schedule, events)
+    return _split(state, schedule, events, points)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,20 +57,20 @@ class _Points:
     y: Floats
 
 
-def _points(state: Plan, timeline: Timeline, events: Events) -> _Points:
-    laid, times = state.segments, timeline.times
+def _points(state: Plan, schedule: Schedule, events: Events) -> _Points:
+    laid, times = state.segments, schedule.times_ms
     assert laid is not None
     goes = events.goes
-    first, behind = timeline.stage_first[events.stage], timeline.stage_first[events.stage + 1]
+    first, behind = schedule.stage_first[events.stage], schedule.stage_first[events.stage + 1]
     time = np.clip(events.time_ms[goes], times[first], times[behind])
     at = np.clip(np.searchsorted(times[1:], time, side="left"), first, behind - 1)
-    run = distance_run(timeline.profile, at, np.clip(time - times[at], 0.0, times[at + 1] - times[at]))
+    run = distance_run(schedule.profile, at, np.clip(time - times[at], 0.0, times[at + 1] - times[at]))
     length = laid.length[at]
     share = np.divide(run, length, out=np.zeros(len(at)), where=length > 0)
     x, y = (np.rint(values) + 0.0 for values in laid.points(at, share))
     begins = (run < _HALF_PULSE) | ((x == laid.x0[at]) & (y == laid.y0[at]))
     ends = (length - run < _HALF_PULSE) | ((x == laid.x1[at]) & (y == laid.y1[at]))
-    on_round = np.zeros(len(timeline.stage), dtype=np.bool_)
+    on_round = np.zeros(len(schedule.stage), dtype=np.bool_)
     on_round[laid.arc_at] = True  # An arc may end where it begins.
     begins, ends = begins & (~on_round[at] | (share < 0.5)), ends & (~on_round[at] | (share >= 0.5))
     place = np.where(ends, at + 1.0, np.where(begins, at, at + share))
@@ -95,7 +93,7 @@ def _points(state: Plan, timeline: Timeline, events: Events) -> _Points:
     return _Points(place=places, at=at[kept], split=place[kept], x=x[kept], y=y[kept])
 
 
-def _split(state: Plan, timeline: Timeline, events: Events, points: _Points) -> Plan:
+def _split(state: Plan, schedule: Schedule, events: Events, points: _Points) -> Plan:
     """The plan with its motions split at the points, and the events there."""
     path, timed, sky = state.path, state.timed, state.sky
     assert sky is not None
@@ -136,14 +134,14 @@ def _split(state: Plan, timeline: Timeline, events: Events, points: _Points) -> 
         acc=state.acc[pieces.cell],
     )
     assert longer.segments is not None
-    ends = pieces.end_velocities(state, timeline.profile, longer.segments.length)
+    ends = pieces.end_velocities(state, schedule.profile, longer.segments.length)
     if bent is not None:
         # The pieces of an arc may be shorter than it was.
         acc = np.where(longer.path.op[longer.timed] == Op.DWELL, 1.0, longer.acc)
-        reached = np.minimum(look_ahead(longer.segments.length, acc, ends, starts_at_rest(longer)), ends)
+        reached = np.minimum(look_ahead(longer.segments.length, acc, ends, at_rest_before(longer)), ends)
         ends = np.where(np.isfinite(longer.path.end[longer.timed]), ends, reached)
     return replace(
-        longer, vel_end=ends, diagnostics=(*state.diagnostics, *switch_faults(state, timeline, events, points.place))
+        longer, vel_end=ends, diagnostics=(*state.diagnostics, *switch_faults(state, schedule, events, points.place))
     )
 
 

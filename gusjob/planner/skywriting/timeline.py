@@ -8,45 +8,27 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.ir.job import LaserDelay, LaserFpk, Op
-from gusjob.kinematics.trapezoids import Trapezoids, reached_ends, running_sum, trapezoids
+from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.schedule import Schedule, schedule
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.planner.plan import Plan
-from gusjob.planner.velocity import starts_at_rest
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from gusjob.planner.velocity import stage_first
 
 ON, OFF = 1, 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Timeline:
-    """When each timed row runs, (m,), and how fast; `times` (m+1,) ms, stages back to back. `stage` of each."""
-
-    profile: Trapezoids
-    times: Floats
-    stage: Indices
-    stage_first: Indices
-    """(s+1,): number of each stage's first timed row."""
-
-
-def timeline_of(state: Plan) -> Timeline:
-    """When the motions of a plan run."""
+def schedule_of(state: Plan) -> Schedule:
+    """Schedule the motions of a plan."""
     laid, timed = state.segments, state.timed
     assert laid is not None
-    dwell = state.path.op[timed] == Op.DWELL
-    breaks = starts_at_rest(state)
-    vel, acc = np.where(dwell, 1.0, state.vel), np.where(dwell, 1.0, state.acc)
-    end = np.where(dwell, 0.0, reached_ends(laid.length, vel, state.vel_end, acc, breaks))
-    start = np.concatenate([[0.0], end[:-1]])
-    start[breaks] = 0.0
-    profile = trapezoids(laid.length, start, vel, end, acc)
-    firsts = np.searchsorted(timed, [s.first for s in state.stages])
-    return Timeline(
-        profile=profile,
-        times=running_sum(np.where(dwell, state.path.dwell_ms[timed], profile.duration_ms)),
-        stage=np.searchsorted(firsts, np.arange(len(timed)), side="right") - 1,
-        stage_first=np.append(firsts, len(timed)),
+    return schedule(
+        length=laid.length,
+        vel=state.vel,
+        acc=state.acc,
+        vel_end=state.vel_end,
+        dwell=state.path.op[timed] == Op.DWELL,
+        dwell_ms=state.path.dwell_ms[timed],
+        stage_first=stage_first(state),
     )
 
 
@@ -69,7 +51,7 @@ class Events:
     late_us: Floats
 
 
-def events_of(state: Plan, timeline: Timeline) -> Events:
+def events_of(state: Plan, schedule: Schedule) -> Events:
     """What acts in between the motions of a plan."""
     path, sky = state.path, state.sky
     assert sky is not None
@@ -80,12 +62,12 @@ def events_of(state: Plan, timeline: Timeline) -> Events:
     boundary = timed_before[row]
     goes = (np.cumsum(~takes_time) - 1)[sky.row[open_]]
     ref = timed_before[sky.ref[open_]]
-    stage = timeline.stage[ref]
+    stage = schedule.stage[ref]
     op = path.op[sky.row[open_]]
     what = np.where(op == Op.ON, ON, np.where(op == Op.OFF, OFF, 0))
     late_us = delays_us(state)[stage, path.channel[sky.row[open_]], what]
-    time_ms = timeline.times[boundary]
-    time_ms[goes] = timeline.times[ref + sky.at_end[open_]] + (sky.edge_us[open_] - late_us) / US_PER_MS
+    time_ms = schedule.times_ms[boundary]
+    time_ms[goes] = schedule.times_ms[ref + sky.at_end[open_]] + (sky.edge_us[open_] - late_us) / US_PER_MS
     return Events(row=row, boundary=boundary, goes=goes, ref=ref, stage=stage, op=op, late_us=late_us, time_ms=time_ms)
 
 

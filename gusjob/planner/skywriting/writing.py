@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import Run
 from gusjob.ir.job import SPEED_WORDS, Op
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.trapezoids import trapezoids
 from gusjob.kinematics.units import US_PER_MS
@@ -28,10 +29,6 @@ from gusjob.planner.plan import Plan, Sky, rearranged
 from gusjob.planner.skywriting.marks import Marks, marks_of
 from gusjob.planner.skywriting.points import Leg, Places, places_of
 from gusjob.planner.skywriting.runs import Beyond, beyond_of
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 # Where added rows stand, from the row of their mark: all of it between the mark's neighbours.
 _ON, _REVERSE, _REVERSE_FAR, _JUMP, _RUN_IN_FAR, _RUN_IN = -0.45, -0.40, -0.35, -0.30, -0.25, -0.20

@@ -20,10 +20,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.columns import counted
 from gusjob.controllers.gus.ranges import PowerMode
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, counted
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.outputs.light import Lit, Off, lit_of, off_of, switch_of
@@ -31,10 +30,6 @@ from gusjob.simulate.outputs.steps import Steps, steps_of
 from gusjob.simulate.outputs.timeline import Timeline, timeline_of
 from gusjob.simulate.spans import Spans
 from gusjob.simulate.state import LaserState
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Times = npt.NDArray[np.int64]
 
 NS_PER_MS = 1e6
 _WINDOW_PULSES = 50_000
@@ -60,7 +55,7 @@ class Edges:
     """A line in a window: its value at the start, then changes, (n,): moment in ns, new value."""
 
     first: float
-    time_ns: Times
+    time_ns: Ints
     value: Floats
 
 
@@ -81,7 +76,7 @@ class _Pulses:
 
     start: Floats
     end: Floats
-    unknown: npt.NDArray[np.bool_]
+    unknown: Bools
 
 
 def line_names(channel: int) -> tuple[str, str, str]:
@@ -116,7 +111,7 @@ class _Channel:
     lasers: tuple[LaserState, ...]
     lit: Lit
     off: Off
-    switch: tuple[Times, Floats]
+    switch: tuple[Ints, Floats]
     before: Floats
     """Periods of light in frequency mode since its train began, (k,)."""
     highest_khz: float
@@ -227,7 +222,7 @@ class _Channel:
         stop = np.minimum(stop, np.append(fired[1:], np.inf))
         yield _Pulses(start=fired, end=stop, unknown=np.zeros(len(fired), dtype=np.bool_))
 
-    def analog(self, start: float, end: float) -> tuple[Times, Floats]:
+    def analog(self, start: float, end: float) -> tuple[Ints, Floats]:
         """Volts from moments on: held power under light, the pre-voltage without, in analog mode (M 二.2); else 0."""
         lit, at = self.lit, self.in_window(start, end, (PowerMode.ANALOG,))
         first = int(np.searchsorted(self.off.end, start))
@@ -259,7 +254,7 @@ def _highest_khz(laser: LaserState) -> float:
 
 
 def _periods(begin: Floats, finish: Floats, khz: Floats, since: float, until: float) -> tuple[Indices, Floats]:
-    """Starts of a carrier's periods in spans, cut to a window: (span, ms)."""
+    """Ints of a carrier's periods in spans, cut to a window: (span, ms)."""
     low = np.maximum(np.floor((since - begin) * khz), 0.0)
     high = np.ceil((np.minimum(finish, until) - begin) * khz - _SAME_PHASE)
     # A window's end may be a period's start: it belongs to both windows, and is cut off there.
@@ -285,7 +280,7 @@ def _carrier(begin: Floats, finish: Floats, khz: Floats, pct: Floats, since: flo
     return _low_parts(period_start, finish[which], 1 / khz[which], pct[which])
 
 
-def _settings(pulses: _Pulses) -> tuple[Times, Floats]:
+def _settings(pulses: _Pulses) -> tuple[Ints, Floats]:
     """A + line's edges in order, (2n,): moment in ns, level from there on."""
     low = np.where(pulses.unknown, float(Level.UNKNOWN), float(Level.LOW))
     time = np.stack([pulses.start, pulses.end], axis=1).ravel()
@@ -293,12 +288,12 @@ def _settings(pulses: _Pulses) -> tuple[Times, Floats]:
     return to_ns(time), level
 
 
-def to_ns(time_ms: Floats) -> Times:
+def to_ns(time_ms: Floats) -> Ints:
     """Moments to the nanosecond; half of one goes the same way, whatever rounding there was before."""
     return np.rint(np.round(time_ms * NS_PER_MS, 3)).astype(np.int64)
 
 
-def changes(time: Times, value: Floats, rest: float, start_ns: int, end_ns: int) -> Edges:
+def changes(time: Ints, value: Floats, rest: float, start_ns: int, end_ns: int) -> Edges:
     """Settings in order as changes in a window: of several at one moment the last counts, of equal ones the first.
 
     `rest`: before all.

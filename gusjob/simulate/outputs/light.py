@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import PowerMode
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace
 from gusjob.simulate.outputs.timeline import Timeline
 from gusjob.simulate.state import LaserState
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,13 +9,11 @@ import numpy.typing as npt
 
 from gusjob.columns import Columns, Words
 from gusjob.config.machine import Machine
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import MS_PER_S, US_PER_MS
 from gusjob.report.rows import scale_mm
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.outputs.timeline import Timeline, timeline_of
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 _PIECE_TICKS = 1 << 17
 _ON_TICK = 1e-9
@@ -71,7 +69,7 @@ def _rows(
     time = clock.stage_start()[stage] + tick * trace.period_ms
     end = clock.stage_end()[stage]
     time = np.where(np.abs(time - end) < _ON_TICK * trace.period_ms, end, time)
-    cell = clock.cell_at(stage, time)
+    cell = clock.segment_at(stage, time)
     x, y = trace.motion.position(cell, time)
     table: Columns = {
         "time_ms": timeline.start_ms[stage] + tick * trace.period_ms,
@@ -98,7 +96,7 @@ def _rows(
 
 def _light(
     trace: Trace, timeline: Timeline, channel: ChannelTrace, stage: Indices, time: Floats
-) -> tuple[npt.NDArray[np.bool_], Floats]:
+) -> tuple[Bools, Floats]:
     """Whether there is light at moments, and for how long until a period later, ms."""
     shine = channel.emission
     shift = timeline.shift_ms

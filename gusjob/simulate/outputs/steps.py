@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.columns import counted
+from gusjob.kinematics.arrays import Floats, Indices, counted
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.spans import Spans
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +61,7 @@ def ticks_in(trace: Trace, spans: Spans) -> tuple[Indices, Floats]:
 def _calls(trace: Trace, channel: ChannelTrace, spans: Spans) -> tuple[Indices, Floats]:
     """(span, ms) of every power call that acts within spans."""
     clock, powers = trace.clock, channel.powers
-    moments = clock.times[np.minimum(powers.boundary, len(clock.times) - 1)]
+    moments = clock.times_ms[np.minimum(powers.boundary, len(clock.times_ms) - 1)]
     first = np.searchsorted(moments, spans.start_ms, side="right")
     behind = np.searchsorted(moments, spans.end_ms, side="left")
     count = np.maximum(behind - first, 0)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from vcd import VCDWriter
 
+from gusjob.kinematics.arrays import Floats, Ints
 from gusjob.simulate import Trace
 from gusjob.simulate.outputs.levels import Edges, Level, changes, line_names, to_ns, windows_of
 from gusjob.simulate.outputs.timeline import timeline_of
@@ -42,10 +43,10 @@ def vcd_pieces(
         yield f"#{end_ns}\n".encode()
 
 
-def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[Ints, Floats]:
     """The source line from moments on, ns."""
     clock = trace.clock
-    start_ms = clock.times[:-1] + timeline_of(trace).shift_ms[clock.stage]
+    start_ms = clock.times_ms[:-1] + timeline_of(trace).shift_ms[clock.stage]
     return to_ns(start_ms), lines.astype(np.float64)
 
 
@@ -57,7 +58,7 @@ class _Output:
     levels: tuple[str, ...]
     ident: str
 
-    def texts(self, values: npt.NDArray[np.float64]) -> list[str]:
+    def texts(self, values: Floats) -> list[str]:
         """What is said of values."""
         if self.levels:
             return list(map(self.levels.__getitem__, values.astype(np.intp).tolist()))

@@ -8,11 +8,11 @@ import numpy.typing as npt
 from gusjob.config.machine import Budget, Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
+from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marks_of
 
-Floats = npt.NDArray[np.float64]
 Lines = npt.NDArray[np.int32]
 
 
@@ -43,7 +43,7 @@ def _add(found: Collector, rule: Rule, lines: Lines, values: Floats, limit: floa
 
 def _duration(trace: Trace, budget: Budget, found: Collector) -> None:
     """The whole run, at the segment in which the time is up."""
-    end_s = trace.clock.times[1:] / MS_PER_S
+    end_s = trace.clock.times_ms[1:] / MS_PER_S
     if budget.duration_s is None or not len(end_s) or end_s[-1] <= budget.duration_s:
         return
     at = int(np.searchsorted(end_s, budget.duration_s, side="right"))

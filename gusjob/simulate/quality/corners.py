@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.config.machine import Machine, ScannerModel
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import Trace
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 _FLAT_COSINE = np.cos(np.radians(1.0))
 """A turn by less is no corner."""
@@ -76,7 +73,7 @@ def largest_misses(trace: Trace, machine: Machine, corners: Corners, first: Indi
 
 def _misses(trace: Trace, machine: Machine, after: Indices, lag: float) -> Floats:
     """Least distance of a lagging beam to the corners at which motions `after` start, mm."""
-    leaves = trace.clock.times[after]
+    leaves = trace.clock.times_ms[after]
     time = leaves[:, None] + lag * _IN_LAG
     for _ in range(2):
         away = _away(trace, machine, after, time)

@@ -12,11 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.corners import unit_mm
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.corners import Corners, corners_of, largest_misses
@@ -20,8 +21,6 @@ from gusjob.simulate.quality.ends import Ends, Place, ends_of, mark_lines
 from gusjob.simulate.quality.way import Way, way_of
 from gusjob.simulate.spans import Spans
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 Columns = dict[str, npt.NDArray[Any]]
 
 BIN_MM = 0.05
@@ -154,7 +153,7 @@ class _Entry:
 
     mark: Indices
     piece: Indices
-    found: npt.NDArray[np.bool_]
+    found: Bools
 
 
 def _first_inside(machine: Machine, way: Way, place: Place, *, backwards: bool) -> tuple[_Entry, Floats]:

@@ -9,17 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from gusjob.columns import counted
 from gusjob.config.machine import Machine, ScannerModel
+from gusjob.kinematics.arrays import Floats, Indices, counted
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import Trace
 from gusjob.simulate.clock import Clock
 from gusjob.simulate.spans import Spans
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 _BLOCK = 1 << 15
 """Moments worked on at once: they stay in the processor's cache."""
@@ -96,7 +92,7 @@ def _cut(trace: Trace, machine: Machine, spans: Spans) -> tuple[Indices, Floats,
     clock, scanner = trace.clock, machine.scanner
     lag = scanner.tracking_error_us / US_PER_MS if scanner is not None else 0.0
     shift = lag if scanner is not None and scanner.model is ScannerModel.DELAY else 0.0
-    knots = np.unique(np.concatenate([clock.times, *clock.phases()]))
+    knots = np.unique(np.concatenate([clock.times_ms, *clock.phases()]))
     mark, start, end = _between(clock, knots, spans, shift)
     length = end - start
     fading, step = _fading(clock, start, length, lag) if lag > shift else (np.zeros(len(length)), np.ones(len(length)))
@@ -136,7 +132,7 @@ def _angle(trace: Trace, stage: Indices, start: Floats, end: Floats) -> Floats:
     if not len(clock.laid.arc_at):
         return turned
     middle = np.clip((start + end) / 2, clock.stage_start()[stage], clock.stage_end()[stage])
-    cell = np.searchsorted(clock.times[1:], middle, side="right")
+    cell = np.searchsorted(clock.times_ms[1:], middle, side="right")
     cell = np.clip(cell, clock.stage_first[stage], clock.stage_first[stage + 1] - 1)
     radius = np.zeros(len(clock.row))
     radius[clock.laid.arc_at] = clock.laid.arcs.radius
@@ -184,7 +180,7 @@ def _kicks(clock: Clock, lag: float) -> tuple[Floats, Floats]:
     steady = (profile.rise_ms + profile.fall_ms) == 0
     change[:-1] -= np.where(steady, lag**2 * acc, 0.0)
     change[1:] -= np.where(steady, lag**2 * acc, 0.0)
-    moments = np.concatenate([clock.times, risen, falls])
+    moments = np.concatenate([clock.times_ms, risen, falls])
     kicks = np.concatenate([change, *([np.where(steady, 0.0, lag**2 * acc)] * 2)])
     order = np.argsort(moments, kind="stable")
     return moments[order], kicks[order]

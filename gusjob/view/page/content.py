@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from gusjob import __version__
 from gusjob.config.machine import Machine
+from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report, SegmentKind
 from gusjob.view.page.render import Page
@@ -96,7 +97,7 @@ def _channel_facts(light: Light) -> dict[str, Any]:
     return facts
 
 
-def _start(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> list[float]:
+def _start(x: Floats, y: Floats) -> list[float]:
     return [float(x[0]), float(y[0])] if len(x) else [0.0, 0.0]
 
 

@@ -11,6 +11,8 @@ from typing import Any, TypedDict
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.kinematics.arrays import Floats
+
 Column = npt.NDArray[Any]
 Tables = Mapping[str, Mapping[str, Column]]
 
@@ -177,13 +179,13 @@ class _Rule:
     of: tuple[str, ...]
     factor: float = 1.0
 
-    def values(self, columns: Mapping[str, Column]) -> npt.NDArray[np.float64]:
+    def values(self, columns: Mapping[str, Column]) -> Floats:
         """The column; where nothing times unknown is asked for (power while the light is off), nothing."""
         first, *others = (columns[name].astype(np.float64) for name in self.of)
         with np.errstate(divide="ignore", invalid="ignore"):
             for other in others:
                 first = first / other if self.how == "quotient" else np.where(other == 0, 0.0, first * other)
-            found: npt.NDArray[np.float64] = first * self.factor
+            found: Floats = first * self.factor
         return found
 
 

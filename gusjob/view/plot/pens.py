@@ -8,13 +8,13 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.view.plot.shades import BINS, OVER, Shade
-from gusjob.view.strokes import Bools, Floats, Indices, Line
+from gusjob.view.strokes import Line
 
 PT_PER_INCH = 72.0
 OVER_COLOUR = "#d7191c"
@@ -89,7 +89,7 @@ def norm(shade: Shade) -> Normalize:
 # Lines.
 
 
-def polyline(line: Line) -> npt.NDArray[np.float64]:
+def polyline(line: Line) -> Floats:
     """Strokes as one line, (k, 2): those that go on from each other joined, NaN where they do not."""
     if not len(line.x0):
         return np.empty((0, 2))

@@ -20,6 +20,7 @@ from matplotlib.patches import Rectangle
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Run
+from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.report.rows import Report, make_report
 from gusjob.simulate import Trace
 from gusjob.view.plot import pens
@@ -28,7 +29,7 @@ from gusjob.view.plot.lettering import INK, line_in, put, shortened, showable, s
 from gusjob.view.plot.pens import DARK, MARKERS, Sight
 from gusjob.view.plot.shades import Colour, Shade, dark_of, shades_of, switch_points
 from gusjob.view.plot.words import channel_totals, head, notes
-from gusjob.view.strokes import Bools, Strokes, strokes_of
+from gusjob.view.strokes import Strokes, strokes_of
 
 __all__ = ["Colour", "View", "figure_of", "picture"]
 
@@ -215,7 +216,7 @@ class _Drawing:
         light = 0 if self.shade is None else int(self.sight.of(self.shade.line).sum())
         return light + sum(int(mask.sum()) for mask in self._dark(jumps=jumps).values())
 
-    def _switches(self) -> dict[str, npt.NDArray[np.float64]]:
+    def _switches(self) -> dict[str, Floats]:
         """Switch points in sight."""
         if self.shade is None:
             return {}

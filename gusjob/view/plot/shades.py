@@ -8,8 +8,9 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import MS_PER_S
-from gusjob.view.strokes import Bools, Floats, Indices, Light, Line, Strokes
+from gusjob.view.strokes import Light, Line, Strokes
 
 BINS = 64
 """Colours of a picture."""

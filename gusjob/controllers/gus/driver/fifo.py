@@ -24,6 +24,7 @@ from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.gus.remainder import Part
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.units import MS_PER_S
 
 POLL_S = 0.02
@@ -37,7 +38,6 @@ _TRIES = 3
 """So often a call may be refused as if the FIFO were full though GT_CrdSpace found room."""
 _A_CALL = Phrase("a buffered call")
 
-Rows = npt.NDArray[np.intp]
 Prepared = tuple[Callable[..., int], tuple[int | float, ...], bytes]
 """A buffered call: function, all arguments, the rest of its journal line."""
 
@@ -97,7 +97,7 @@ class Fifo:
         self.stage: Stage | None = None
         self.looked_s = 0.0
         self.until = 0
-        """Rows before this one are to be sent before anything else."""
+        """Indices before this one are to be sent before anything else."""
         dwells = self.calls.p[self.calls.kind == Buffered.DELAY] / MS_PER_S
         self.still_s = STILL_S + float(dwells.max(initial=0.0))
 
@@ -117,7 +117,7 @@ class Fifo:
         return self.stage
 
     def send(self, first: int, last: int) -> None:
-        """Rows first..last-1, in order."""
+        """Indices first..last-1, in order."""
         self.until = last
         for start in range(first, last, _CHUNK):
             end = min(start + _CHUNK, last)
@@ -267,7 +267,7 @@ class Fifo:
             raise Interrupted
 
     def _prepared(self, first: int, last: int) -> list[Prepared]:
-        """Rows first..last-1 as calls."""
+        """Indices first..last-1 as calls."""
         rows = np.arange(first, last)
         calls = self.calls.pick(rows)
         made: list[Prepared] = [_NOTHING] * len(rows)
@@ -295,7 +295,7 @@ def _nothing(*_args: object) -> int:
 _NOTHING: Prepared = (_nothing, (), b"")
 
 
-def _columns(calls: BufferedCalls, at: Rows, prototype: Prototype) -> list[list[int | float]]:
+def _columns(calls: BufferedCalls, at: Indices, prototype: Prototype) -> list[list[int | float]]:
     """A list for each argument, in the library's order."""
 
     def column(arg: Arg) -> list[int | float]:
@@ -310,7 +310,7 @@ def _columns(calls: BufferedCalls, at: Rows, prototype: Prototype) -> list[list[
     return [*constants(prototype.before), *map(column, prototype.args), *constants(prototype.behind)]
 
 
-def _texts(calls: BufferedCalls, at: Rows, signature: Signature, origin: Rows) -> list[bytes]:
+def _texts(calls: BufferedCalls, at: Indices, signature: Signature, origin: Indices) -> list[bytes]:
     """What stands in a journal line behind time and code."""
     args = signature.args
     form = f'"row":%s,"line":%s,"call":"{signature.name}","args":[{",".join(["%s"] * len(args))}]}}\n'
