@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gusjob.api import Fault, Job, JobError, Run, read, speak
+    from gusjob.api import Fault, Job, JobError, Run, read, set_language
 
 __version__ = "0.1.0"
-__all__ = ["Fault", "Job", "JobError", "Run", "__version__", "read", "speak"]
+__all__ = ["Fault", "Job", "JobError", "Run", "__version__", "read", "set_language"]
 
 
 def __getattr__(name: str) -> Any:

@@ -3,14 +3,14 @@
     import gusjob
 
     job = gusjob.read("jobs/co2_cut.job")
-    for fault in job.faults:
-        print(fault.line, fault.code, fault.message)
+    for diagnostic in job.diagnostics:
+        print(diagnostic.line, diagnostic.code, diagnostic.message)
     run = job.simulate()
     print(run.totals["duration_ms"], run.frame())
     run.plot(by="energy")
 
-What is wrong with a job is data (`faults`), not an exception: a job with errors has no calls and no run, and asking for
-them raises JobError, which names its errors.
+What is wrong with a job is data (`diagnostics`), not an exception: a job with errors has no calls and no run, and
+asking for them raises JobError, which names its errors.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ import numpy.typing as npt
 
 from gusjob.config.machine import Scanner, parse_scanner
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
-from gusjob.i18n.language import speak
-from gusjob.i18n.phrases import Phrase, plural, said
+from gusjob.i18n.language import set_language
+from gusjob.i18n.phrases import Phrase, localized, plural
 from gusjob.pipeline import Loaded, compiled, interpreted, load
 
 if TYPE_CHECKING:
@@ -38,28 +38,29 @@ if TYPE_CHECKING:
     from gusjob.report.rows import Report
     from gusjob.simulate import Trace
 
-__all__ = ["Fault", "Job", "JobError", "Run", "read", "speak"]
+__all__ = ["Fault", "Job", "JobError", "Run", "read", "set_language"]
 
 Columns = dict[str, npt.NDArray[Any]]
 
 
 class JobError(Exception):
-    """A job has errors, so there is nothing to run. `faults`: all that was found."""
+    """A job has errors, so there is nothing to run. `diagnostics`: all that was found."""
 
-    def __init__(self, name: str, faults: tuple[Fault, ...]) -> None:
-        errors = [fault for fault in faults if fault.severity == "error"]
-        first = Phrase(": {fault}", fault=str(errors[0])) if errors else ""
+    def __init__(self, name: str, diagnostics: tuple[Fault, ...]) -> None:
+        errors = [diagnostic for diagnostic in diagnostics if diagnostic.severity == "error"]
+        first = Phrase(": {fault}", diagnostic=str(errors[0])) if errors else ""
         count = len(errors)
         found = plural(count, Phrase("{count} error", count=count), Phrase("{count} errors", count=count))
-        super().__init__(said(Phrase("{name} has {errors}{first}", name=name, errors=found, first=first)))
-        self.faults = faults
+        super().__init__(localized(Phrase("{name} has {errors}{first}", name=name, errors=found, first=first)))
+        self.diagnostics = diagnostics
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """One diagnostic. Lines and columns from 1; `count`: how often it was met in loops and routines.
 
-    `message` is in English, or in the language that gusjob.speak("zh") has chosen before the faults were asked for.
+    `message` is in English, or in the language that gusjob.set_language("zh") has chosen before the diagnostics were
+    asked for.
     """
 
     path: str
@@ -71,7 +72,9 @@ class Fault:
     count: int = 1
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}: {Severity(self.severity).said}[{self.code}]: {self.message}"
+        return (
+            f"{self.path}:{self.line}:{self.column}: {Severity(self.severity).localized}[{self.code}]: {self.message}"
+        )
 
 
 def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | None = None) -> Job:
@@ -83,7 +86,7 @@ def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | 
     lag = _scanner(scanner)
     found = load(Path(path), None if machine is None else Path(machine), scanner=lag)
     if found.unreadable:
-        raise OSError("; ".join(str(_fault(fault)) for fault in found.faults))
+        raise OSError("; ".join(str(_fault(diagnostic)) for diagnostic in found.diagnostics))
     return Job(found)
 
 
@@ -92,24 +95,24 @@ def _scanner(text: str | None) -> Scanner | None:
         return None
     scanner = parse_scanner(text)
     if isinstance(scanner, str):
-        raise ValueError(said(scanner))
+        raise ValueError(localized(scanner))
     return scanner
 
 
-def _fault(fault: Diagnostic) -> Fault:
+def _fault(diagnostic: Diagnostic) -> Fault:
     severity: dict[Severity, Literal["error", "warning", "note"]] = {
         Severity.ERROR: "error",
         Severity.WARNING: "warning",
         Severity.NOTE: "note",
     }
     return Fault(
-        path=fault.file,
-        line=fault.span.line,
-        column=fault.span.column,
-        severity=severity[fault.severity],
-        code=fault.rule.code,
-        message=fault.said,
-        count=fault.count,
+        path=diagnostic.file,
+        line=diagnostic.span.line,
+        column=diagnostic.span.column,
+        severity=severity[diagnostic.severity],
+        code=diagnostic.rule.code,
+        message=diagnostic.localized,
+        count=diagnostic.count,
     )
 
 
@@ -125,14 +128,14 @@ class Job:
         return self._loaded.path
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def diagnostics(self) -> tuple[Fault, ...]:
         """What was found, by place; planning and simulating may add to it."""
-        return tuple(map(_fault, self._loaded.faults))
+        return tuple(map(_fault, self._loaded.diagnostics))
 
     @property
     def is_clean(self) -> bool:
         """Whether there is no error."""
-        return not has_errors(self._loaded.faults)
+        return not has_errors(self._loaded.diagnostics)
 
     @cached_property
     def _stream(self) -> Stream | None:
@@ -143,7 +146,7 @@ class Job:
         from gusjob.controllers.gus.listing import listing
 
         if self._stream is None:
-            raise JobError(str(self.path), self.faults)
+            raise JobError(str(self.path), self.diagnostics)
         return "".join(listing(self._stream)).splitlines()
 
     @cached_property
@@ -153,7 +156,7 @@ class Job:
     def simulate(self) -> Run:
         """Run it on the built-in interpreter. Raises JobError."""
         if self._trace is None:
-            raise JobError(str(self.path), self.faults)
+            raise JobError(str(self.path), self.diagnostics)
         return Run(self._loaded, self._trace)
 
 
@@ -170,9 +173,9 @@ class Run:
         return make_report(self._trace, self._loaded.machine, self._loaded.files, marking=True)
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def diagnostics(self) -> tuple[Fault, ...]:
         """What was found in the job and in its run."""
-        return tuple(map(_fault, self._loaded.faults))
+        return tuple(map(_fault, self._loaded.diagnostics))
 
     @property
     def totals(self) -> dict[str, Any]:

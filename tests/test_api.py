@@ -35,7 +35,7 @@ def test_the_readme_runs(tmp_path: Path) -> None:
 def test_a_run_in_figures(tmp_path: Path) -> None:
     """Twice 10 mm with 100 mm/s and 10000 mm/s2: 110 ms each; the second at 40 %."""
     job = gusjob.read(write(tmp_path, JOB))
-    assert job.is_clean and job.faults == ()
+    assert job.is_clean and job.diagnostics == ()
     assert job.calls()[-2:] == ["GT_BufLaserOff(1,0,0)", "GT_CrdStart(1,0)"]
     run = job.simulate()
     assert run.totals["duration_ms"] == pytest.approx(220)
@@ -52,27 +52,27 @@ def test_a_run_in_figures(tmp_path: Path) -> None:
 
 def test_faults_are_data_and_told_once(tmp_path: Path) -> None:
     job = gusjob.read(write(tmp_path, JOB.replace("LINE X 20", "LINE X 200")))
-    assert [(f.line, f.severity, f.code) for f in job.faults] == [(8, "error", "GJ503")]
+    assert [(f.line, f.severity, f.code) for f in job.diagnostics] == [(8, "error", "GJ503")]
     assert not job.is_clean
     for asked in (job.calls, job.simulate, job.simulate):
         with pytest.raises(gusjob.JobError, match=r"1 error: .*GJ503"):
             asked()
-    assert len(job.faults) == 1
+    assert len(job.diagnostics) == 1
     warned = gusjob.read(write(tmp_path, JOB.replace("LASER POWER 40", "LASER POWER 100")))
     for _ in range(2):
         warned.calls()
         warned.simulate()
-    assert [f.code for f in warned.faults] == ["GJ202"]
+    assert [f.code for f in warned.diagnostics] == ["GJ202"]
     write(tmp_path, "[budget]\npower_pct = 30\n", "gusjob.toml")
     dear = gusjob.read(write(tmp_path, JOB))
     assert [dear.simulate().totals["segments"] for _ in range(2)] == [2, 2]
-    assert [f.code for f in dear.faults] == ["GJ606"]
+    assert [f.code for f in dear.diagnostics] == ["GJ606"]
 
 
 def test_scanner_machine_and_listing(tmp_path: Path) -> None:
     profile = write(tmp_path, "field_x_mm = [-5, 5]\n", "small.toml")
     path = write(tmp_path, JOB)
-    assert [f.code for f in gusjob.read(path, machine=profile).faults] == ["GJ503", "GJ503"]
+    assert [f.code for f in gusjob.read(path, machine=profile).diagnostics] == ["GJ503", "GJ503"]
     late = gusjob.read(path, scanner="delay:5ms").simulate().marks()
     # 5 ms behind a start from rest with 10000 mm/s2 the command is 0.125 mm on, the beam not yet.
     assert late["off_error_um"] == pytest.approx([-125.0])
@@ -93,16 +93,16 @@ def test_messages_in_chinese(tmp_path: Path) -> None:
     path = tmp_path / "a.job"
     path.write_text("LNE X 1\n", encoding="utf-8")
     try:
-        gusjob.speak("zh")
-        (fault,) = gusjob.read(path).faults
-        assert fault.message == "没有以 'LNE' 开头的语句；是否想写 LINE？"
-        assert str(fault) == f"{path}:1:1: 错误[GJ102]: {fault.message}"
+        gusjob.set_language("zh")
+        (diagnostic,) = gusjob.read(path).diagnostics
+        assert diagnostic.message == "没有以 'LNE' 开头的语句；是否想写 LINE？"
+        assert str(diagnostic) == f"{path}:1:1: 错误[GJ102]: {diagnostic.message}"
         with pytest.raises(gusjob.JobError, match="有 1 个错误"):
             gusjob.read(path).simulate()
     finally:
-        gusjob.speak("en")
-    (fault,) = gusjob.read(path).faults
-    assert fault.message == "no statement begins with 'LNE'; did you mean LINE?"
+        gusjob.set_language("en")
+    (diagnostic,) = gusjob.read(path).diagnostics
+    assert diagnostic.message == "no statement begins with 'LNE'; did you mean LINE?"
 
 
 def test_a_colour_that_is_none_is_named() -> None:

@@ -40,7 +40,7 @@ def imported(tree: ast.AST) -> list[str]:
     return names
 
 
-def faults(room: str, source: str) -> list[str]:
+def diagnostics(room: str, source: str) -> list[str]:
     found = []
     for name in imported(ast.parse(source)):
         parts = name.split(".")
@@ -54,14 +54,14 @@ def faults(room: str, source: str) -> list[str]:
 
 @pytest.mark.parametrize("path", sorted((ROOT / "gusjob").rglob("*.py")), ids=lambda p: p.stem)
 def test_imports_go_one_way(path: Path) -> None:
-    assert faults(room_of(path), path.read_text(encoding="utf-8")) == []
+    assert diagnostics(room_of(path), path.read_text(encoding="utf-8")) == []
 
 
 def test_a_planted_import_is_seen() -> None:
-    assert faults("planner", "from gusjob.report.rows import Report")
-    assert faults("checks", "import lark")
-    assert faults("limits", "from gusjob import units")
-    assert not faults("cli", "from gusjob.report.rows import Report")
+    assert diagnostics("planner", "from gusjob.report.rows import Report")
+    assert diagnostics("checks", "import lark")
+    assert diagnostics("limits", "from gusjob import units")
+    assert not diagnostics("cli", "from gusjob.report.rows import Report")
 
 
 def test_every_room_has_its_place() -> None:

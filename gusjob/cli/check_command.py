@@ -17,9 +17,9 @@ from gusjob.cli.text import padded
 from gusjob.diagnostics.formats.gathering import gathering
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
-from gusjob.diagnostics.select import Layer
+from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.language import translated
-from gusjob.i18n.phrases import Phrase, all_of, plural, printable, said
+from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.pipeline import Loaded, load, look_closer, selected
 
 _CHECKED = (".job", ".gts")
@@ -32,7 +32,7 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
     for code in codes:
         if not any(known.startswith(code) for known in RULES):
             wrong = Phrase("no rule begins with {code}; `gusjob explain` lists them", code=printable(code))
-            raise click.BadParameter(said(wrong))
+            raise click.BadParameter(localized(wrong))
     return codes
 
 
@@ -60,14 +60,15 @@ def command(
 ) -> None:  # fmt: skip
     """Check jobs and listings: words, ranges, modes, order, light, motion.
 
-    All faults of all files are listed; in a FOLDER all .job and .gts files are checked, and of a GLOB ("**/*.job") that
-    the shell has left as it is, what it matches. Exit status: 0 clean, 1 an error (with --strict also a warning), 2 a
-    file that can't be read. A fault that is not selected, here or in the profile's [check], does not count.
+    All diagnostics of all files are listed; in a FOLDER all .job and .gts files are checked, and of a GLOB
+    ("**/*.job") that the shell has left as it is, what it matches. Exit status: 0 clean, 1 an error (with --strict
+    also a warning), 2 a file that can't be read. A diagnostic that is not selected, here or in the profile's [check],
+    does not count.
 
     With --fix it is the exit status of what is left; with --diff 1 if there is something to mend.
     """
     _refuse(form, output, statistics=statistics, diffs=diffs)
-    asked = Layer(select=select, ignore=ignore)
+    asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(asked=asked, verdict=Verdict(strict=strict))
     gathered = gathering(form, strict=strict, by_rule=sums.by_rule if statistics else None)
     mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
@@ -95,7 +96,7 @@ def command(
 class _Sums:
     """What all files come to. `left_out`: what is not selected, by severity; `read`: every file that was."""
 
-    asked: Layer
+    asked: SelectionLayer
     verdict: Verdict
     files: int = 0
     counts: Counter[Severity] = field(default_factory=Counter)
@@ -104,13 +105,13 @@ class _Sums:
     read: list[Path] = field(default_factory=list)
 
     def add(self, loaded: Loaded) -> None:
-        """One more file; only the faults that are selected stay."""
-        every, loaded.faults = loaded.faults, selected(loaded, self.asked)
-        chosen = Counter(fault.severity for fault in loaded.faults)
+        """One more file; only the diagnostics that are selected stay."""
+        every, loaded.diagnostics = loaded.diagnostics, selected(loaded, self.asked)
+        chosen = Counter(diagnostic.severity for diagnostic in loaded.diagnostics)
         self.files += 1
         self.counts += chosen
-        self.left_out += Counter(fault.severity for fault in every) - chosen
-        self.by_rule += _counted(loaded.faults)
+        self.left_out += Counter(diagnostic.severity for diagnostic in every) - chosen
+        self.by_rule += _counted(loaded.diagnostics)
         self.verdict.add(loaded)
         self.read += loaded.inputs
 
@@ -128,17 +129,19 @@ class _Sums:
         rest = Phrase(" ({count} not selected)", count=hidden) if hidden else ""
         if refused:
             rest = Phrase(" ({count} not selected, {errors} of them errors)", count=hidden, errors=refused)
-        return said(Phrase("{files}: {counts}{hidden}", files=files_of(self.files), counts=found, hidden=rest))
+        return localized(Phrase("{files}: {counts}{hidden}", files=files_of(self.files), counts=found, hidden=rest))
 
 
 def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) -> None:
     """What does not go together."""
     if form == "text" and output is not None:
-        raise click.UsageError(said(Phrase("-o is for --format json, sarif and junit")))
+        raise click.UsageError(localized(Phrase("-o is for --format json, sarif and junit")))
     if statistics and form in ("sarif", "junit"):
-        raise click.UsageError(said(Phrase("--statistics is for text and JSON")))
+        raise click.UsageError(localized(Phrase("--statistics is for text and JSON")))
     if diffs and (form != "text" or statistics):
-        raise click.UsageError(said(Phrase("--diff is for people and patch: no --format, no --statistics with it")))
+        raise click.UsageError(
+            localized(Phrase("--diff is for people and patch: no --format, no --statistics with it"))
+        )
 
 
 def _keep(output: Path, files: list[Path]) -> None:
@@ -146,25 +149,25 @@ def _keep(output: Path, files: list[Path]) -> None:
     for path in files:
         if output.exists() and path.exists() and output.samefile(path):
             wrong = Phrase("--fix would write over {path}: name another file with -o", path=output)
-            raise click.UsageError(said(wrong))
+            raise click.UsageError(localized(wrong))
 
 
-def _counted(faults: list[Diagnostic]) -> Counter[str]:
-    """Faults of each rule, those that are not listed or come in many rounds included."""
+def _counted(diagnostics: list[Diagnostic]) -> Counter[str]:
+    """Diagnostics of each rule, those that are not listed or come in many rounds included."""
     counts: Counter[str] = Counter()
-    for fault in faults:
-        code = fault.rule.code
-        if "count" in fault.fields and fault.fields.get("code") in RULES:
-            code, times = str(fault.fields["code"]), int(fault.fields["count"])
+    for diagnostic in diagnostics:
+        code = diagnostic.rule.code
+        if "count" in diagnostic.fields and diagnostic.fields.get("code") in RULES:
+            code, times = str(diagnostic.fields["code"]), int(diagnostic.fields["count"])
             counts[code] += times
         else:
-            counts[code] += fault.count
+            counts[code] += diagnostic.count
     return counts
 
 
 def _print_statistics(counts: Counter[str]) -> None:
     for code, times in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
-        click.echo(f"{times:>9}  {code}  {padded(RULES[code].severity.said, 7)}  {translated(RULES[code].title)}")
+        click.echo(f"{times:>9}  {code}  {padded(RULES[code].severity.localized, 7)}  {translated(RULES[code].title)}")
 
 
 def judged(path: Path, machine_path: Path | None) -> Loaded:

@@ -15,7 +15,7 @@ import click
 
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
-from gusjob.i18n.phrases import Phrase, plural, printable, reason_of, said
+from gusjob.i18n.phrases import Phrase, localized, plural, printable, reason_of
 from gusjob.pipeline import Loaded
 
 machine_option = click.option(
@@ -32,7 +32,7 @@ def _scanner(_context: click.Context, _parameter: click.Parameter, text: str | N
         return None
     scanner = parse_scanner(text)
     if isinstance(scanner, str):
-        raise click.BadParameter(said(scanner))
+        raise click.BadParameter(localized(scanner))
     return scanner
 
 
@@ -58,8 +58,8 @@ class Verdict:
 
     def add(self, loaded: Loaded) -> None:
         """One more file."""
-        failed = has_errors(loaded.faults)
-        failed |= self.strict and any(f.severity is Severity.WARNING for f in loaded.faults)
+        failed = has_errors(loaded.diagnostics)
+        failed |= self.strict and any(f.severity is Severity.WARNING for f in loaded.diagnostics)
         self.exit_code = max(self.exit_code, 2 if loaded.unreadable else int(failed))
 
 
@@ -76,9 +76,9 @@ def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
 
     stream = sys.stderr if err else sys.stdout
     color = stream is not None and stream.isatty()  # A closed stream is None.
-    for fault in loaded.faults:
-        if notes or fault.severity is not Severity.NOTE:
-            click.echo(diagnostic_text(fault, loaded.text_of, color=color), err=err, color=color)
+    for diagnostic in loaded.diagnostics:
+        if notes or diagnostic.severity is not Severity.NOTE:
+            click.echo(diagnostic_text(diagnostic, loaded.text_of, color=color), err=err, color=color)
 
 
 def write(
@@ -93,8 +93,8 @@ def write(
         if output is None:
             if sys.stdout is not None:
                 encoding = sys.stdout.encoding or "utf-8"
-                said = (piece.decode().encode(encoding, "backslashreplace") for piece in pieces)
-                _write_all(said if for_people else pieces, sys.stdout.buffer)
+                localized = (piece.decode().encode(encoding, "backslashreplace") for piece in pieces)
+                _write_all(localized if for_people else pieces, sys.stdout.buffer)
         elif output.exists() and any(source.exists() and output.samefile(source) for source in sources):
             stop(Phrase("{path}: this is a file that was read; name another one with -o", path=output))
         elif output.exists() and not output.is_file():
@@ -177,12 +177,12 @@ def need(extra: str, module: str, *, to: str) -> None:
 def refuse_terminal(form: str, output: Path | None) -> None:
     """What is not for reading is not poured out over a terminal."""
     if output is None and sys.stdout is not None and sys.stdout.isatty():
-        raise click.UsageError(said(Phrase("{form} is not for a terminal: name a file with -o", form=form)))
+        raise click.UsageError(localized(Phrase("{form} is not for a terminal: name a file with -o", form=form)))
 
 
 def stop(message: str) -> NoReturn:
     """Say why, in the user's language, and leave with 2."""
-    click.echo(f"gusjob: {printable(said(message))}", err=True)
+    click.echo(f"gusjob: {printable(localized(message))}", err=True)
     sys.exit(2)
 
 

@@ -16,7 +16,7 @@ from gusjob.cli.text import width, wrapped
 from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_machine
 from gusjob.frontend import read_source
-from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, printable, said
+from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
 from gusjob.pipeline import Loaded
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.
@@ -51,12 +51,12 @@ def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) ->
 
 
 def _profile(machine_path: Path | None) -> Loaded:
-    """The profile that a job in this folder would have. Its faults don't keep us from looking around."""
+    """The profile that a job in this folder would have. Its diagnostics don't keep us from looking around."""
     path = machine_path or find_profile(Path.cwd() / "x.job")
     loaded = Loaded(path=path or Path())
     if path is not None:
-        loaded.machine, loaded.faults = read_machine(path)
-        if loaded.faults:
+        loaded.machine, loaded.diagnostics = read_machine(path)
+        if loaded.diagnostics:
             source, _ = read_source(path)
             loaded.unreadable = source is None
             loaded.sources = {source.name: source} if source is not None else {}
@@ -68,8 +68,8 @@ def _profile(machine_path: Path | None) -> Loaded:
 
 def _text(found: Survey, in_profile: str) -> Iterator[str]:
     system = _SYSTEMS.get(found.platform, found.platform)
-    yield said(Phrase("This computer: {system}, Python with {bits} bits", system=system, bits=found.python_bits))
-    yield "\n" + said(Phrase("Vendor libraries"))
+    yield localized(Phrase("This computer: {system}, Python with {bits} bits", system=system, bits=found.python_bits))
+    yield "\n" + localized(Phrase("Vendor libraries"))
     for library in found.libraries:
         yield from _library(library, in_profile)
     if not any(library.abis for library in found.libraries):
@@ -88,31 +88,31 @@ def _text(found: Survey, in_profile: str) -> Iterator[str]:
     yield from _wrapped(
         Phrase("a Googol GUS or GTS is not recognised here, since no USB id of one is public: only by library")
     )
-    yield "\n" + said(Phrase("Nothing was touched: no controller was opened, no device was changed."))
+    yield "\n" + localized(Phrase("Nothing was touched: no controller was opened, no device was changed."))
 
 
 def _unread(problem: UsbProblem) -> str:
-    return said(Phrase("can't be read: {reason}", reason=problem.reason))
+    return localized(Phrase("can't be read: {reason}", reason=problem.reason))
 
 
 def _library(library: VendorLibrary, in_profile: str) -> Iterator[str]:
     if library.abis:
-        yield f"  {library.path}: {said(_fits(library.abis))}"
+        yield f"  {library.path}: {localized(_fits(library.abis))}"
         if library.path != printable(in_profile):
             choice = _or(f'"{abi}"' for abi in library.abis)
             lines = Phrase(
                 "in gusjob.toml, [controller]: library = '{path}' and abi = {abi}", path=library.path, abi=choice
             )
-            yield f"      {said(lines)}"
+            yield f"      {localized(lines)}"
         return
     if library.loaded:
         why = Phrase("{path} is of no use: {reason}", path=library.path, reason=library.reason)
     else:
         why = Phrase("{path} can't be loaded: {reason}", path=library.path, reason=library.reason)
-    yield f"  {said(why)}"
+    yield f"  {localized(why)}"
     for abi, symbols in library.missing.items():
         misses = Phrase("{abi} misses {calls}", abi=abi, calls=all_of(symbols))
-        yield f"      {said(misses)}"
+        yield f"      {localized(misses)}"
     yield from _steps(library.next_steps)
 
 
@@ -135,12 +135,12 @@ def _usb(device: UsbDevice) -> Iterator[str]:
         drives = Phrase("{name}: gusjob can drive it", name=known.name)
     else:
         drives = Phrase("{name}: gusjob can't drive it yet; {programs} can", name=known.name, programs=known.driven_by)
-    yield f"  {known.ids} {said(drives)}"
+    yield f"  {known.ids} {localized(drives)}"
     serial = Phrase("serial {serial}", serial=device.serial) if device.serial else ""
     place = Phrase("bus {bus}, address {address}", bus=device.bus, address=device.address)
     held = Phrase("held by a driver of the system") if device.kernel_driver else ""
     parts = (device.product, serial, "" if device.bus is None else place, held)
-    yield f"      {said(all_of(part for part in parts if part))}"
+    yield f"      {localized(all_of(part for part in parts if part))}"
     if device.problem:
         yield f"      {_unread(device.problem)}"
         yield from _steps(device.problem.next_steps)
@@ -159,7 +159,7 @@ def _places(found: Survey) -> str:
 
 
 def _wrapped(text: str) -> Iterator[str]:
-    spoken = said(text)
+    spoken = localized(text)
     if width(spoken) == len(spoken):
         yield fill(spoken, _COLUMNS, initial_indent="  ", subsequent_indent="      ", break_on_hyphens=False)
         return
@@ -168,9 +168,9 @@ def _wrapped(text: str) -> Iterator[str]:
 
 
 def _steps(steps: Iterable[str]) -> Iterator[str]:
-    head = said(Phrase("next: "))
+    head = localized(Phrase("next: "))
     for number, step in enumerate(steps):
-        yield f"      {' ' * width(head) if number else head}{said(step)}"
+        yield f"      {' ' * width(head) if number else head}{localized(step)}"
 
 
 # As JSON.

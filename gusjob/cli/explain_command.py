@@ -13,7 +13,7 @@ from gusjob.diagnostics.model import Rule
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend.parse.lines import nearest
 from gusjob.i18n.language import translated
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, localized, printable
 
 
 @click.command(name="explain", cls=Command)
@@ -25,14 +25,14 @@ def command(codes: tuple[str, ...]) -> None:
     if len(families) == len(codes) and not any(code.upper() in RULES for code in codes):
         for rule in RULES.values():
             if not codes or rule.code.startswith(tuple(code.upper() for code in codes)):
-                click.echo(f"{rule.code}  {padded(rule.severity.said, 7)}  {translated(rule.title)}")
+                click.echo(f"{rule.code}  {padded(rule.severity.localized, 7)}  {translated(rule.title)}")
         return
     unknown = [code for code in codes if code.upper() not in RULES]
     for code in unknown:
         near = nearest(code.upper(), RULES)
         hint = Phrase("; did you mean {near}?", near=near) if near else ""
         text = Phrase("there is no rule {code}{hint}", code=printable(code), hint=hint)
-        click.echo(f"gusjob: {said(text)}", err=True)
+        click.echo(f"gusjob: {localized(text)}", err=True)
     if unknown:
         sys.exit(2)
     click.echo("\n".join(explained(RULES[code.upper()]) for code in codes), nl=False)
@@ -40,16 +40,16 @@ def command(codes: tuple[str, ...]) -> None:
 
 def explained(rule: Rule) -> str:
     """A rule as text."""
-    section = said(Phrase(" (manual, {section})", section=rule.section)) if rule.section else ""
+    section = localized(Phrase(" (manual, {section})", section=rule.section)) if rule.section else ""
     parts = [
-        f"{rule.code} {rule.severity.said}: {translated(rule.title)}{section}\n",
+        f"{rule.code} {rule.severity.localized}: {translated(rule.title)}{section}\n",
         indent(wrapped(translated(rule.text), _COLUMNS), "  ") + "\n",
         wrapped(translated(rule.why), _COLUMNS) + "\n",
     ]
     if rule.bad:
-        parts.append(said(_BAD) + "\n" + _example(rule.bad))
+        parts.append(localized(_BAD) + "\n" + _example(rule.bad))
     if rule.good:
-        parts.append(said(_GOOD) + "\n" + _example(rule.good))
+        parts.append(localized(_GOOD) + "\n" + _example(rule.good))
     return "\n".join(parts)
 
 

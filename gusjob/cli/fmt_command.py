@@ -14,7 +14,7 @@ from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend import Source, check_text, is_listing, read_source
-from gusjob.i18n.phrases import Phrase, all_of, plural, printable, said
+from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.pipeline import Loaded
 
 _STANDARD_INPUT = Path("-")
@@ -38,7 +38,7 @@ def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
     run = _Run(checks=checks, diffs=diffs)
     for path in files:
         run.file(path)
-    click.echo(run.said(), err=True)
+    click.echo(run.localized(), err=True)
     sys.exit(run.exit_code)
 
 
@@ -63,12 +63,12 @@ class _Run:
 
     def file(self, path: Path) -> None:
         """One more file."""
-        bom, source, faults = _read(path)
+        bom, source, diagnostics = _read(path)
         if source is None:
-            show(Loaded(path=path, faults=faults))
+            show(Loaded(path=path, diagnostics=diagnostics))
             self.fail(2)
         elif is_listing(source):
-            click.echo(printable(said(Phrase("{path}: a listing is left alone", path=source.name))), err=True)
+            click.echo(printable(localized(Phrase("{path}: a listing is left alone", path=source.name))), err=True)
             self.counts[_LISTING] += 1
             if path == _STANDARD_INPUT and self.writes:
                 write([bom, source.data], None)
@@ -79,9 +79,9 @@ class _Run:
         """A job that was read."""
         from gusjob.frontend.format import laid_out
 
-        data, faults = laid_out(source)
+        data, diagnostics = laid_out(source)
         if data is None:
-            show(Loaded(path=path, source=source, faults=faults, sources={source.name: source}))
+            show(Loaded(path=path, source=source, diagnostics=diagnostics, sources={source.name: source}))
             self.fail(1)
             return
         changed = data != source.data
@@ -91,7 +91,7 @@ class _Run:
             reason = rewrite(path, bom + source.data, bom + data)
             if reason:
                 failed = Phrase("{path}: can't write: {reason}", path=source.name, reason=reason)
-                click.echo(f"gusjob: {printable(said(failed))}", err=True)
+                click.echo(f"gusjob: {printable(localized(failed))}", err=True)
                 self.fail(2)
                 return
         elif changed:
@@ -110,7 +110,7 @@ class _Run:
         self.counts[_FAILED] += 1
         self.exit_code = max(self.exit_code, exit_code)
 
-    def said(self) -> str:
+    def localized(self) -> str:
         """'3 files: 1 changed, 2 right'."""
         changed, right, failed, listings = (self.counts[kind] for kind in (_CHANGED, _RIGHT, _FAILED, _LISTING))
         words = {
@@ -125,19 +125,19 @@ class _Run:
             ): listings,
         }
         told = all_of([word for word, count in words.items() if count])
-        return said(Phrase("{files}: {counts}", files=files_of(self.counts.total()), counts=told))
+        return localized(Phrase("{files}: {counts}", files=files_of(self.counts.total()), counts=told))
 
 
 def _read(path: Path) -> tuple[bytes, Source | None, list[Diagnostic]]:
     """A file's BOM, if it has one, and its text; or why it is none."""
     if path == _STANDARD_INPUT:
         data = sys.stdin.buffer.read() if sys.stdin is not None else b""
-        source, faults = check_text(data, "<stdin>")
-        return BOM * data.startswith(BOM), source, faults
-    source, faults = read_source(path)
+        source, diagnostics = check_text(data, "<stdin>")
+        return BOM * data.startswith(BOM), source, diagnostics
+    source, diagnostics = read_source(path)
     if source is None:
-        return b"", None, faults
+        return b"", None, diagnostics
     try:
-        return bom_of(path), source, faults
+        return bom_of(path), source, diagnostics
     except OSError:  # It is gone again: it won't be written either.
-        return b"", source, faults
+        return b"", source, diagnostics

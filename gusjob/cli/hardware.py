@@ -33,8 +33,8 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span, has_errors
 from gusjob.hardware.forecast import ChannelForecast, Forecast, forecast
 from gusjob.hardware.runner import Outcome, Runner, signals
-from gusjob.i18n.phrases import Phrase, printable, reason_of, said
-from gusjob.pipeline import Loaded, interpreted_faults
+from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
+from gusjob.pipeline import Loaded, simulation_diagnostics
 from gusjob.simulate import Trace, interpret
 
 
@@ -74,7 +74,7 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
         return 1
     begin = _begin(prepared)
     if not wishes.yes and not _answers():
-        stop(said(Phrase("a run on hardware asks before it starts: answer on a terminal, or say --yes")))
+        stop(localized(Phrase("a run on hardware asks before it starts: answer on a terminal, or say --yes")))
     journal = _journal(prepared, begin)
     try:
         link = Link(prepared.library, journal)
@@ -108,22 +108,22 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> P
             "or library and abi under [controller] in the machine profile; see gusjob devices",
             abis="|".join(Abi),
         )
-        stop(said(why))
+        stop(localized(why))
     if wishes.frame or wishes.no_laser:
         dark = frame(stream, trace) if wishes.frame else without_laser(stream)
         if dark is None:
-            stop(said(Phrase("nothing moves in this job")))
+            stop(localized(Phrase("nothing moves in this job")))
         stream = dark
         run, faults = interpret(stream, machine)
-        interpreted_faults(loaded, faults)
+        simulation_diagnostics(loaded, faults)
         if run is None or has_errors(faults):
             return None
         trace = run
     if faults := one_queue(stream):
-        loaded.faults += _of_job(loaded, faults)
+        loaded.diagnostics += _of_job(loaded, faults)
         return None
     library, faults = load_library(library_path, abi, controller.card, needed_calls(stream, machine))
-    loaded.faults += _of_job(loaded, faults)
+    loaded.diagnostics += _of_job(loaded, faults)
     if library is None:
         return None
     expected = forecast(stream, trace, machine)
@@ -151,12 +151,12 @@ def _begin(prepared: Prepared) -> Place | None:
         again = Phrase("say {options} again", options=printable(options))
         how = again if options else Phrase("leave --no-laser out")
         why = Phrase("this is the journal of another kind of run: {how}", how=how)
-        stop(f"{wishes.resume_path}: {said(why)}")
+        stop(f"{wishes.resume_path}: {localized(why)}")
     if wishes.resume.head.get("calls") != fingerprint(stream):
         why = Phrase(
             "this is the journal of other calls: the job or its profile have changed; go on with --from-line N"
         )
-        stop(f"{wishes.resume_path}: {said(why)}")
+        stop(f"{wishes.resume_path}: {localized(why)}")
     return recorded_place(wishes.resume)
 
 
@@ -177,7 +177,7 @@ def row_of_line(stream: Stream, loaded: Loaded, place: str) -> int:
     rows = [(span.line, int(row)) for span, row in zip(spans, first, strict=True) if meant(span)]
     if not rows or line < 1:
         why = Phrase("the job has no motion or laser call at or behind this line")
-        stop(f"--from-line {place}: {said(why)}")
+        stop(f"--from-line {place}: {localized(why)}")
     return min(rows)[1]
 
 
@@ -216,10 +216,10 @@ def _journal(prepared: Prepared, begin: Place | None) -> Journal:
         return Journal(journal, head)
     except FileExistsError:
         why = Phrase("this file exists already; name another one with --journal")
-        stop(f"{journal}: {said(why)}")
+        stop(f"{journal}: {localized(why)}")
     except OSError as error:
         why = Phrase("can't write the journal: {reason}; name another --journal", reason=reason_of(error))
-        stop(f"{journal}: {said(why)}")
+        stop(f"{journal}: {localized(why)}")
 
 
 def _session(prepared: Prepared, link: Link) -> Session:
@@ -317,9 +317,9 @@ def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
         place = _place_text(prepared.loaded, int(prepared.stream.buffered.line[begin.row]))
         rows.append((Phrase("from"), Phrase("{place}; the head goes there with the light off", place=place)))
     rows.append((Phrase("journal"), printable(str(journal.path))))
-    widest = max(width(said(label)) for label, _ in rows)
-    lines = [f"  {padded(said(label), widest)}  {said(text)}" for label, text in rows]
-    return "\n".join([said(head), *lines])
+    widest = max(width(localized(label)) for label, _ in rows)
+    lines = [f"  {padded(localized(label), widest)}  {localized(text)}" for label, text in rows]
+    return "\n".join([localized(head), *lines])
 
 
 def _light_left(channel: ChannelForecast, number: int) -> Phrase:
@@ -338,19 +338,19 @@ def _light_left(channel: ChannelForecast, number: int) -> Phrase:
 
 def _question(prepared: Prepared) -> str:
     lit = any(channel.emission_ms.any() for channel in prepared.forecast.channels)
-    return said(
+    return localized(
         Phrase("The laser will be on. Is everybody safe? Start") if lit else Phrase("The axes will move. Start")
     )
 
 
 def _tell(text: str) -> None:
-    click.echo(f"gusjob: {said(text)}", err=True)
+    click.echo(f"gusjob: {localized(text)}", err=True)
 
 
 def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Session | None) -> int:
     """What became of it."""
     loaded = prepared.loaded
-    loaded.faults = _of_job(loaded, outcome.faults)
+    loaded.diagnostics = _of_job(loaded, outcome.faults)
     show(loaded)
     if outcome.faults:
         safe = not any(f.rule in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI) for f in outcome.faults)
@@ -371,7 +371,7 @@ def read_resume(path: Path) -> Recorded:
         found = read_journal(path)
     except OSError as error:
         why = Phrase("can't read the journal: {reason}", reason=reason_of(error))
-        stop(f"{path}: {said(why)}")
+        stop(f"{path}: {localized(why)}")
     if isinstance(found, str):
-        stop(said(found))
+        stop(localized(found))
     return found

@@ -18,7 +18,7 @@ import click
 from click.core import ParameterSource
 
 from gusjob.cli.text import width, wrapped
-from gusjob.i18n.language import CATALOGUES, DOMAIN, LANGUAGES, language, speak, system_language, translated
+from gusjob.i18n.language import CATALOGUES, DOMAIN, LANGUAGES, language, set_language, system_language, translated
 
 _OPTION = "--lang"
 _SAMPLES = {"zh": "中"}
@@ -31,7 +31,7 @@ def speak_as_asked(arguments: Sequence[str]) -> None:
     asked = [after if word == _OPTION else word.removeprefix(f"{_OPTION}=") for word, after in pairs if _OPTION in word]
     known = [one for one in asked if one in LANGUAGES]
     spoken = known[-1] if known else _shown(system_language())
-    speak(spoken)
+    set_language(spoken)
     _let_click_speak(spoken)
 
 
@@ -42,7 +42,7 @@ def language_of_a_command() -> Iterator[None]:
     try:
         yield
     finally:
-        speak(spoken)
+        set_language(spoken)
         gettext.textdomain(domain)
         os.environ.pop("LANGUAGE", None)
         if variable is not None:

@@ -10,7 +10,7 @@ import click
 
 from gusjob.cli.common import need, output_option, stop, write
 from gusjob.cli.language import Command, language_was_asked
-from gusjob.i18n.phrases import Phrase, reason_of, said
+from gusjob.i18n.phrases import Phrase, localized, reason_of
 
 
 @click.command(name="lsp", cls=Command)
@@ -36,7 +36,7 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
         write([GRAMMAR_PATH.read_bytes()], output)
         return
     if output is not None:
-        raise click.UsageError(said(Phrase("-o is for --textmate")))
+        raise click.UsageError(localized(Phrase("-o is for --textmate")))
     need("lsp", "pygls", to=Phrase("serve an editor"))
     from gusjob.lsp.server import serve_pipes, serve_port
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import bom_of, rewrite, write
-from gusjob.diagnostics.select import Layer
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.diagnostics.select import SelectionLayer
+from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Loaded, load
 
 
@@ -18,7 +18,7 @@ class Mending:
     """What --fix does to files, or --diff shows of it."""
 
     machine_path: Path | None
-    asked: Layer
+    asked: SelectionLayer
     diffs: bool
     count: int = 0
     exit_code: int = 0
@@ -46,7 +46,7 @@ class Mending:
             write(difference(source.name, before, after), None)
             self.exit_code = max(self.exit_code, 1)
         elif reason := rewrite(path, before, after):
-            told = said(Phrase("{path}: can't write: {reason}", path=source.name, reason=reason))
+            told = localized(Phrase("{path}: can't write: {reason}", path=source.name, reason=reason))
             click.echo(f"gusjob: {printable(told)}", err=True)
             self.exit_code = 2
             return loaded
@@ -57,4 +57,6 @@ class Mending:
     def told(self) -> str:
         """'; 2 mended', in the user's language."""
         count = self.count
-        return said(Phrase("; {count} to mend", count=count) if self.diffs else Phrase("; {count} mended", count=count))
+        return localized(
+            Phrase("; {count} to mend", count=count) if self.diffs else Phrase("; {count} mended", count=count)
+        )

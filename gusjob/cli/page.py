@@ -34,18 +34,18 @@ def html_page(loaded: Loaded, trace: Trace | None, report: Report | None, *, wat
     from gusjob.view.page.render import render
     from gusjob.view.strokes import strokes_of
 
-    faults = [_with_source(loaded, fault) for fault in loaded.faults]
+    diagnostics = [_with_source(loaded, diagnostic) for diagnostic in loaded.diagnostics]
     reason = too_long(report)
     if trace is None or report is None or reason:
-        return render(page_without_run(loaded.path.name, faults, watched, reason))
-    return render(page_of(report, strokes_of(trace, loaded.machine), loaded.machine, faults, watched))
+        return render(page_without_run(loaded.path.name, diagnostics, watched, reason))
+    return render(page_of(report, strokes_of(trace, loaded.machine), loaded.machine, diagnostics, watched))
 
 
-def _with_source(loaded: Loaded, fault: Diagnostic) -> dict[str, Any]:
+def _with_source(loaded: Loaded, diagnostic: Diagnostic) -> dict[str, Any]:
     """A diagnostic as in the JSON, but said in the user's language, with the text of its line."""
-    found = diagnostic_object(fault) | {"message": fault.said}
-    found["source"] = loaded.text_of(fault.span, fault.path)
-    for note, remark in zip(found.get("notes", ()), fault.remarks, strict=False):
-        note["message"] = remark.said
-        note["source"] = loaded.text_of(remark.span, fault.path)
+    found = diagnostic_object(diagnostic) | {"message": diagnostic.localized}
+    found["source"] = loaded.text_of(diagnostic.span, diagnostic.path)
+    for note, remark in zip(found.get("notes", ()), diagnostic.remarks, strict=False):
+        note["message"] = remark.localized
+        note["source"] = loaded.text_of(remark.span, diagnostic.path)
     return found

@@ -21,7 +21,7 @@ from gusjob.cli.keys import Keys
 from gusjob.config.machine import Machine
 from gusjob.controllers.control import Control, Phase, View
 from gusjob.controllers.gus.calls import Buffered, Stream
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.kinematics.arrays import Indices
 
 if TYPE_CHECKING:  # The interpreter and rich are imported by who needs them.
@@ -309,10 +309,10 @@ def plain_line(now: Progress) -> str:
     # The job's own name would be in every line; that of a file that it includes must be there.
     place = printable(now.place).removeprefix(f"{printable(now.job)}:")
     parts = (
-        said(_PHASES[now.phase]),
+        localized(_PHASES[now.phase]),
         f"{_percent(now.share)} %",
-        said(Phrase("{done} of {all}", done=_clock(now.done_ms / 1000), all=_clock(now.total_ms / 1000))),
-        said(Phrase("line {place}", place=place)) if place else "",
+        localized(Phrase("{done} of {all}", done=_clock(now.done_ms / 1000), all=_clock(now.total_ms / 1000))),
+        localized(Phrase("line {place}", place=place)) if place else "",
         f"X {_mm(now.x_mm)} Y {_mm(now.y_mm)} mm",
         f"FIFO {now.queued}/{now.slots}",
     )
@@ -403,15 +403,15 @@ def panel(now: Progress, *, listening: bool) -> RenderableType:
     grid.add_column(ratio=1, overflow="fold")
     segments = Phrase("{done} of {all}", done=f"{now.segment:,}", all=f"{now.segments:,}")
     time_left = Phrase("{past} elapsed, {left} left", past=_clock(now.elapsed_s), left=_clock(left_ms / 1000))
-    phase = Text(said(_PHASES[now.phase]), _STYLES.get(now.phase, "bold"))
-    grid.add_row(said(Phrase("job")), Text(printable(now.job)))
+    phase = Text(localized(_PHASES[now.phase]), _STYLES.get(now.phase, "bold"))
+    grid.add_row(localized(Phrase("job")), Text(printable(now.job)))
     grid.add_row(phase, _bar(now.share, f"{_percent(now.share)} %"))
-    grid.add_row(said(Phrase("segments")), said(segments))
-    grid.add_row(said(Phrase("time")), said(time_left))
-    grid.add_row(said(Phrase("line")), Text(printable(now.place) or "-"))
-    grid.add_row(said(Phrase("position")), f"X {_mm(now.x_mm)}  Y {_mm(now.y_mm)} mm")
+    grid.add_row(localized(Phrase("segments")), localized(segments))
+    grid.add_row(localized(Phrase("time")), localized(time_left))
+    grid.add_row(localized(Phrase("line")), Text(printable(now.place) or "-"))
+    grid.add_row(localized(Phrase("position")), f"X {_mm(now.x_mm)}  Y {_mm(now.y_mm)} mm")
     for light in now.lights:
-        grid.add_row(said(Phrase("laser {channel}", channel=light.channel)), _light(light, now.phase))
+        grid.add_row(localized(Phrase("laser {channel}", channel=light.channel)), _light(light, now.phase))
     filled = min(max(now.queued / now.slots, 0.0), 1.0) if now.slots > 0 else 0.0
     grid.add_row("FIFO", _bar(filled, f"{now.queued}/{now.slots}"))
     return Panel(Group(grid, Text(_keys_line(now.phase, listening=listening), "dim")), width=_PANEL_WIDTH)
@@ -420,9 +420,9 @@ def panel(now: Progress, *, listening: bool) -> RenderableType:
 def _keys_line(phase: Phase, *, listening: bool) -> str:
     """What can be typed."""
     if not listening:
-        return said(Phrase("Ctrl+C stop (twice: at once)"))
+        return localized(Phrase("Ctrl+C stop (twice: at once)"))
     pause = Phrase("p go on") if phase is Phase.PAUSED else Phrase("p pause")
-    return "  ".join([said(pause), said(Phrase("q stop (twice: at once)"))])
+    return "  ".join([localized(pause), localized(Phrase("q stop (twice: at once)"))])
 
 
 def _light(light: Light, phase: Phase) -> Text:
@@ -432,11 +432,11 @@ def _light(light: Light, phase: Phase) -> Text:
     if phase not in _MAY_BE_LIT:
         return Text("-")
     if math.isnan(light.power):
-        return Text(said(Phrase("off as planned")))
+        return Text(localized(Phrase("off as planned")))
     on, power = Phrase("on"), f"{light.power:.4g}"
-    shown = Text(said(Phrase("{on} as planned, {power} {unit}", on=on, power=power, unit=light.unit)))
-    at = shown.plain.index(said(on))
-    shown.stylize("bold red", at, at + len(said(on)))
+    shown = Text(localized(Phrase("{on} as planned, {power} {unit}", on=on, power=power, unit=light.unit)))
+    at = shown.plain.index(localized(on))
+    shown.stylize("bold red", at, at + len(localized(on)))
     return shown
 
 

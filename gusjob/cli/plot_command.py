@@ -11,7 +11,7 @@ import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
 from gusjob.cli.language import Command
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Loaded, interpreted, load
 
 if TYPE_CHECKING:
@@ -39,11 +39,11 @@ def _size_mm(_context: click.Context, _parameter: click.Parameter, text: str | N
     found = re.fullmatch(r"(\d{1,4}(?:\.\d{1,6})?)x(\d{1,4}(?:\.\d{1,6})?) ?(mm|in|)", text.strip(), re.ASCII)
     if not found:
         wrong = Phrase("{text} is not a size: write 297x210 (mm) or 11.5x8in", text=printable(text)[:40])
-        raise click.BadParameter(said(wrong))
+        raise click.BadParameter(localized(wrong))
     factor = _MM_PER_INCH if found[3] == "in" else 1.0
     size = float(found[1]) * factor, float(found[2]) * factor
     if size[0] < _LEAST_MM[0] or size[1] < _LEAST_MM[1] or max(size) > _MOST_MM:
-        raise click.BadParameter(said(Phrase("a picture is from 160 mm x 120 mm to 2000 mm x 2000 mm large")))
+        raise click.BadParameter(localized(Phrase("a picture is from 160 mm x 120 mm to 2000 mm x 2000 mm large")))
     return size
 
 
@@ -53,9 +53,9 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
         return None
     x0, y0, x1, y1 = min(box[0], box[2]), min(box[1], box[3]), max(box[0], box[2]), max(box[1], box[3])
     if not all(abs(value) <= _FARTHEST_MM for value in box):  # Also what is not a number.
-        raise click.BadParameter(said(Phrase("coordinates are numbers of mm, up to 100000")))
+        raise click.BadParameter(localized(Phrase("coordinates are numbers of mm, up to 100000")))
     if min(x1 - x0, y1 - y0) < _LEAST_ZOOM_MM:
-        raise click.BadParameter(said(Phrase("the box is at least 0.001 mm wide and high")))
+        raise click.BadParameter(localized(Phrase("the box is at least 0.001 mm wide and high")))
     return x0, y0, x1, y1
 
 
@@ -116,13 +116,13 @@ def command(
     form = output.suffix.lower().removeprefix(".")
     if form not in _FORMATS:
         wrong = Phrase("the output file's name ends in .png, .svg or .pdf, which is its format")
-        raise click.UsageError(said(wrong))
+        raise click.UsageError(localized(wrong))
     if zoom is not None and field:
-        raise click.UsageError(said(Phrase("--zoom and --field exclude each other")))
+        raise click.UsageError(localized(Phrase("--zoom and --field exclude each other")))
     size_in = size_mm[0] / _MM_PER_INCH, size_mm[1] / _MM_PER_INCH
     if size_in[0] * size_in[1] * dpi**2 > _PIXELS:
         wrong = Phrase("--size and --dpi make more than {most} million pixels", most=_PIXELS // 1_000_000)
-        raise click.UsageError(said(wrong))
+        raise click.UsageError(localized(wrong))
     need("plot", "matplotlib", to=Phrase("draw a picture"))
     from gusjob.view.plot.picture import View
 

@@ -23,7 +23,7 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Loaded, interpreted, load
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     percent = float(found[1] or 0) if found else 101.0
     if percent > 100:
         wrong = Phrase("{text} is not a percentage: write 1%, 0.1% or 0; at most 100%", text=printable(text)[:40])
-        raise click.BadParameter(said(wrong))
+        raise click.BadParameter(localized(wrong))
     return percent
 
 
@@ -113,7 +113,7 @@ def command(
         need(*_EXTRAS[form], to=Phrase("write {form}", form=form))
         refuse_terminal(form, output)
     if tolerance_pct is not None and earlier_path is None:
-        raise click.UsageError(said(Phrase("--tolerance is for --against")))
+        raise click.UsageError(localized(Phrase("--tolerance is for --against")))
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
     loaded = load(path, machine_path, scanner=scanner)
     trace = interpreted(loaded)
@@ -139,9 +139,9 @@ def _refuse(form: str, *, marking: bool, summary: bool) -> None:
     """What a format can't hold."""
     if marking and form in ("csv", "parquet"):
         wrong = Phrase("--marks is for tables, JSON, markdown and HTML: {form} has segments only", form=form)
-        raise click.UsageError(said(wrong))
+        raise click.UsageError(localized(wrong))
     if summary and form in ("html", "parquet"):
-        raise click.UsageError(said(Phrase("--summary is for tables, JSON, CSV and markdown")))
+        raise click.UsageError(localized(Phrase("--summary is for tables, JSON, CSV and markdown")))
 
 
 def _report(loaded: Loaded, trace: Trace, marking: bool | None) -> Report:
@@ -164,12 +164,14 @@ def _written(
         from gusjob.cli.page import html_page, too_long
 
         if reason := too_long(report):
-            stop(f"{loaded.path}: {said(reason)}")
+            stop(f"{loaded.path}: {localized(reason)}")
         return html_page(loaded, trace, report)
     if form == "markdown":
         from gusjob.report.markdown import report_markdown
 
-        text = report_markdown(report, loaded.faults, name=str(loaded.path), summary=summary, comparison=comparison)
+        text = report_markdown(
+            report, loaded.diagnostics, name=str(loaded.path), summary=summary, comparison=comparison
+        )
         return [text.encode()]
     assert report is not None
     if form == "table":
@@ -191,7 +193,7 @@ def _written(
         from gusjob.report.compare import against_json
 
         report = replace(report, notes={**report.notes, "against": against_json(comparison)})
-    return report_json(report, loaded.faults, summary=summary)
+    return report_json(report, loaded.diagnostics, summary=summary)
 
 
 def _read_earlier(path: Path, output: Path | None) -> Earlier:
@@ -202,5 +204,5 @@ def _read_earlier(path: Path, output: Path | None) -> Earlier:
     if earlier is not None and output is not None and output.exists() and output.samefile(path):
         earlier, reason = None, Phrase("this is the file that was read; name another one with -o")
     if earlier is None:
-        stop(f"{path}: {said(reason)}")
+        stop(f"{path}: {localized(reason)}")
     return earlier

@@ -14,8 +14,8 @@ from gusjob.cli.common import exit_code, machine_option, scanner_option, show, s
 from gusjob.cli.language import Command
 from gusjob.config.machine import Abi, Scanner
 from gusjob.diagnostics.model import has_errors
-from gusjob.i18n.phrases import Phrase, all_of, said
-from gusjob.pipeline import Loaded, budget_faults, compiled, interpreted_faults, load
+from gusjob.i18n.phrases import Phrase, all_of, localized
+from gusjob.pipeline import Loaded, budget_diagnostics, compiled, load, simulation_diagnostics
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.
     from gusjob.cli.hardware import Wishes
@@ -72,22 +72,22 @@ def command(
         given = {"--library": library, "--abi": abi, "--yes": yes, "--frame": frame, "--no-laser": no_laser,
                  "--journal": journal, "--resume": resume, "--from-line": from_line}  # fmt: skip
         if wrong := [name for name, value in given.items() if value not in (None, False)]:
-            stop(said(Phrase("{options}: only with --backend gts", options=all_of(wrong))))
+            stop(localized(Phrase("{options}: only with --backend gts", options=all_of(wrong))))
         if path is None:
-            raise click.UsageError(said(_NO_FILE))
+            raise click.UsageError(localized(_NO_FILE))
         sys.exit(_on_interpreter(path, machine_path, scanner))
     from gusjob.cli.hardware import Wishes, read_resume
 
     if frame and no_laser:
-        raise click.UsageError(said(Phrase("--frame is without laser already: leave --no-laser out.")))
+        raise click.UsageError(localized(Phrase("--frame is without laser already: leave --no-laser out.")))
     if frame and (resume is not None or from_line is not None):
-        raise click.UsageError(said(Phrase("--frame is a run of its own: leave --resume and --from-line out.")))
+        raise click.UsageError(localized(Phrase("--frame is a run of its own: leave --resume and --from-line out.")))
     if resume is not None and from_line is not None:
-        raise click.UsageError(said(Phrase("--resume and --from-line both say where to begin.")))
+        raise click.UsageError(localized(Phrase("--resume and --from-line both say where to begin.")))
     recorded = read_resume(resume) if resume is not None else None
     if path is None:
         if recorded is None:
-            raise click.UsageError(said(_NO_FILE))
+            raise click.UsageError(localized(_NO_FILE))
         path = Path(recorded.head["job"])
     wishes = Wishes(
         library=library, abi=abi, yes=yes, frame=frame, no_laser=no_laser, progress=progress, journal=journal,
@@ -111,16 +111,16 @@ def _on_interpreter(path: Path, machine_path: Path | None, scanner: Scanner | No
 def _on_controller(path: Path, machine_path: Path | None, scanner: Scanner | None, wishes: Wishes) -> int:
     loaded, stream, trace = _interpreted(path, machine_path, scanner)
     show(loaded, notes=False)
-    if stream is None or trace is None or has_errors(loaded.faults):
+    if stream is None or trace is None or has_errors(loaded.diagnostics):
         why = Phrase("not started: a run on hardware wants a job without errors")
-        click.echo(f"gusjob: {said(why)}", err=True)
+        click.echo(f"gusjob: {localized(why)}", err=True)
         return exit_code(loaded) or 1
     if loaded.journal:
         why = Phrase("this is the journal of a run; go on with it with --resume, or run the job")
-        stop(f"{path}: {said(why)}")
+        stop(f"{path}: {localized(why)}")
     from gusjob.cli.hardware import run_on_controller
 
-    loaded.faults = []  # They were shown; what is shown later is about the run.
+    loaded.diagnostics = []  # They were shown; what is shown later is about the run.
     return run_on_controller(loaded, stream, trace, wishes)
 
 
@@ -137,8 +137,8 @@ def _interpreted(
             from gusjob.simulate import interpret
 
             say(Phrase("interpreting {count:,} buffered calls", count=len(stream.buffered)))
-            trace, faults = interpret(stream, loaded.machine, foreign=loaded.foreign)
-            interpreted_faults(loaded, [*faults, *budget_faults(loaded, trace)])
+            trace, diagnostics = interpret(stream, loaded.machine, foreign=loaded.foreign)
+            simulation_diagnostics(loaded, [*diagnostics, *budget_diagnostics(loaded, trace)])
     return loaded, stream, trace
 
 
@@ -161,6 +161,6 @@ def _progress(path: Path) -> Iterator[_Say]:
 
         class Shown(_Say):
             def __call__(self, text: str) -> None:
-                status.update(f"{escape(path.name)}: {said(text)}")
+                status.update(f"{escape(path.name)}: {localized(text)}")
 
         yield Shown()

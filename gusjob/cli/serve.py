@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from gusjob.i18n.language import language
-from gusjob.i18n.phrases import Phrase, said
+from gusjob.i18n.phrases import Phrase, localized
 
 _EVENTS = "/events/"
 _HEARTBEAT_S = 10.0
@@ -23,7 +23,7 @@ _WAITING = "<!DOCTYPE html>{html}<meta charset=utf-8><title>gusjob</title><p>{te
 def _waiting() -> bytes:
     """What is served before there is a page."""
     html = "" if language() == "en" else "<html lang=zh-CN>"
-    return _WAITING.format(html=html, text=said(Phrase("The page is not ready yet; load it again."))).encode()
+    return _WAITING.format(html=html, text=localized(Phrase("The page is not ready yet; load it again."))).encode()
 
 
 class _Server(ThreadingHTTPServer):

@@ -45,12 +45,16 @@ TextOf = Callable[[Span, str], str]
 """The source line of a span in a text of a name; '' where there is none."""
 
 
-def diagnostic_text(fault: Diagnostic, text_of: TextOf, *, color: bool) -> str:
+def diagnostic_text(diagnostic: Diagnostic, text_of: TextOf, *, color: bool) -> str:
     """One diagnostic and the other places that matter, each with its source line where there is one."""
-    label = _label(f"{fault.severity.said}[{fault.rule.code}]", fault.severity, color=color)
-    parts = [_placed(fault.span, fault.path, f"{label}: {printable(fault.said_with_count)}", text_of)]
-    note = _label(Severity.NOTE.said, Severity.NOTE, color=color)
-    parts += [_placed(r.span, fault.path, f"{note}: {printable(r.said)}", text_of) for r in fault.remarks]
+    label = _label(f"{diagnostic.severity.localized}[{diagnostic.rule.code}]", diagnostic.severity, color=color)
+    parts = [
+        _placed(diagnostic.span, diagnostic.path, f"{label}: {printable(diagnostic.localized_with_count)}", text_of)
+    ]
+    note = _label(Severity.NOTE.localized, Severity.NOTE, color=color)
+    parts += [
+        _placed(r.span, diagnostic.path, f"{note}: {printable(r.localized)}", text_of) for r in diagnostic.remarks
+    ]
     return "\n".join(parts)
 
 

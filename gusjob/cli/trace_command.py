@@ -26,7 +26,7 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import interpreted, load
 
@@ -60,7 +60,7 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
         wrong = Phrase(
             "{text} is neither a time nor a line: write 12.5 (ms), 300us, 1.5s or line:40", text=printable(text)[:40]
         )
-        raise click.BadParameter(said(wrong))
+        raise click.BadParameter(localized(wrong))
     return _Bound(time_ms=float(time[1]) * _UNITS_MS[time[2]])
 
 
@@ -145,7 +145,7 @@ def _span_ms(
             end=f"{end_ms:.6g}",
             total=f"{timeline.total_ms:.6g}",
         )
-        raise click.UsageError(said(wrong))
+        raise click.UsageError(localized(wrong))
     return start_ms, end_ms
 
 
@@ -157,5 +157,5 @@ def _moving(option: str, line: int, wanted: Bools) -> Indices:
             wrong = Phrase("{option}: nothing moves at line {line} or behind it", option=option, line=line)
         else:
             wrong = Phrase("{option}: nothing moves at line {line} or before it", option=option, line=line)
-        raise click.UsageError(said(wrong))
+        raise click.UsageError(localized(wrong))
     return at

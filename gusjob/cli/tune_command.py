@@ -13,7 +13,7 @@ from gusjob.cli.language import Command
 from gusjob.cli.text import padded, width
 from gusjob.config.machine import Scanner
 from gusjob.diagnostics.model import has_errors
-from gusjob.i18n.phrases import Phrase, figure, reason_of, said
+from gusjob.i18n.phrases import Phrase, figure, localized, reason_of
 from gusjob.pipeline import in_order, load
 
 if TYPE_CHECKING:
@@ -43,21 +43,21 @@ def command(
     after, and how the numbers were found.
     """
     if mode is not None and not skywrite:
-        raise click.UsageError(said(Phrase("--mode is for --skywrite")))
+        raise click.UsageError(localized(Phrase("--mode is for --skywrite")))
     loaded = load(path, machine_path, scanner=scanner)
-    if loaded.unreadable or loaded.source is None or has_errors(loaded.faults):
+    if loaded.unreadable or loaded.source is None or has_errors(loaded.diagnostics):
         show(loaded)
         sys.exit(2 if loaded.unreadable else 1)
     if loaded.job is None:
         why = Phrase("this is a listing; only a job can be tuned")
-        stop(f"{path}: {said(why)}")
+        stop(f"{path}: {localized(why)}")
     if loaded.machine.scanner is None:
-        stop(said(Phrase("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")))
+        stop(localized(Phrase("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")))
     from gusjob.tune import run_job, tune_delays, tune_sky_writing
 
-    before = run_job(loaded.source, loaded.job, loaded.faults, loaded.machine)
+    before = run_job(loaded.source, loaded.job, loaded.diagnostics, loaded.machine)
     if before.trace is None:
-        loaded.faults = in_order(before.faults)
+        loaded.diagnostics = in_order(before.diagnostics)
         show(loaded)
         sys.exit(1)
     if skywrite:
@@ -65,23 +65,23 @@ def command(
     else:
         tuned = tune_delays(before, loaded.machine, channel)
     if isinstance(tuned, str):
-        stop(f"{path}: {said(tuned)}")
+        stop(f"{path}: {localized(tuned)}")
     how = Phrase("found by {how}, for the scanner {scanner}", how=tuned.how, scanner=loaded.machine.scanner)
-    found = f"{tuned.statement}\n{said(how)}\n"
+    found = f"{tuned.statement}\n{localized(how)}\n"
     if tuned.run.trace is None:
         loaded.job, loaded.source = tuned.run.job, tuned.run.source
         loaded.sources[loaded.source.name] = loaded.source
-        loaded.faults = in_order(tuned.run.faults)
+        loaded.diagnostics = in_order(tuned.run.diagnostics)
         click.echo(found)
         show(loaded)
         why = Phrase("with this statement the job has errors; nothing is written")
-        click.echo(f"gusjob: {said(why)}", err=True)
+        click.echo(f"gusjob: {localized(why)}", err=True)
         sys.exit(1)
     if writes:  # Before anything is said: who reads may stop reading.
         _write_job(path, loaded.source, tuned.run.source)
     click.echo(f"{found}\n{_compared(before.marking, tuned.run.marking, channel)}")
     if writes:
-        click.echo(said(Phrase("written to {path}", path=path)))
+        click.echo(localized(Phrase("written to {path}", path=path)))
 
 
 def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
@@ -90,14 +90,14 @@ def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel
 
     one, other = (next((e for e in entries if e["channel"] == channel), None) for entries in (before, after))
     unit = (one or other or {"unit": "%"})["unit"]
-    past, now = said(Phrase("before")), said(Phrase("after"))
-    rows = [["", "", said(Phrase("worst")), "", said(Phrase("typical")), ""], ["", "", past, now, past, now]]
+    past, now = localized(Phrase("before")), localized(Phrase("after"))
+    rows = [["", "", localized(Phrase("worst")), "", localized(Phrase("typical")), ""], ["", "", past, now, past, now]]
     for name, word in MARKING_WORDS.items():
         figures = [
             figure(entry[which][name] if entry else None, 4) for which in ("worst", "typical") for entry in (one, other)
         ]
-        rows.append([said(word), marking_unit(name, unit), *figures])
-    rows.insert(2, [said(Phrase("marks")), "", *[str(e["marks"]) if e else "0" for e in (one, other)], "", ""])
+        rows.append([localized(word), marking_unit(name, unit), *figures])
+    rows.insert(2, [localized(Phrase("marks")), "", *[str(e["marks"]) if e else "0" for e in (one, other)], "", ""])
     widths = [max(width(row[i]) for row in rows) for i in range(6)]
     return "\n".join(
         "  ".join(
@@ -121,4 +121,4 @@ def _write_job(path: Path, before: Source, source: Source) -> None:
 
 def _not_written(path: Path, reason: str) -> NoReturn:
     why = Phrase("can't write: {reason}", reason=reason)
-    stop(f"{path}: {said(why)}")
+    stop(f"{path}: {localized(why)}")

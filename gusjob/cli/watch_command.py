@@ -14,7 +14,7 @@ from gusjob.cli.common import file_argument, machine_option, need, scanner_optio
 from gusjob.cli.language import Command
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
-from gusjob.i18n.phrases import Phrase, printable, reason_of, said
+from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 from gusjob.pipeline import Loaded, interpreted, load
 
 if TYPE_CHECKING:
@@ -49,10 +49,10 @@ def command(
 ) -> None:
     """Report a job, and again whenever it is saved, or its profile or a file that it includes. Ctrl-C ends it."""
     if port and not page:
-        raise click.UsageError(said(Phrase("--port is for --page")))
+        raise click.UsageError(localized(Phrase("--port is for --page")))
     if not path.exists():
         why = Phrase("no such file")
-        stop(f"{path}: {said(why)}")
+        stop(f"{path}: {localized(why)}")
     server = _served(port) if page else None
     try:
         needed: set[Path] = set()
@@ -77,7 +77,7 @@ def _served(port: int) -> PageServer:
         return PageServer(port)
     except OSError as error:
         why = Phrase("can't listen at port {port}: {why}; name another with --port", port=port, why=reason_of(error))
-        stop(said(why))
+        stop(localized(why))
 
 
 def _report(
@@ -99,23 +99,23 @@ def _report(
     if sys.stdout is not None and sys.stdout.isatty():
         click.clear()
     head = [f"{datetime.now():%H:%M:%S}", printable(str(path)), *([server.url] if server else [])]
-    click.echo("  ".join([*head, said(Phrase("Ctrl-C ends"))]))
+    click.echo("  ".join([*head, localized(Phrase("Ctrl-C ends"))]))
     if report is not None:
         from gusjob.report.table import report_table
 
         click.echo(report_table(report, summary=summary), nl=False)
     show(loaded, err=False)
-    if not loaded.faults:
-        click.echo(said(Phrase("no faults")))
+    if not loaded.diagnostics:
+        click.echo(localized(Phrase("no faults")))
     return loaded
 
 
 def _needed(loaded: Loaded) -> set[Path]:
     """What a job includes, and what it would if it were there."""
-    missing = (fault for fault in loaded.faults if fault.rule is rules.INCLUDE)
+    missing = (diagnostic for diagnostic in loaded.diagnostics if diagnostic.rule is rules.INCLUDE)
     return {
         *(Path(name) for name, _ in loaded.files),
-        *(Path(fault.file).parent / str(fault.fields["file"]) for fault in missing),
+        *(Path(diagnostic.file).parent / str(diagnostic.fields["file"]) for diagnostic in missing),
     }
 
 

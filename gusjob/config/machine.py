@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gusjob.controllers.gus.ranges import POWER_NOW, PowerMode
-from gusjob.diagnostics.select import Selection
+from gusjob.diagnostics.select import RuleSelection
 from gusjob.i18n.phrases import Phrase, printable
 from gusjob.kinematics.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
@@ -181,7 +181,7 @@ class Machine:
     lasers: tuple[Laser, ...] = field(default=())
     controller: Controller = Controller()
     budget: Budget = Budget()
-    selection: Selection = field(default=Selection())
+    selection: RuleSelection = field(default=RuleSelection())
 
     @property
     def equal_axes(self) -> bool:

@@ -32,7 +32,7 @@ from gusjob.controllers.gus.ranges import (
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
-from gusjob.diagnostics.select import Layer, Selection
+from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, number, printable, reason_of
 
 PROFILE_NAME = "gusjob.toml"
@@ -121,10 +121,10 @@ def read_machine(path: Path) -> tuple[Machine, list[Diagnostic]]:
         return Machine(), [
             Diagnostic(rule=rules.NOT_TEXT, span=d.NOWHERE, fields={"reason": error.reason}, path=str(path))
         ]
-    machine, faults = parse_machine(text, str(path))
+    machine, diagnostics = parse_machine(text, str(path))
     folder = path.resolve().parent
     machine = replace(machine, selection=replace(machine.selection, folder=str(folder)))
-    return _beside(machine, folder), faults
+    return _beside(machine, folder), diagnostics
 
 
 def _beside(machine: Machine, folder: Path) -> Machine:
@@ -160,12 +160,12 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
     limits = reader.table(reader.as_table(data.get("expansion", {}), "expansion"), _EXPANSION_KEYS, "expansion")
     values.update({f"expansion_{k}": int(v) for k, v in limits.items()})
     values["budget"] = Budget(**reader.table(reader.as_table(data.get("budget", {}), "budget"), _BUDGET_KEYS, "budget"))
-    values["selection"] = Selection(layers=reader.layers(data.get("check", {})))
+    values["selection"] = RuleSelection(layers=reader.layers(data.get("check", {})))
     values["controller"] = reader.controller(data.get("controller", {}))
     lasers = data.get("laser", [])
     if not isinstance(lasers, list):
         wanted = Phrase("a list of tables, [[laser]]")
-        reader.fault(rules.PROFILE_TYPE, "laser", "", wanted=wanted, found=_kind(lasers))
+        reader.diagnostic(rules.PROFILE_TYPE, "laser", "", wanted=wanted, found=_kind(lasers))
         lasers = []
     sources: list[Laser] = []
     for at, entry in enumerate(lasers):
@@ -175,43 +175,43 @@ def parse_machine(text: str, path: str = "") -> tuple[Machine, list[Diagnostic]]
             if isinstance(entry, dict) and "channel" in entry:
                 continue
             numbers, found = any_of(("0", "1")), Phrase("missing")
-            reader.fault(rules.PROFILE_TYPE, "channel", "laser", wanted=numbers, found=found)
+            reader.diagnostic(rules.PROFILE_TYPE, "channel", "laser", wanted=numbers, found=found)
             continue
         if any(source.channel == row["channel"] for source in sources):
             taken, value = Phrase("another: it is taken"), number(row["channel"])
-            reader.fault(rules.PROFILE_RANGE, "channel", "laser", value=value, range=taken)
+            reader.diagnostic(rules.PROFILE_RANGE, "channel", "laser", value=value, range=taken)
             continue
         sources.append(Laser(**{**row, "channel": int(row["channel"])}))
     for axis in ("field_x_mm", "field_y_mm"):
         if axis in values and values[axis][0] >= values[axis][1]:
             ordered = Phrase("[low, high] with low < high")
-            reader.fault(rules.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range=ordered)
+            reader.diagnostic(rules.PROFILE_RANGE, axis, "", value=str(list(values[axis])), range=ordered)
             del values[axis]
     machine = replace(machine, **values, lasers=tuple(sources))
     reader.check_speeds(machine)
-    return (machine, reader.faults) if not reader.faults else (Machine(), reader.faults)
+    return (machine, reader.diagnostics) if not reader.diagnostics else (Machine(), reader.diagnostics)
 
 
 @dataclass(slots=True)
 class _Reader:
-    """Collects the faults of one profile; TOML bears no positions, so an entry's line is looked up in the text."""
+    """Collects the diagnostics of one profile; TOML bears no positions, so an entry's line is looked up in the text."""
 
     text: str
     path: str
     laser_table: int = 0
     """Which of the [[laser]] tables is read."""
-    faults: list[Diagnostic] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
 
-    def fault(self, rule: d.Rule, key: str, table: str, **fields: Any) -> None:
+    def diagnostic(self, rule: d.Rule, key: str, table: str, **fields: Any) -> None:
         name = f"{table}.{key}" if table else key
-        self.faults.append(
+        self.diagnostics.append(
             Diagnostic(rule=rule, span=self._find(key, table), fields={"key": name, **fields}, path=self.path)
         )
 
     def as_table(self, value: Any, key: str) -> Mapping[str, Any]:
         if isinstance(value, dict):
             return value
-        self.fault(rules.PROFILE_TYPE, key, "", wanted=_TABLE, found=_kind(value))
+        self.diagnostic(rules.PROFILE_TYPE, key, "", wanted=_TABLE, found=_kind(value))
         return {}
 
     def table(
@@ -224,25 +224,27 @@ class _Reader:
                 from difflib import get_close_matches
 
                 near = get_close_matches(key, known, 1)
-                self.fault(rules.PROFILE_UNKNOWN, key, table, hint=did_you_mean(near[0] if near else ""))
+                self.diagnostic(rules.PROFILE_UNKNOWN, key, table, hint=did_you_mean(near[0] if near else ""))
             elif (checked := self._entry(key, value, keys[key], table)) is not None:
                 values[key] = checked
         return values
 
     def _entry(self, key: str, value: Any, wanted: Wanted, table: str) -> Any:
-        """An entry's value, or None with a fault."""
+        """An entry's value, or None with a diagnostic."""
         if isinstance(wanted, Range):
             return self._pair(key, value, wanted, table) if key in _PAIR else self._number(key, value, wanted, table)
         if wanted is bool:
             if not isinstance(value, bool):
-                self.fault(rules.PROFILE_TYPE, key, table, wanted=_BOOLEAN, found=_kind(value))
+                self.diagnostic(rules.PROFILE_TYPE, key, table, wanted=_BOOLEAN, found=_kind(value))
             return value if isinstance(value, bool) else None
         if not isinstance(value, str):
-            self.fault(rules.PROFILE_TYPE, key, table, wanted=_TEXT, found=_kind(value))
+            self.diagnostic(rules.PROFILE_TYPE, key, table, wanted=_TEXT, found=_kind(value))
             return None
         if wanted is Abi and value not in list(Abi):
             shown = f'"{printable(value)[:40]}"'
-            self.fault(rules.PROFILE_RANGE, key, table, value=shown, range=Phrase("one of {names}", names=all_of(Abi)))
+            self.diagnostic(
+                rules.PROFILE_RANGE, key, table, value=shown, range=Phrase("one of {names}", names=all_of(Abi))
+            )
             return None
         return Abi(value) if wanted is Abi else value
 
@@ -258,52 +260,52 @@ class _Reader:
             interlock = Interlock(**{key: int(value) for key, value in row.items()})
         return Controller(**values, interlock=interlock)
 
-    def layers(self, data: Any) -> tuple[Layer, ...]:
+    def layers(self, data: Any) -> tuple[SelectionLayer, ...]:
         """The [check] table, with its [[check.path]] tables behind it."""
         entries = dict(self.as_table(data, "check"))
         paths = entries.pop("path", [])
         if not isinstance(paths, list):
-            self.fault(rules.PROFILE_TYPE, "path", "check", wanted=_PATHS, found=_kind(paths))
+            self.diagnostic(rules.PROFILE_TYPE, "path", "check", wanted=_PATHS, found=_kind(paths))
             paths = []
         layers = [self._layer(entries, "check", ())]
         for entry in paths:
             if not isinstance(entry, dict):
-                self.fault(rules.PROFILE_TYPE, "path", "check", wanted=_PATHS, found=_kind(paths))
+                self.diagnostic(rules.PROFILE_TYPE, "path", "check", wanted=_PATHS, found=_kind(paths))
                 continue
             layer, glob = self._layer(entry, "check.path", ("glob",)), entry.get("glob")
             if not isinstance(glob, str) or not glob:
                 found = _kind(glob) if "glob" in entry else Phrase("missing")
-                self.fault(rules.PROFILE_TYPE, "glob", "check.path", wanted=_GLOB, found=found)
+                self.diagnostic(rules.PROFILE_TYPE, "glob", "check.path", wanted=_GLOB, found=found)
                 continue
             layers.append(replace(layer, glob=glob))
-        return tuple(layer for layer in layers if layer != Layer(glob=layer.glob))
+        return tuple(layer for layer in layers if layer != SelectionLayer(glob=layer.glob))
 
-    def _layer(self, row: Mapping[str, Any], table: str, extra: tuple[str, ...]) -> Layer:
+    def _layer(self, row: Mapping[str, Any], table: str, extra: tuple[str, ...]) -> SelectionLayer:
         """What one table says of rules."""
         known = {key: value for key, value in row.items() if key in _RULES_KEYS}
         others = {key: value for key, value in row.items() if key not in (*known, *extra)}
         self.table(others, {}, table, (*_RULES_KEYS, *extra))
         select, ignore = (self._codes(known.get(key, []), key, table) for key in ("select", "ignore"))
-        return Layer(select=select, ignore=ignore, severity=self._severities(known.get("severity", {}), table))
+        return SelectionLayer(select=select, ignore=ignore, severity=self._severities(known.get("severity", {}), table))
 
     def _codes(self, value: Any, key: str, table: str) -> tuple[str, ...]:
         """Codes of rules, or their beginnings."""
         wrong = [code for code in value if not isinstance(code, str)] if isinstance(value, list) else [value]
         if wrong:
-            self.fault(rules.PROFILE_TYPE, key, table, wanted=_CODES, found=_kind(wrong[0]))
+            self.diagnostic(rules.PROFILE_TYPE, key, table, wanted=_CODES, found=_kind(wrong[0]))
             return ()
         return tuple(code.upper() for code in value if self._is_code(code.upper(), key, table))
 
     def _is_code(self, code: str, key: str, table: str) -> bool:
         known = bool(code) and any(rule.startswith(code) for rule in rules.RULES)
         if not known:
-            self.fault(rules.PROFILE_RANGE, key, table, value=_quoted(code), range=_KNOWN_CODES)
+            self.diagnostic(rules.PROFILE_RANGE, key, table, value=_quoted(code), range=_KNOWN_CODES)
         return known
 
     def _severities(self, value: Any, table: str) -> tuple[tuple[str, d.Severity], ...]:
         """Severities by code or beginning of codes."""
         if not isinstance(value, dict):
-            self.fault(rules.PROFILE_TYPE, "severity", table, wanted=_SEVERITIES, found=_kind(value))
+            self.diagnostic(rules.PROFILE_TYPE, "severity", table, wanted=_SEVERITIES, found=_kind(value))
             return ()
         words = {severity.value: severity for severity in d.Severity}
         found = []
@@ -312,9 +314,9 @@ class _Reader:
                 continue
             if not isinstance(word, str) or word not in words:
                 shown = _quoted(word) if isinstance(word, str) else _kind(word)
-                self.fault(rules.PROFILE_RANGE, "severity", table, value=shown, range=_ONE_OF_SEVERITIES)
+                self.diagnostic(rules.PROFILE_RANGE, "severity", table, value=shown, range=_ONE_OF_SEVERITIES)
             elif code in rules.RULES and rules.RULES[code].severity is d.Severity.ERROR and word != "error":
-                self.fault(rules.PROFILE_RANGE, "severity", table, value=f'{code} = "{word}"', range=_STAYS_ERROR)
+                self.diagnostic(rules.PROFILE_RANGE, "severity", table, value=f'{code} = "{word}"', range=_STAYS_ERROR)
             else:
                 found.append((code, words[word]))
         return tuple(found)
@@ -322,19 +324,19 @@ class _Reader:
     def scanner(self, value: Any) -> Scanner | None:
         if not isinstance(value, str):
             wanted = Phrase('a text such as "first-order:250us"')
-            self.fault(rules.PROFILE_TYPE, "scanner", "", wanted=wanted, found=_kind(value))
+            self.diagnostic(rules.PROFILE_TYPE, "scanner", "", wanted=wanted, found=_kind(value))
             return None
         scanner = parse_scanner(value)
         if isinstance(scanner, Scanner):
             return scanner
-        self.fault(rules.PROFILE_RANGE, "scanner", "", value=f'"{printable(value)[:40]}"', range=SCANNER_FORM)
+        self.diagnostic(rules.PROFILE_RANGE, "scanner", "", value=f'"{printable(value)[:40]}"', range=SCANNER_FORM)
         return None
 
     def _pair(self, key: str, value: Any, limits: Range, table: str) -> tuple[float, float] | None:
         items = [value, value] if key == "pulses_per_mm" and not isinstance(value, list) else value
         if not isinstance(items, list) or len(items) != 2:
             found = Phrase("a list of {count}", count=len(items)) if isinstance(items, list) else _kind(value)
-            self.fault(rules.PROFILE_TYPE, key, table, wanted=Phrase("a list of two numbers"), found=found)
+            self.diagnostic(rules.PROFILE_TYPE, key, table, wanted=Phrase("a list of two numbers"), found=found)
             return None
         first = self._number(key, items[0], limits, table)
         second = None if first is None else self._number(key, items[1], limits, table)
@@ -342,14 +344,14 @@ class _Reader:
 
     def _number(self, key: str, value: Any, limits: Range, table: str) -> float | None:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.fault(rules.PROFILE_TYPE, key, table, wanted=_NUMBER, found=_kind(value))
+            self.diagnostic(rules.PROFILE_TYPE, key, table, wanted=_NUMBER, found=_kind(value))
             return None
         try:
             real = float(value)
         except OverflowError:
             real = math.inf
         if limits.verdict(real) or not limits.carries(real):
-            self.fault(rules.PROFILE_RANGE, key, table, value=number(real), range=_within(limits))
+            self.diagnostic(rules.PROFILE_RANGE, key, table, value=number(real), range=_within(limits))
             return None
         return real
 
@@ -362,7 +364,7 @@ class _Reader:
             if limits.verdict(value):
                 written, pulses = number(getattr(machine, key)), f"{number(value)} {limits.unit}"
                 shown = Phrase("{value}, that is {pulses}", value=written, pulses=pulses)
-                self.fault(rules.PROFILE_RANGE, key, "", value=shown, range=_within(limits))
+                self.diagnostic(rules.PROFILE_RANGE, key, "", value=shown, range=_within(limits))
 
     def _find(self, key: str, table: str) -> Span:
         """The line of an entry or table; the head of the entry's table, or the first line, where there is none."""

@@ -1,4 +1,4 @@
-"""User faults as values: spans, rules, diagnostics, and how they are gathered. The rules themselves: rules.py."""
+"""User diagnostics as values: spans, rules, diagnostics, and how they are gathered. The rules themselves: rules.py."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
-from gusjob.i18n.phrases import Phrase, said
+from gusjob.i18n.phrases import Phrase, localized
 
 
 class Severity(Enum):
@@ -18,9 +18,9 @@ class Severity(Enum):
     NOTE = "note"
 
     @property
-    def said(self) -> str:
+    def localized(self) -> str:
         """The word for people, in their language."""
-        return said(_SEVERITIES[self])
+        return localized(_SEVERITIES[self])
 
 
 WEIGHTS = (Severity.NOTE, Severity.WARNING, Severity.ERROR)
@@ -53,8 +53,8 @@ NOWHERE = Span(line=1)
 class Rule:
     """One thing that can be wrong. `code` is stable; `text` is a template whose fields a diagnostic fills in.
 
-    `why` it hurts; `bad` and `good`: a job (of GJ7, a listing) that has the fault, and one that has not; `section` of
-    the vendor's manual. The registry is rules.py.
+    `why` it hurts; `bad` and `good`: a job (of GJ7, a listing) that has the diagnostic, and one that has not;
+    `section` of the vendor's manual. The registry is rules.py.
     """
 
     code: str
@@ -69,7 +69,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remark:
-    """Another place that matters for a fault. `text` is a template of REMARKS."""
+    """Another place that matters for a diagnostic. `text` is a template of REMARKS."""
 
     text: str
     span: Span
@@ -81,14 +81,14 @@ class Remark:
         return Phrase(self.text, **self.fields)
 
     @property
-    def said(self) -> str:
+    def localized(self) -> str:
         """The message in the user's language."""
-        return said(Phrase(self.text, **self.fields))
+        return localized(Phrase(self.text, **self.fields))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
-    """One fault found: a rule, the fields of its text, and where.
+    """One diagnostic found: a rule, the fields of its text, and where.
 
     `path`: the text that it is about; `span.path`, where it is set, the file in which the place is. `count`: in how
     many rounds and calls of the same statement. `remarks`: other places, the nearest first.
@@ -114,14 +114,16 @@ class Diagnostic:
         return Phrase(self.rule.text, **self.fields)
 
     @property
-    def said(self) -> str:
+    def localized(self) -> str:
         """The message in the user's language."""
-        return said(self.phrase)
+        return localized(self.phrase)
 
     @property
-    def said_with_count(self) -> str:
+    def localized_with_count(self) -> str:
         """The message in the user's language, and how many times it was met."""
-        return self.said + (said(Phrase(" ({count} times)", count=f"{self.count:,}")) if self.count > 1 else "")
+        return self.localized + (
+            localized(Phrase(" ({count} times)", count=f"{self.count:,}")) if self.count > 1 else ""
+        )
 
     @property
     def file(self) -> str:
@@ -157,12 +159,12 @@ REMARKS = (CALLED, ROUND, NTH_ROUND, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIR
 
 
 MAX_PER_RULE = 1000
-"""So many faults of one rule are listed; the rest is counted."""
+"""So many diagnostics of one rule are listed; the rest is counted."""
 
 
 @dataclass(slots=True)
 class Collector:
-    """Gathers faults of one text; of each rule it lists so many and counts the rest."""
+    """Gathers diagnostics of one text; of each rule it lists so many and counts the rest."""
 
     path: str
     found: list[Diagnostic] = field(default_factory=list)
@@ -170,13 +172,13 @@ class Collector:
     listed: dict[str, int] = field(default_factory=dict)
 
     def room(self, rule: Rule) -> int:
-        """How many more faults of a rule will be listed."""
+        """How many more diagnostics of a rule will be listed."""
         return MAX_PER_RULE - self.listed.get(rule.code, 0)
 
     def add(
         self, rule: Rule, span: Span, fields: dict[str, Any], count: int = 1, remarks: tuple[Remark, ...] = ()
     ) -> None:
-        """One fault, perhaps of many rounds."""
+        """One diagnostic, perhaps of many rounds."""
         if self.room(rule):
             self.found.append(
                 Diagnostic(rule=rule, span=span, fields=fields, path=self.path, count=count, remarks=remarks)
@@ -185,11 +187,11 @@ class Collector:
         self.uncounted(rule, 1)
 
     def again(self, index: int, count: int) -> None:
-        """The fault at an index of `found` was met so many times more."""
+        """The diagnostic at an index of `found` was met so many times more."""
         self.found[index] = replace(self.found[index], count=self.found[index].count + count)
 
     def uncounted(self, rule: Rule, more: int) -> None:
-        """Faults that were found and are not worth making, since they would not be listed."""
+        """Diagnostics that were found and are not worth making, since they would not be listed."""
         self.counts[rule.code] = self.counts.get(rule.code, 0) + more
 
     def done(self, more: Rule) -> list[Diagnostic]:

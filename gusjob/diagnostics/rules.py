@@ -1,7 +1,7 @@
 """The registry of rules: each thing that can be wrong, its text, why it hurts, a bad and a good example.
 
 Texts are templates with named fields. grammar/README.md's table and `gusjob explain` are made from here, and the tests
-run every example. Codes are stable: a code is never given to another fault.
+run every example. Codes are stable: a code is never given to another diagnostic.
 
 GJ0 the file, GJ1 words and the carrying out of a job, GJ2 values, GJ3 modes and order, GJ4 light, GJ5 motion, GJ6 the
 machine profile, GJ7 what the controller would say to a listing, GJ8 sky writing, GJ9 a run on hardware.
@@ -16,7 +16,7 @@ from gusjob.diagnostics.model import Rule, Severity
 RULES: dict[str, Rule] = {}
 """Every rule by its code."""
 VARIANTS: list[Rule] = []
-"""Rules with another text for another cause of the same fault."""
+"""Rules with another text for another cause of the same diagnostic."""
 
 _E, _W, _N = Severity.ERROR, Severity.WARNING, Severity.NOTE
 

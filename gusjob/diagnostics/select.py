@@ -1,4 +1,5 @@
-"""Which faults count, and how much: what [check] of a profile and the command line say of rules, for all files or some.
+"""Which diagnostics count, and how much: what [check] of a profile and the command line say of rules, for all files or
+some.
 
 Rules are named by their codes or by the beginnings of codes: GJ4 is every rule of light.
 """
@@ -16,7 +17,7 @@ from gusjob.diagnostics.model import WEIGHTS, Diagnostic, Severity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layer:
+class SelectionLayer:
     """What one place says of rules. `glob`: of which files, from the profile's folder; '' of all."""
 
     glob: str = ""
@@ -39,38 +40,42 @@ class Layer:
         return dict(self.severity)[code[:length]] if length else None
 
 
-NOTHING_ASKED = Layer()
+NOTHING_ASKED = SelectionLayer()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Selection:
+class RuleSelection:
     """Layers, of which the last one that says something of a rule counts. `folder`: where globs start."""
 
-    layers: tuple[Layer, ...] = ()
+    layers: tuple[SelectionLayer, ...] = ()
     folder: str = ""
 
-    def of(self, file: str) -> list[Layer]:
+    def of(self, file: str) -> list[SelectionLayer]:
         """The layers that speak of a file."""
         return [one for one in self.layers if not one.glob or _fits(_below(file, self.folder), one.glob)]
 
-    def wants(self, fault: Diagnostic, last: Layer) -> bool:
-        """Whether a fault counts. `last`: what the command line says."""
-        code = str(fault.fields["code"]) if fault.rule is rules.MORE else fault.rule.code
-        said = [wanted for layer in (*self.of(fault.file), last) if (wanted := layer.wants(code)) is not None]
+    def wants(self, diagnostic: Diagnostic, last: SelectionLayer) -> bool:
+        """Whether a diagnostic counts. `last`: what the command line says."""
+        code = str(diagnostic.fields["code"]) if diagnostic.rule is rules.MORE else diagnostic.rule.code
+        said = [wanted for layer in (*self.of(diagnostic.file), last) if (wanted := layer.wants(code)) is not None]
         return said[-1] if said else True
 
-    def weighed(self, faults: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Faults with the severities that the layers give them; an error stays one."""
-        return [self._weighed(fault) if self.layers else fault for fault in faults]
+    def weighed(self, diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+        """Diagnostics with the severities that the layers give them; an error stays one."""
+        return [self._weighed(diagnostic) if self.layers else diagnostic for diagnostic in diagnostics]
 
-    def _weighed(self, fault: Diagnostic) -> Diagnostic:
-        if fault.rule is rules.MORE:  # One of those that are not listed may be in a file of which more is demanded.
-            given = [layer.weight(str(fault.fields["code"])) for layer in self.layers]
-            return fault.at_least(max((one for one in given if one), key=WEIGHTS.index, default=Severity.NOTE))
-        said = [weight for layer in self.of(fault.file) if (weight := layer.weight(fault.rule.code)) is not None]
-        if not said or fault.severity is Severity.ERROR:
-            return fault
-        return replace(fault, weight=said[-1])
+    def _weighed(self, diagnostic: Diagnostic) -> Diagnostic:
+        if (
+            diagnostic.rule is rules.MORE
+        ):  # One of those that are not listed may be in a file of which more is demanded.
+            given = [layer.weight(str(diagnostic.fields["code"])) for layer in self.layers]
+            return diagnostic.at_least(max((one for one in given if one), key=WEIGHTS.index, default=Severity.NOTE))
+        said = [
+            weight for layer in self.of(diagnostic.file) if (weight := layer.weight(diagnostic.rule.code)) is not None
+        ]
+        if not said or diagnostic.severity is Severity.ERROR:
+            return diagnostic
+        return replace(diagnostic, weight=said[-1])
 
 
 def _fits(name: str, glob: str) -> bool:

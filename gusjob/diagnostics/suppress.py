@@ -1,7 +1,7 @@
 """Comments that allow a rule on their line: `LASER ON  ; allow GJ408: the lamp is dark, it only warms up`.
 
-What may be allowed are warnings and notes; an error is a fault whatever anybody says of it. A comment that allows what
-is not there is told, so that it goes when its reason has gone.
+What may be allowed are warnings and notes; an error is a diagnostic whatever anybody says of it. A comment that allows
+what is not there is told, so that it goes when its reason has gone.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MAX_BYTES = 100_000
 
 
 @dataclass(slots=True, kw_only=True)
-class Allowance:
+class Suppression:
     """One rule, allowed in one line. `span`: its code in the comment; `why_not`: why it is not followed."""
 
     code: str
@@ -42,27 +42,27 @@ class Allowance:
 
 
 @dataclass(slots=True)
-class Allowances:
+class Suppressions:
     """The allowances of a job, by file, line and rule."""
 
-    by_place: dict[tuple[str, int, str], Allowance] = field(default_factory=dict)
+    by_place: dict[tuple[str, int, str], Suppression] = field(default_factory=dict)
 
     def add(self, name: str, data: bytes, *, top: bool) -> None:
         """Those of one more text. `top`: it is the job's own, not one that it includes."""
         for one in _allowances(name, data, path="" if top else name):
             self.by_place.setdefault((name, one.span.line, one.code), one)
 
-    def without_allowed(self, faults: list[Diagnostic]) -> list[Diagnostic]:
-        """The faults that no comment allows."""
+    def without_allowed(self, diagnostics: list[Diagnostic]) -> list[Diagnostic]:
+        """The diagnostics that no comment allows."""
         if not self.by_place:
-            return faults
-        return [fault for fault in faults if not self._allows(fault)]
+            return diagnostics
+        return [diagnostic for diagnostic in diagnostics if not self._allows(diagnostic)]
 
-    def _allows(self, fault: Diagnostic) -> bool:
-        found = self.by_place.get((fault.file, fault.span.line, fault.rule.code))
+    def _allows(self, diagnostic: Diagnostic) -> bool:
+        found = self.by_place.get((diagnostic.file, diagnostic.span.line, diagnostic.rule.code))
         if found is None:
             return False
-        if fault.severity is Severity.ERROR:
+        if diagnostic.severity is Severity.ERROR:
             found.why_not = _ERROR
         found.used = not found.why_not
         return found.used
@@ -71,7 +71,7 @@ class Allowances:
         """Rules of which something was allowed."""
         return {one.code for one in self.by_place.values() if one.used}
 
-    def faults(self, path: str, judged: Callable[[str], bool]) -> list[Diagnostic]:
+    def diagnostics(self, path: str, judged: Callable[[str], bool]) -> list[Diagnostic]:
         """Comments that are not followed, and those that allow what is not there.
 
         `judged`: whether a rule was looked for wherever it may be. An included file's comments may be meant for another
@@ -86,7 +86,7 @@ class Allowances:
         return told.done(rules.MORE)
 
 
-def _allowances(name: str, data: bytes, path: str) -> Iterator[Allowance]:
+def _allowances(name: str, data: bytes, path: str) -> Iterator[Suppression]:
     small = data.lower()
     line, counted, at = 1, 0, small.find(b"allow")
     while at >= 0:
@@ -98,12 +98,12 @@ def _allowances(name: str, data: bytes, path: str) -> Iterator[Allowance]:
         at = small.find(b"allow", end)
 
 
-def _in_line(text: str, line: int, name: str, path: str) -> Iterator[Allowance]:
+def _in_line(text: str, line: int, name: str, path: str) -> Iterator[Suppression]:
     for comment in _COMMENT.finditer(text):
         for code in _CODE.finditer(text, comment.start("codes"), comment.end("codes")):
             column, known = code.start() + 1, printable(code[0].upper())
             span = Span(line=line, column=column, end_line=line, end_column=column + len(code[0]), path=path)
-            yield Allowance(code=known, file=name, span=span, why_not=_why_not(known, comment))
+            yield Suppression(code=known, file=name, span=span, why_not=_why_not(known, comment))
 
 
 def _why_not(code: str, comment: re.Match[str]) -> str:

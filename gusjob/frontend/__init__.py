@@ -13,7 +13,7 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend.files import SourceMap
-from gusjob.frontend.parse.job_reader import JobText, more_faults, plain, read_job_text
+from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, plain, read_job_text
 from gusjob.frontend.parse.spelling import small_note
 from gusjob.frontend.resolve.elaborate import Told, elaborate
 from gusjob.frontend.source import Source, check_text, read_source
@@ -40,7 +40,7 @@ def is_listing(source: Source) -> bool:
 
 
 def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
-    """A job text on a machine; all faults of the text in one go."""
+    """A job text on a machine; all diagnostics of the text in one go."""
     text = read_job_text(source)
     found = list(text.diagnostics)
     if plain(text):
@@ -54,10 +54,10 @@ def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     else:
         told, more = _carried_out(text, machine)
         found += more
-    job, faults = elaborate(told, machine)
-    found += faults
-    if text.faults_not_listed:
-        found.append(more_faults(text))
+    job, diagnostics = elaborate(told, machine)
+    found += diagnostics
+    if text.diagnostics_not_listed:
+        found.append(more_diagnostics(text))
     if text.small_words and (note := small_note(source.data, source.name)) is not None:
         found.append(note)
     if not len(told.rows.op) and not found:
@@ -70,7 +70,7 @@ def _carried_out(text: JobText, machine: Machine) -> tuple[Told, list[Diagnostic
     from gusjob.frontend.expand.expand import expand  # Start-up time is part of the tool.
     from gusjob.frontend.expand.program import read_program
 
-    program, faults = read_program(text, machine)
+    program, diagnostics = read_program(text, machine)
     done = expand(program, machine)
     told = Told(
         name=text.source.name,
@@ -80,13 +80,13 @@ def _carried_out(text: JobText, machine: Machine) -> tuple[Told, list[Diagnostic
         frame_parent=done.frame_parent,
         trails=done.trails,
         lets=program.lets,
-        whole=not has_errors([*text.diagnostics, *faults, *done.diagnostics]),
+        whole=not has_errors([*text.diagnostics, *diagnostics, *done.diagnostics]),
     )
-    return told, [*faults, *done.diagnostics]
+    return told, [*diagnostics, *done.diagnostics]
 
 
 def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
-    """A listing's calls; all faults of the text in one go."""
+    """A listing's calls; all diagnostics of the text in one go."""
     from gusjob.frontend.listing import reader as listing_reader
 
     stream, found = listing_reader.read_listing(source)
@@ -95,20 +95,20 @@ def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
     return stream, [_named(f, source.name) for f in found]
 
 
-def locate_calls(faults: list[Diagnostic], source: Source) -> list[Diagnostic]:
-    """Faults that know only their line get the span of the line's text."""
+def locate_calls(diagnostics: list[Diagnostic], source: Source) -> list[Diagnostic]:
+    """Diagnostics that know only their line get the span of the line's text."""
     placed = []
-    for fault in faults:
-        if fault.span.end_column or fault.rule is rules.MORE:
-            placed.append(fault)
+    for diagnostic in diagnostics:
+        if diagnostic.span.end_column or diagnostic.rule is rules.MORE:
+            placed.append(diagnostic)
             continue
-        text = source.line(fault.span.line).split("//")[0]
+        text = source.line(diagnostic.span.line).split("//")[0]
         start = len(text) - len(text.lstrip()) + 1
-        line = fault.span.line
+        line = diagnostic.span.line
         span = d.Span(line=line, column=start, end_line=line, end_column=max(len(text.rstrip()) + 1, start + 1))
-        placed.append(replace(fault, span=span))
+        placed.append(replace(diagnostic, span=span))
     return placed
 
 
-def _named(fault: Diagnostic, name: str) -> Diagnostic:
-    return fault if fault.path else replace(fault, path=name)
+def _named(diagnostic: Diagnostic, name: str) -> Diagnostic:
+    return diagnostic if diagnostic.path else replace(diagnostic, path=name)

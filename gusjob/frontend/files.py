@@ -135,5 +135,5 @@ def included(name: str, source: Source, top: Source) -> tuple[Source | None, str
         return None, reason.lower() if reason else Phrase("it can't be found")
     shown = top.name.replace("\\", "/").rpartition("/")[0]
     inside = path.relative_to(folder).as_posix()
-    found, faults = read_source(path, f"{shown}/{inside}" if shown else inside)
-    return found, faults[0].phrase if faults else ""
+    found, diagnostics = read_source(path, f"{shown}/{inside}" if shown else inside)
+    return found, diagnostics[0].phrase if diagnostics else ""

@@ -51,7 +51,7 @@ def typeset(template: str, fields: Mapping[str, object]) -> str:
     return _BLANK_BEHIND.sub(behind, template)
 
 
-def speak(name: str) -> None:
+def set_language(name: str) -> None:
     """Say everything in a language of LANGUAGES from here on. Raises ValueError for another one."""
     global _catalogue, _spoken  # A process speaks one language, as gettext's own functions do.
     if name not in LANGUAGES:

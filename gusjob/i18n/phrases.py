@@ -41,11 +41,11 @@ class Phrase(str):
         return (self.template,), self.fields
 
 
-def said(text: str) -> str:
+def localized(text: str) -> str:
     """A phrase in the user's language. Other texts, a user's names among them, are what they are."""
     if not isinstance(text, Phrase):
         return text
-    fields = {k: said(v) if isinstance(v, str) else v for k, v in text.fields.items()}
+    fields = {k: localized(v) if isinstance(v, str) else v for k, v in text.fields.items()}
     return _filled(typeset(translated(text.template), fields), fields)
 
 

@@ -318,7 +318,7 @@ class Step:
 
 
 @dataclass(slots=True)
-class Trails:
+class Provenance:
     """By which calls and rounds statements came about, as a tree: each trail is a step and the trail before it.
 
     Kept in batches, since a loop of a million rounds makes a million trails. Number 0 is the open road.
@@ -356,7 +356,7 @@ def _one(values: Any, at: int) -> Any:
     return values[at] if isinstance(values, np.ndarray) else values
 
 
-def trail_remarks(trails: Trails, trail: int, locate: Locate) -> tuple[Remark, ...]:
+def provenance_remarks(trails: Provenance, trail: int, locate: Locate) -> tuple[Remark, ...]:
     """How a statement came about: the calls and rounds, the innermost first."""
     remarks = []
     for step in trails.steps(trail):
@@ -380,7 +380,8 @@ MAX_REMARKS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A whole job. `setups` in job order. `locate` finds the columns of a fault in the source, when one is reported.
+    """A whole job. `setups` in job order. `locate` finds the columns of a diagnostic in the source, when one is
+    reported.
 
     Lines are numbered through all files of a job; `text_of` gives the text of the line of a span, `set_here` where the
     names in a word of a line were set.
@@ -401,12 +402,13 @@ class Job:
     """Name and text of every file that it includes."""
     in_pulses: bool = False
     whole: bool = True
-    """Whether everything in the text is in the job; else what seems to be missing may stand in a line with a fault."""
-    trails: Trails | None = None
+    """Whether everything in the text is in the job; else what seems to be missing may stand in a line with a
+    diagnostic."""
+    trails: Provenance | None = None
 
     def remarks(self, trail: int) -> tuple[Remark, ...]:
         """How a statement came about."""
-        return trail_remarks(self.trails, trail, self.locate) if self.trails is not None and trail else ()
+        return provenance_remarks(self.trails, trail, self.locate) if self.trails is not None and trail else ()
 
     @property
     def has_forced_ends(self) -> bool:
@@ -433,7 +435,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
+class DisplayUnits:
     """Lengths and speeds as messages show them: in the units in which the job is written.
 
     `per_pulse`, `per_pulse_per_ms`, `per_pulse_per_ms2`: what a value in X's pulses is multiplied with.
@@ -447,15 +449,15 @@ class Shown:
     per_pulse_per_ms2: float
 
 
-def shown_units(job: Job, machine: Machine) -> Shown:
+def display_units(job: Job, machine: Machine) -> DisplayUnits:
     """The units of a job's messages."""
     if job.in_pulses:
-        return Shown(
+        return DisplayUnits(
             length="pulse", speed="pulse/ms", acceleration="pulse/ms2", per_pulse=1.0, per_pulse_per_ms=1.0,
             per_pulse_per_ms2=1.0,
         )  # fmt: skip
     px = machine.pulses_per_mm[0]
-    return Shown(
+    return DisplayUnits(
         length="mm", speed="mm/s", acceleration="mm/s2", per_pulse=1 / px, per_pulse_per_ms=1e3 / px,
         per_pulse_per_ms2=1e6 / px,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.arrays import Floats
 
 
-class Kind(IntEnum):
+class QuantityKind(IntEnum):
     """What a number measures."""
 
     LENGTH = 0
@@ -48,7 +48,7 @@ _KINDS = (
 """By Kind."""
 
 
-class System(IntEnum):
+class UnitSystem(IntEnum):
     """Which units a length, velocity or acceleration was written in (DEFAULT: those of UNITS)."""
 
     DEFAULT = 0
@@ -74,33 +74,33 @@ class PowerUnit(IntEnum):
 class Unit:
     """A unit: canonical value = value * times / over (two exact factors, so that 35mV is 35/1000 V to the last bit)."""
 
-    kind: Kind
+    kind: QuantityKind
     times: float = 1.0
     over: float = 1.0
-    system: int = System.DEFAULT
+    system: int = UnitSystem.DEFAULT
 
 
 UNITS: dict[str, Unit] = {
-    "um": Unit(Kind.LENGTH, over=1000, system=System.MM),
-    "mm": Unit(Kind.LENGTH, system=System.MM),
-    "pulse": Unit(Kind.LENGTH, system=System.PULSE),
-    "mm/s": Unit(Kind.VELOCITY, system=System.MM),
-    "m/s": Unit(Kind.VELOCITY, times=1000, system=System.MM),
-    "mm/min": Unit(Kind.VELOCITY, over=60, system=System.MM),
-    "pulse/ms": Unit(Kind.VELOCITY, system=System.PULSE),
-    "mm/s2": Unit(Kind.ACCELERATION, system=System.MM),
-    "m/s2": Unit(Kind.ACCELERATION, times=1000, system=System.MM),
-    "pulse/ms2": Unit(Kind.ACCELERATION, system=System.PULSE),
-    "us": Unit(Kind.TIME),
-    "ms": Unit(Kind.TIME, times=1000),
-    "s": Unit(Kind.TIME, times=1e6),
-    "hz": Unit(Kind.FREQUENCY, over=1000, system=PowerUnit.KHZ),
-    "khz": Unit(Kind.FREQUENCY, system=PowerUnit.KHZ),
-    "mhz": Unit(Kind.FREQUENCY, times=1000, system=PowerUnit.KHZ),
-    "%": Unit(Kind.SHARE, system=PowerUnit.PERCENT),
-    "v": Unit(Kind.VOLTAGE, system=PowerUnit.VOLT),
-    "mv": Unit(Kind.VOLTAGE, over=1000, system=PowerUnit.VOLT),
-    "deg": Unit(Kind.ANGLE),
+    "um": Unit(QuantityKind.LENGTH, over=1000, system=UnitSystem.MM),
+    "mm": Unit(QuantityKind.LENGTH, system=UnitSystem.MM),
+    "pulse": Unit(QuantityKind.LENGTH, system=UnitSystem.PULSE),
+    "mm/s": Unit(QuantityKind.VELOCITY, system=UnitSystem.MM),
+    "m/s": Unit(QuantityKind.VELOCITY, times=1000, system=UnitSystem.MM),
+    "mm/min": Unit(QuantityKind.VELOCITY, over=60, system=UnitSystem.MM),
+    "pulse/ms": Unit(QuantityKind.VELOCITY, system=UnitSystem.PULSE),
+    "mm/s2": Unit(QuantityKind.ACCELERATION, system=UnitSystem.MM),
+    "m/s2": Unit(QuantityKind.ACCELERATION, times=1000, system=UnitSystem.MM),
+    "pulse/ms2": Unit(QuantityKind.ACCELERATION, system=UnitSystem.PULSE),
+    "us": Unit(QuantityKind.TIME),
+    "ms": Unit(QuantityKind.TIME, times=1000),
+    "s": Unit(QuantityKind.TIME, times=1e6),
+    "hz": Unit(QuantityKind.FREQUENCY, over=1000, system=PowerUnit.KHZ),
+    "khz": Unit(QuantityKind.FREQUENCY, system=PowerUnit.KHZ),
+    "mhz": Unit(QuantityKind.FREQUENCY, times=1000, system=PowerUnit.KHZ),
+    "%": Unit(QuantityKind.SHARE, system=PowerUnit.PERCENT),
+    "v": Unit(QuantityKind.VOLTAGE, system=PowerUnit.VOLT),
+    "mv": Unit(QuantityKind.VOLTAGE, over=1000, system=PowerUnit.VOLT),
+    "deg": Unit(QuantityKind.ANGLE),
 }
 """By lower-case spelling; time is canonical in us here (a dwell divides by 1000)."""
 

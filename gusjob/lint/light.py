@@ -33,7 +33,7 @@ def jumps(view: View, findings: Findings) -> None:
 
 
 def switched_on(view: View, lines: Indices) -> Remarks:
-    """Where the laser was switched on, for each of several faults."""
+    """Where the laser was switched on, for each of several diagnostics."""
 
     def remarks(index: int) -> tuple[Remark, ...]:
         return (Remark(text=d.ON_HERE, span=view.job.locate(int(lines[index]), "")),)

@@ -65,7 +65,7 @@ def speeds_along(view: View, findings: Findings) -> None:
         limit, unit = _machine_limit(view, acceleration=word == "ACC")
         mm = values[rows] * mm_per_pulse * (1e6 if word == "ACC" else 1e3)
         fast = np.flatnonzero(~in_mm[rows] & (mm > limit * (1 + 1e-9)))
-        # A modal value is one fault, where it was set.
+        # A modal value is one diagnostic, where it was set.
         _, first = np.unique(lines[rows[fast]], return_index=True)
         for i in fast[first].tolist():
             line = int(lines[rows[i]])

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gusjob.controllers.gus.ranges import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, PowerMode, Verdict
+from gusjob.controllers.gus.ranges import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, Membership, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Op, PowerNow, SwitchNow
@@ -77,7 +77,7 @@ def direct_power(view: View, findings: Findings) -> None:
                 )
             width = mode.mode.pulse_width_us
             duty = min(max(what.power, mode.mode.low), mode.mode.high) * (width or 0.0) / 10
-            if width and what.power > 0 and PULSE_DUTY_PCT.verdict(duty) is not Verdict.INSIDE:
+            if width and what.power > 0 and PULSE_DUTY_PCT.verdict(duty) is not Membership.INSIDE:
                 findings.at(
                     rules.PULSE_TOO_WIDE, setup, "value", value=what.power, width=width, duty=duty,
                     range=str(PULSE_DUTY_PCT),
@@ -227,7 +227,7 @@ def _frequency(
         return
     # The frequency in force is what the mode's limits leave of it.
     duty = np.clip(values, mode.low, mode.high) * mode.pulse_width_us / 10
-    bad = (values > 0) & (PULSE_DUTY_PCT.judge(duty) != Verdict.INSIDE)
+    bad = (values > 0) & (PULSE_DUTY_PCT.judge(duty) != Membership.INSIDE)
     if bad.any():
         findings.at_rows(
             rules.PULSE_TOO_WIDE, rows[bad], word, value=values[bad], width=float(mode.pulse_width_us), duty=duty[bad],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gusjob.controllers.gus import ranges
-from gusjob.controllers.gus.ranges import DISTANCE_LIMIT, MODE_LIMIT, PULSE_DUTY_PCT, PowerMode, Verdict
+from gusjob.controllers.gus.ranges import DISTANCE_LIMIT, MODE_LIMIT, PULSE_DUTY_PCT, Membership, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import (
@@ -146,7 +146,7 @@ def distance(view: View, findings: Findings) -> None:
             # What distance follow may ask for is a frequency that the job commands (M 二.2).
             for word, value in (("MIN", settings.low), ("MAX", settings.high)):
                 duty = min(max(value, mode.mode.low), mode.mode.high) * width / 10
-                if value > 0 and PULSE_DUTY_PCT.verdict(duty) is not Verdict.INSIDE:
+                if value > 0 and PULSE_DUTY_PCT.verdict(duty) is not Membership.INSIDE:
                     findings.at(
                         rules.PULSE_TOO_WIDE, setup, word, value=value, width=width, duty=duty,
                         range=str(PULSE_DUTY_PCT), remarks=findings.mode_remark(mode.setup),

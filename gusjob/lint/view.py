@@ -11,19 +11,30 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.ranges import Range, Verdict
+from gusjob.controllers.gus.ranges import Membership, Range
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Remark, Rule
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Job, LaserMode, Op, PowerNow, Setup, Shown, SwitchNow, arcs_mm, shown_units, stages_of_setups
+from gusjob.ir.job import (
+    DisplayUnits,
+    Job,
+    LaserMode,
+    Op,
+    PowerNow,
+    Setup,
+    SwitchNow,
+    arcs_mm,
+    display_units,
+    stages_of_setups,
+)
 from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.kinematics.units import Kind, PowerUnit
+from gusjob.kinematics.units import PowerUnit, QuantityKind
 
 CHANNELS = (0, 1)
 
 Remarks = Callable[[int], tuple[Remark, ...]]
-"""Other places that matter for the fault at an index."""
+"""Other places that matter for the diagnostic at an index."""
 
 
 def no_remarks(index: int) -> tuple[Remark, ...]:
@@ -38,13 +49,13 @@ class Findings:
     job: Job
     collector: Collector
     seen: dict[tuple[Any, ...], int] = field(default_factory=dict)
-    """Faults of a job with loops: a statement is said once of what it does wrong, however often it comes."""
+    """Diagnostics of a job with loops: a statement is said once of what it does wrong, however often it comes."""
 
     def add(
         self, rule: Rule, line: int, word: str = "", /, *, trail: int = 0, count: int = 1,
         remarks: tuple[Remark, ...] = (), **fields: Any,
     ) -> None:  # fmt: skip
-        """One fault at a word of a line ('' for the statement, 'value' for its number)."""
+        """One diagnostic at a word of a line ('' for the statement, 'value' for its number)."""
         key = (rule.code, line, word, fields.get("what"), fields.get("axis"), fields.get("channel"))
         if self.job.trails is not None and key in self.seen:
             self.collector.again(self.seen[key], count)
@@ -61,13 +72,13 @@ class Findings:
     def at(
         self, rule: Rule, setup: Setup, word: str = "", /, *, remarks: tuple[Remark, ...] = (), **fields: Any
     ) -> None:
-        """One fault at a word of a setup statement."""
+        """One diagnostic at a word of a setup statement."""
         self.add(rule, setup.line, word, trail=setup.trail, remarks=remarks, **fields)
 
     def at_rows(
         self, rule: Rule, rows: Indices, word: str, /, *, remarks: Remarks = no_remarks, **columns: Any
     ) -> None:
-        """One fault a row; a field that is an array (one entry a row of `rows`) gives each its own."""
+        """One diagnostic a row; a field that is an array (one entry a row of `rows`) gives each its own."""
         path = self.job.path
         words = np.broadcast_to(word, len(rows))
         self.at_places(rule, path.line[rows], path.trail[rows], words, remarks=remarks, **columns)
@@ -76,7 +87,7 @@ class Findings:
         self, rule: Rule, lines: npt.NDArray[Any], trails: npt.NDArray[Any], words: npt.NDArray[Any], /, *,
         remarks: Remarks = no_remarks, **columns: Any,
     ) -> None:  # fmt: skip
-        """One fault a place; rounds of the same statement are one fault with a count."""
+        """One diagnostic a place; rounds of the same statement are one diagnostic with a count."""
         places, counts = np.arange(len(lines)), np.ones(len(lines), dtype=np.intp)
         if self.job.trails is not None:
             _, places, counts = np.unique(lines, return_index=True, return_counts=True)
@@ -93,10 +104,10 @@ class Findings:
         whole = allowed.carries(values)
         if not verdict.any() and whole.all():
             return np.ones(len(values), dtype=np.bool_)
-        outside = verdict == Verdict.OUTSIDE
+        outside = verdict == Membership.OUTSIDE
         fields: dict[str, Any] = {"what": what, "unit": allowed.unit, "range": str(allowed), "hint": hint}
         self.at_rows(rules.OUT_OF_RANGE, rows[outside], word, value=values[outside], **fields)
-        ends = (verdict == Verdict.ON_TOLERATED_END) & whole
+        ends = (verdict == Membership.ON_TOLERATED_END) & whole
         self.at_rows(rules.ON_OPEN_END, rows[ends], word, value=values[ends], **fields)
         broken = ~outside & ~whole
         self.at_rows(rules.NOT_WHOLE, rows[broken], word, value=values[broken], **fields)
@@ -104,11 +115,11 @@ class Findings:
 
     def one(self, setup: Setup, value: float, allowed: Range, what: str, word: str = "value") -> bool:
         """Judge a setup statement's number; returns whether it is good."""
-        if allowed.verdict(value) is Verdict.OUTSIDE:
+        if allowed.verdict(value) is Membership.OUTSIDE:
             rule = rules.OUT_OF_RANGE
         elif not allowed.carries(value):
             rule = rules.NOT_WHOLE
-        elif allowed.verdict(value) is Verdict.ON_TOLERATED_END:
+        elif allowed.verdict(value) is Membership.ON_TOLERATED_END:
             rule = rules.ON_OPEN_END
         else:
             return True
@@ -133,7 +144,11 @@ class Findings:
 
 def unit_fields(what: str, written: int, wanted: PowerUnit) -> dict[str, Any]:
     """Fields of WRONG_UNIT for a power."""
-    kinds = {PowerUnit.PERCENT: Kind.SHARE, PowerUnit.KHZ: Kind.FREQUENCY, PowerUnit.VOLT: Kind.VOLTAGE}
+    kinds = {
+        PowerUnit.PERCENT: QuantityKind.SHARE,
+        PowerUnit.KHZ: QuantityKind.FREQUENCY,
+        PowerUnit.VOLT: QuantityKind.VOLTAGE,
+    }
     unit = PowerUnit(written)
     return {
         "what": what,
@@ -250,9 +265,9 @@ class View:
         return state, lines[begun[last]], bool(on[-1]), int(lines[begun[-1]])
 
     @property
-    def shown(self) -> Shown:
+    def shown(self) -> DisplayUnits:
         """The units of messages."""
-        return shown_units(self.job, self.machine)
+        return display_units(self.job, self.machine)
 
     def starts(self) -> tuple[Floats, Floats]:
         """Where the head is before each row, unrounded pulse."""

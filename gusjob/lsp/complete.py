@@ -82,14 +82,14 @@ def accepted(head: str) -> list[str]:
 
 def word_fits(head: str, word: str) -> bool:
     """Whether a statement takes a word: the grammar leaves it to the reader which one takes which, and only once."""
-    _, faults = read_statement(f"{head}{word} 1", 1)
-    return not any(fault.rule in (rules.FOREIGN, rules.TWICE) for fault in faults)
+    _, diagnostics = read_statement(f"{head}{word} 1", 1)
+    return not any(diagnostic.rule in (rules.FOREIGN, rules.TWICE) for diagnostic in diagnostics)
 
 
 def unit_fits(head: str, unit: str) -> bool:
     """Whether a number at the end of the beginning of a line may have a unit."""
-    _, faults = read_statement(head + unit, 1)
-    return bool(accepted(head + unit)) and not any(fault.rule is rules.WRONG_UNIT for fault in faults)
+    _, diagnostics = read_statement(head + unit, 1)
+    return bool(accepted(head + unit)) and not any(diagnostic.rule is rules.WRONG_UNIT for diagnostic in diagnostics)
 
 
 def _name_items(asked: Asked, spot: Spot, head: str, allowed: list[str]) -> Iterator[lsp.CompletionItem]:

@@ -12,7 +12,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes import MENDS, key_of, mended
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.statements import strip_comment
-from gusjob.i18n.phrases import Phrase, said
+from gusjob.i18n.phrases import Phrase, localized
 from gusjob.lsp.asked import Asked
 from gusjob.lsp.asked import key_of as place_key
 from gusjob.lsp.desk import Desk
@@ -62,20 +62,20 @@ def _common(a: bytes, b: bytes) -> int:
 
 
 def fixes(asked: Asked, place: lsp.Range) -> list[lsp.CodeAction] | None:
-    """For faults at a place whose hint names one replacement: that one; else the mend of `gusjob check --fix`."""
+    """For diagnostics at a place whose hint names one replacement: that one; else the mend of `gusjob check --fix`."""
     if asked.judged is None:
         return None
     text, found, mending = asked.task.text, list[lsp.CodeAction](), _Mending(asked)
-    for fault in asked.judged.faults:
-        if fault.span.path or fault.path != asked.judged.top or fault.rule is rules.MORE:
+    for diagnostic in asked.judged.diagnostics:
+        if diagnostic.span.path or diagnostic.path != asked.judged.top or diagnostic.rule is rules.MORE:
             continue
-        where = text.range(fault.span)
+        where = text.range(diagnostic.span)
         if place_key(where.end) < place_key(place.start) or place_key(place.end) < place_key(where.start):
             continue
-        meant = replacement(fault, text)
+        meant = replacement(diagnostic, text)
         edit = _replaced(text, where, meant["old"], meant["new"]) if meant else None
         if edit is None:
-            found += mending.action(fault)
+            found += mending.action(diagnostic)
             continue
         found.append(
             lsp.CodeAction(
@@ -94,29 +94,29 @@ MAX_MENDS = 8
 
 @dataclass(slots=True)
 class _Mending:
-    """The mends of one text; nothing is judged before there is a fault that has one."""
+    """The mends of one text; nothing is judged before there is a diagnostic that has one."""
 
     asked: Asked
     looked_for: int = 0
     before: Loaded | None = None
 
-    def action(self, fault: Diagnostic) -> list[lsp.CodeAction]:
-        """What `gusjob check --fix` would make of one fault, if it would."""
+    def action(self, diagnostic: Diagnostic) -> list[lsp.CodeAction]:
+        """What `gusjob check --fix` would make of one diagnostic, if it would."""
         task, judged = self.asked.task, self.asked.judged
         own = judged is not None and task.path is not None and judged.top == str(task.path)
-        if fault.rule.code not in MENDS or not own or self.looked_for >= MAX_MENDS:
+        if diagnostic.rule.code not in MENDS or not own or self.looked_for >= MAX_MENDS:
             return []
         self.looked_for += 1
         if self.before is None:
             self.before = self.loaded(task.text.data)
             look_closer(self.before)
-        key = key_of(fault)
+        key = key_of(diagnostic)
         done = mended(self.before, self.loaded, lambda other: key_of(other) == key)
         if not done.count:
             return []
         bom = _BOM * task.text.data.startswith(_BOM)
         edit = lsp.WorkspaceEdit(changes={task.uri: [_edit(task.text, bom + done.data)]})
-        title = said(Phrase("Mend: {title}", title=Phrase(fault.rule.title)))
+        title = localized(Phrase("Mend: {title}", title=Phrase(diagnostic.rule.title)))
         return [lsp.CodeAction(title=title, kind=lsp.CodeActionKind.QuickFix, edit=edit, is_preferred=True)]
 
     def loaded(self, data: bytes) -> Loaded:
@@ -127,7 +127,7 @@ class _Mending:
 
 
 def _replaced(text: Text, where: lsp.Range, old: str, new: str) -> lsp.TextEdit | None:
-    """An edit of the one place where a word stands in a fault's line; None if there are two."""
+    """An edit of the one place where a word stands in a diagnostic's line; None if there are two."""
     first = int(text.starts[where.start.line])
     line = text.line(where.start.line)
     pattern = r"\s+".join(re.escape(part) for part in old.split())

@@ -22,7 +22,7 @@ from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.select import NOTHING_ASKED
 from gusjob.frontend import check_text
 from gusjob.frontend.parse.statements import COMPARED
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.text import Text
 from gusjob.pipeline import Loaded, load, look_closer, selected
@@ -30,7 +30,7 @@ from gusjob.pipeline import judge as judge_source
 
 SOURCE = "gusjob"
 MAX_SHOWN = 500
-"""So many faults of a file are sent. An editor that is sent all of ten thousand does nothing else for a second."""
+"""So many diagnostics of a file are sent. An editor that is sent all of ten thousand does nothing else for a second."""
 
 _SEVERITIES = {
     Severity.ERROR: DiagnosticSeverity.Error,
@@ -42,10 +42,10 @@ _UNUSED = {rules.NEVER_READ.code, rules.NEVER_CALLED.code}
 
 @dataclass(slots=True)
 class Judged:
-    """All faults of a text. `files`: resolved paths of what it includes."""
+    """All diagnostics of a text. `files`: resolved paths of what it includes."""
 
     top: str
-    faults: list[Diagnostic]
+    diagnostics: list[Diagnostic]
     desk: Desk
     profile: Path | None = None
     bad_profile: bool = False
@@ -55,32 +55,32 @@ class Judged:
 def judge(name: str, path: Path | None, data: bytes, desk: Desk) -> Judged:
     """Judge a text that may not be saved yet. `path` is where it would be; None: nowhere."""
     if path is None:
-        return Judged(top=name, faults=_homeless(name, data), desk=desk)
+        return Judged(top=name, diagnostics=_homeless(name, data), desk=desk)
     loaded = load(desk.path(path), None)
     desk.watch_for_profile(path)
-    if loaded.profile is not None and loaded.job is None and loaded.stream is None and loaded.faults:
-        return Judged(top=name, faults=loaded.faults, desk=desk, profile=loaded.profile, bad_profile=True)
+    if loaded.profile is not None and loaded.job is None and loaded.stream is None and loaded.diagnostics:
+        return Judged(top=name, diagnostics=loaded.diagnostics, desk=desk, profile=loaded.profile, bad_profile=True)
     look_closer(loaded)
     own = {str(path.resolve()), *([str(loaded.profile.resolve())] if loaded.profile else [])}
     files = frozenset(desk.read) - own
-    faults = selected(loaded, NOTHING_ASKED)
-    return Judged(top=name, faults=faults, desk=desk, profile=loaded.profile, files=files)
+    diagnostics = selected(loaded, NOTHING_ASKED)
+    return Judged(top=name, diagnostics=diagnostics, desk=desk, profile=loaded.profile, files=files)
 
 
 def _homeless(name: str, data: bytes) -> list[Diagnostic]:
     """What is wrong with a text that is no file: it has no profile, and nothing to include."""
-    source, faults = check_text(data, name)
+    source, diagnostics = check_text(data, name)
     if source is None:
-        return faults
+        return diagnostics
     loaded = Loaded(path=Path(name), source=source)
     judge_source(loaded, source)
     look_closer(loaded)
-    return loaded.faults
+    return loaded.diagnostics
 
 
 @dataclass(slots=True)
 class Places:
-    """Where the faults of one look stand for the editor. `uris`: of open files, by resolved path."""
+    """Where the diagnostics of one look stand for the editor. `uris`: of open files, by resolved path."""
 
     judged: Judged
     uri: str
@@ -109,50 +109,50 @@ class Places:
 
 
 def shown(places: Places) -> dict[str, list[Shown]]:
-    """The faults of a look by the URI of the file that each stands in. Included files are there if nothing is wrong,
-    too: what was shown before is to go."""
+    """The diagnostics of a look by the URI of the file that each stands in. Included files are there if nothing is
+    wrong, too: what was shown before is to go."""
     judged = places.judged
     found: dict[str, list[Shown]] = {places.uri: []}
     for name in judged.files:
         found.setdefault(places.uris.get(name) or uri_of(Path(name)), [])
-    for fault in judged.faults:
-        uri, text = places.file(fault.span.path or fault.path)
+    for diagnostic in judged.diagnostics:
+        uri, text = places.file(diagnostic.span.path or diagnostic.path)
         mine = found.setdefault(uri, [])
         if len(mine) < MAX_SHOWN:
-            mine.append(_shown(fault, text, places))
+            mine.append(_shown(diagnostic, text, places))
     if judged.bad_profile:
         found[places.uri] = [_pointer(judged, places)]
     return found
 
 
-def _shown(fault: Diagnostic, text: Text, places: Places) -> Shown:
-    unused = fault.rule.code in _UNUSED
+def _shown(diagnostic: Diagnostic, text: Text, places: Places) -> Shown:
+    unused = diagnostic.rule.code in _UNUSED
     related = [
-        DiagnosticRelatedInformation(location=places.location(r.span, fault.path), message=printable(r.said))
-        for r in fault.remarks
+        DiagnosticRelatedInformation(location=places.location(r.span, diagnostic.path), message=printable(r.localized))
+        for r in diagnostic.remarks
     ]
     return Shown(
-        range=text.range(fault.span),
-        message=printable(fault.said_with_count),
-        severity=DiagnosticSeverity.Hint if unused else _SEVERITIES[fault.severity],
-        code=fault.rule.code,
+        range=text.range(diagnostic.span),
+        message=printable(diagnostic.localized_with_count),
+        severity=DiagnosticSeverity.Hint if unused else _SEVERITIES[diagnostic.severity],
+        code=diagnostic.rule.code,
         source=SOURCE,
         tags=[DiagnosticTag.Unnecessary] if unused else None,
         related_information=related or None,
-        data=replacement(fault, text) or None,
+        data=replacement(diagnostic, text) or None,
     )
 
 
 def _pointer(judged: Judged, places: Places) -> Shown:
     """A profile that can't be used: said in the job, too, since nothing else is said of it."""
-    first = judged.faults[0]
+    first = judged.diagnostics[0]
     profile = judged.profile.name if judged.profile else ""
     there = DiagnosticRelatedInformation(
-        location=places.location(first.span, first.path), message=printable(first.said)
+        location=places.location(first.span, first.path), message=printable(first.localized)
     )
     return Shown(
         range=places.text.range(Span(line=1)),
-        message=said(Phrase("not checked: {profile}: {why}", profile=profile, why=printable(first.said))),
+        message=localized(Phrase("not checked: {profile}: {why}", profile=profile, why=printable(first.localized))),
         severity=DiagnosticSeverity.Error,
         code=first.rule.code,
         source=SOURCE,
@@ -160,10 +160,12 @@ def _pointer(judged: Judged, places: Places) -> Shown:
     )
 
 
-def replacement(fault: Diagnostic, text: Text) -> dict[str, str]:
-    """The one word to put in the place of another, where a fault's hint names it: {'old': ..., 'new': ...}."""
-    hint = fault.fields.get("hint", "")
-    old = str(next((fault.fields[k] for k in ("found", "name", "word", "call") if k in fault.fields), "")).strip("'")
+def replacement(diagnostic: Diagnostic, text: Text) -> dict[str, str]:
+    """The one word to put in the place of another, where a diagnostic's hint names it: {'old': ..., 'new': ...}."""
+    hint = diagnostic.fields.get("hint", "")
+    old = str(
+        next((diagnostic.fields[k] for k in ("found", "name", "word", "call") if k in diagnostic.fields), "")
+    ).strip("'")
     if not old or not isinstance(hint, Phrase):
         return {}
     if new := hint.fields.get("near"):

@@ -11,7 +11,7 @@ from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS, Expressi
 from gusjob.frontend.parse.expressions import Type as NumberType
 from gusjob.frontend.parse.statements import read_statement, strip_comment
 from gusjob.i18n.phrases import number
-from gusjob.kinematics.units import UNITS, Kind, spelling
+from gusjob.kinematics.units import UNITS, QuantityKind, spelling
 from gusjob.lsp.asked import LETTERS, Asked, Spot, key_of, spot_at
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.manual import call_text, function_text, keyword_text
@@ -61,7 +61,7 @@ def _value(files: list[FileOutline], entry: Entry, name: str) -> str:
     if found is None:
         return ""
     value, (kind, system) = found
-    if not isinstance(kind, Kind):
+    if not isinstance(kind, QuantityKind):
         return ""
     canonical = (u for u, unit in UNITS.items() if (unit.kind, unit.times, unit.over) == (kind, 1, 1))
     unit = next((u for u in canonical if system in (0, UNITS[u].system) or UNITS[u].system == 0), "")
@@ -115,7 +115,7 @@ def _meant(files: list[FileOutline], own: FileOutline | None, spot: Spot, name: 
     inside = [(f, e) for f, e in lets if f is own and routine is not None and e.routine is routine]
     open_road = [(f, e) for f, e in lets if e.routine is None]
     for some in (inside, open_road):
-        # As a fault's note has it (syntax/files.py, set_here): of several LETs the last one above.
+        # As a diagnostic's note has it (syntax/files.py, set_here): of several LETs the last one above.
         above = [(f, e) for f, e in some if f is not own or e.line <= spot.number]
         if above or some:
             return [*reversed(above), *[one for one in some if one not in above]]

@@ -17,7 +17,7 @@ from pygls.lsp.server import LanguageServer
 from pygls.protocol import JsonRPCNotification, LanguageServerProtocol, default_converter, lsp_method
 
 from gusjob import __version__
-from gusjob.i18n.language import language_of, speak
+from gusjob.i18n.language import language_of, set_language
 from gusjob.lsp.asked import Asked
 from gusjob.lsp.complete import complete
 from gusjob.lsp.desk import path_of
@@ -268,7 +268,7 @@ def make_server(*, follow: bool = False) -> Server:
     @server.feature(lsp.INITIALIZE)
     def greeted(params: lsp.InitializeParams) -> None:
         if follow and params.locale:
-            speak(language_of(params.locale))
+            set_language(language_of(params.locale))
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
     def saved(params: lsp.DidSaveTextDocumentParams) -> None:

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import Run
+from gusjob.controllers.gus.calls import RunKind
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule
-from gusjob.ir.job import LookAhead, Op, shown_units
+from gusjob.ir.job import LookAhead, Op, display_units
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import starts_at_rest
 from gusjob.kinematics.trapezoids import corner_velocity, look_ahead
-from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
+from gusjob.planner.report_rows import report_rows
 
 
 def velocities(state: Plan) -> Plan:
@@ -69,7 +69,7 @@ def path_velocity(state: Plan, jump: Floats) -> Floats:
     vel = np.where(state.path.op[state.timed] == Op.DWELL, 0.0, state.vel)
     slows = np.isfinite(jump)
     if state.sky is not None:  # Its marks and runs have their speed already.
-        slows &= state.sky.run[state.timed] == Run.NONE
+        slows &= state.sky.run[state.timed] == RunKind.NONE
     return np.where(slows, _slowed_on_arcs(state, vel), vel)
 
 
@@ -81,7 +81,7 @@ def stage_first(state: Plan) -> Indices:
 def at_rest_before(state: Plan) -> Bools:
     """Timed rows before which motion stands still, (m,): the first of a stage, dwells and what follows them."""
     dwell = state.path.op[state.timed] == Op.DWELL
-    return dwell | starts_at_rest(dwell, stage_first(state))
+    return np.asarray(dwell | starts_at_rest(dwell, stage_first(state)))
 
 
 def corner_jump(state: Plan) -> Floats:
@@ -118,9 +118,9 @@ def _slowed_on_arcs(state: Plan, vel: Floats) -> Floats:
 
 
 def _report(state: Plan, collector: Collector, rule: Rule, where: Bools, reached: Floats, **columns: Floats) -> None:
-    """A fault at the END of every segment in `where`."""
+    """A diagnostic at the END of every segment in `where`."""
     at = np.flatnonzero(where)
-    path, timed, shown = state.path, state.timed, shown_units(state.job, state.machine)
+    path, timed, shown = state.path, state.timed, display_units(state.job, state.machine)
     values = {"value": state.vel_end, "high": reached, **columns}
 
     def fields(index: int) -> dict[str, Any]:

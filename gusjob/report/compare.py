@@ -11,7 +11,7 @@ import numpy.typing as npt
 import orjson
 from rich.cells import cell_len
 
-from gusjob.i18n.phrases import Phrase, figure, number, plural, said
+from gusjob.i18n.phrases import Phrase, figure, localized, number, plural
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.report.earlier import ANY_UNIT, CHANNELS, COUNTS, FIGURES, POWERS, Columns, Earlier, Key, flat_totals
 from gusjob.report.match import matched_rows
@@ -302,7 +302,7 @@ def totals_rows(comparison: Comparison) -> list[list[str]]:
     """Each total that moved as its name, unit, old and new value, and change; for people, in their language."""
     return [
         [
-            said(_total_name(total)),
+            localized(_total_name(total)),
             f"{total.unit}{'*ms' * total.what.endswith('_ms')}" if total.unit and "power" in total.what else "",
             _total_figure(total.what, total.old),
             _total_figure(total.what, total.new),
@@ -329,7 +329,7 @@ def segment_rows(segments: Segments, most: int = MAX_ROWS) -> Iterator[list[str]
     In the user's language.
     """
     shown = _shown(segments.moved)
-    yield [*map(said, _SEGMENT_HEADS), *(said(_head(name)) for name in shown)]
+    yield [*map(localized, _SEGMENT_HEADS), *(localized(_head(name)) for name in shown)]
     changed = segments.changed
     for pair in changed[:most].tolist():
         yield _changed_row(segments, pair, shown.values())
@@ -337,15 +337,15 @@ def segment_rows(segments: Segments, most: int = MAX_ROWS) -> Iterator[list[str]
     new, old = segments.new, segments.old
     blank = [""] * len(shown)
     for row in segments.appeared[:rest].tolist():
-        kind = SegmentKind(new["kind"][row]).said
-        yield [str(row + 1), str(new["line"][row]), said(Phrase("new {kind}", kind=kind)), *blank]
+        kind = SegmentKind(new["kind"][row]).localized
+        yield [str(row + 1), str(new["line"][row]), localized(Phrase("new {kind}", kind=kind)), *blank]
     rest -= min(len(segments.appeared), rest)
     for row in segments.vanished[:rest].tolist():
-        kind = SegmentKind(old["kind"][row]).said
-        yield ["-", str(old["line"][row]), said(Phrase("vanished {kind}", kind=kind)), *blank]
+        kind = SegmentKind(old["kind"][row]).localized
+        yield ["-", str(old["line"][row]), localized(Phrase("vanished {kind}", kind=kind)), *blank]
     more = len(changed) + len(segments.appeared) + len(segments.vanished) - most
     if more > 0:
-        yield ["...", "", said(Phrase("{count} more", count=more)), *blank]
+        yield ["...", "", localized(Phrase("{count} more", count=more)), *blank]
 
 
 _SEGMENT_HEADS = (Phrase("segment"), Phrase("line"), Phrase("kind"))
@@ -382,7 +382,9 @@ def _changed_row(segments: Segments, pair: int, shown: Iterable[Moved]) -> list[
     cells = [
         str(row + 1),
         _from_to(str(segments.old["line"][old_row]), str(segments.new["line"][row])),
-        _from_to(SegmentKind(segments.old["kind"][old_row]).said, SegmentKind(segments.new["kind"][row]).said),
+        _from_to(
+            SegmentKind(segments.old["kind"][old_row]).localized, SegmentKind(segments.new["kind"][row]).localized
+        ),
     ]
     for what in shown:
         at = int(np.searchsorted(what.pair, pair))
@@ -405,7 +407,7 @@ def comparison_text(comparison: Comparison) -> str:
     """For a terminal."""
     first, *others = verdict(comparison)
     against = Phrase("against {report}: {outcome}", report=comparison.path, outcome=first)
-    lines = [said(against), *(f"  {said(line)}" for line in others)]
+    lines = [localized(against), *(f"  {localized(line)}" for line in others)]
     totals = [[what, unit, f"{old} -> {new}", change] for what, unit, old, new, change in totals_rows(comparison)]
     for rows in (totals, [*segment_rows(comparison.segments)] if comparison.segments else []):
         if len(rows) > (rows is not totals):

@@ -19,45 +19,45 @@ _GROUP_ROWS = 1 << 17
 """Rows of a Parquet row group."""
 
 
-def diagnostic_object(fault: Diagnostic) -> dict[str, Any]:
+def diagnostic_object(diagnostic: Diagnostic) -> dict[str, Any]:
     """One diagnostic as in the JSON; `count` and `notes` only where they say something."""
-    span = fault.span
+    span = diagnostic.span
     found: dict[str, Any] = {
-        "path": fault.file,
+        "path": diagnostic.file,
         "line": span.line,
         "column": span.column,
         "end_line": max(span.end_line, span.line),
         "end_column": max(span.end_column, span.column),
-        "severity": fault.severity.value,
-        "code": fault.rule.code,
-        "message": fault.message,
+        "severity": diagnostic.severity.value,
+        "code": diagnostic.rule.code,
+        "message": diagnostic.message,
     }
-    if fault.count > 1:
-        found["count"] = fault.count
-    if fault.remarks:
+    if diagnostic.count > 1:
+        found["count"] = diagnostic.count
+    if diagnostic.remarks:
         found["notes"] = [
             {
-                "path": r.span.path or fault.path,
+                "path": r.span.path or diagnostic.path,
                 "line": r.span.line,
                 "column": r.span.column,
                 "end_line": max(r.span.end_line, r.span.line),
                 "end_column": max(r.span.end_column, r.span.column),
                 "message": r.message,
             }
-            for r in fault.remarks
+            for r in diagnostic.remarks
         ]
     return found
 
 
-def check_json(faults: Iterable[Diagnostic], statistics: dict[str, int] | None = None) -> bytes:
-    """gusjob-check/1; `statistics`: faults by rule."""
-    found: dict[str, Any] = {"schema": "gusjob-check/1", "diagnostics": [diagnostic_object(f) for f in faults]}
+def check_json(diagnostics: Iterable[Diagnostic], statistics: dict[str, int] | None = None) -> bytes:
+    """gusjob-check/1; `statistics`: diagnostics by rule."""
+    found: dict[str, Any] = {"schema": "gusjob-check/1", "diagnostics": [diagnostic_object(f) for f in diagnostics]}
     if statistics is not None:
         found["statistics"] = statistics
     return orjson.dumps(found, option=orjson.OPT_INDENT_2)
 
 
-def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) -> Iterator[bytes]:
+def report_json(report: Report, diagnostics: Iterable[Diagnostic], *, summary: bool) -> Iterator[bytes]:
     """gusjob-report/1 in pieces."""
     yield b'{"schema": ' + orjson.dumps(REPORT_SCHEMA) + b', "job": ' + orjson.dumps(report.job)
     yield b', "period_us": ' + orjson.dumps(report.period_us)
@@ -67,7 +67,7 @@ def report_json(report: Report, faults: Iterable[Diagnostic], *, summary: bool) 
     if not summary:
         yield from _columns("segments", rows_of(report))
         yield from [b', "marks": null'] if report.marks is None else _columns("marks", report.marks)
-    yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(f) for f in faults]) + b"}\n"
+    yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(f) for f in diagnostics]) + b"}\n"
 
 
 def _columns(name: str, columns: Mapping[str, Column]) -> Iterator[bytes]:

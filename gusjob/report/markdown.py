@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.i18n.phrases import Phrase, figure, printable, said
+from gusjob.i18n.phrases import Phrase, figure, localized, printable
 from gusjob.kinematics.arrays import Indices
 from gusjob.report.compare import Comparison, segment_rows, totals_rows, verdict
 from gusjob.report.rows import Report, SegmentKind, while_off
@@ -37,7 +37,7 @@ _MOVED_HEADS = (Phrase("total"), Phrase("unit"), Phrase("old"), Phrase("new"), P
 
 def report_markdown(
     report: Report | None,
-    faults: Sequence[Diagnostic],
+    diagnostics: Sequence[Diagnostic],
     *,
     name: str,
     summary: bool = False,
@@ -45,9 +45,9 @@ def report_markdown(
 ) -> str:
     """Totals, comparison, diagnostics, and the segments unless `summary`; no report means that the job was not run."""
     lines = [f"## {code(name)}", ""]
-    lines += [said(Phrase("Not run: it has errors.")), ""] if report is None else _totals(report)
+    lines += [localized(Phrase("Not run: it has errors.")), ""] if report is None else _totals(report)
     lines += _comparison(comparison) if comparison is not None else []
-    lines += _diagnostics(faults)
+    lines += _diagnostics(diagnostics)
     lines += [] if summary or report is None else _segments(report)
     return _bounded(lines)
 
@@ -63,7 +63,7 @@ def code(text: str, most: int = _MAX_NAME) -> str:
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]], left: int = 1) -> Iterator[str]:
     """A table: `left` columns of words, then figures. A user's text has no place in it: a pipe would end its cell."""
-    names = [said(name) for name in head]
+    names = [localized(name) for name in head]
     yield _row(names)
     yield _row(["---"] * left + ["---:"] * (len(names) - left))
     yield from map(_row, rows)
@@ -86,7 +86,12 @@ def _totals(report: Report) -> Iterator[str]:
     )
     sums = ("emission_ms", "power_ms", "power_max", "joules", "clamped_ms")
     rows = [
-        [str(one["channel"]), one["unit"], *(figure(one[name]) for name in sums), said(while_off(one["off_output"]))]
+        [
+            str(one["channel"]),
+            one["unit"],
+            *(figure(one[name]) for name in sums),
+            localized(while_off(one["off_output"])),
+        ]
         for one in totals["channels"]
     ]
     if rows:
@@ -94,14 +99,14 @@ def _totals(report: Report) -> Iterator[str]:
     yield from _marking(totals)
     for channel in dict.fromkeys(entry["channel"] for entry in totals["channels"] if entry["lit_at_end"]):
         left_on = Phrase("Channel {channel} is left ON.", channel=channel)
-        yield from (f"**{said(left_on)}**", "")
+        yield from (f"**{localized(left_on)}**", "")
 
 
 def _marking(totals: dict[str, Any]) -> Iterator[str]:
     """Worst and typical of each figure that is not 0."""
     rows = [
         [
-            str(entry["channel"]), said(word), marking_unit(name, entry["unit"]), str(entry["marks"]),
+            str(entry["channel"]), localized(word), marking_unit(name, entry["unit"]), str(entry["marks"]),
             figure(entry["worst"][name]), figure(entry["typical"][name]),
         ]
         for entry in totals["marking"] or ()
@@ -113,10 +118,10 @@ def _marking(totals: dict[str, Any]) -> Iterator[str]:
 
 
 def _comparison(comparison: Comparison) -> Iterator[str]:
-    first, *others = map(said, verdict(comparison))
+    first, *others = map(localized, verdict(comparison))
     title = Phrase("Against {report}", report=code(comparison.path))
     outcome = Phrase("{outcome}.", outcome=first[:1].upper() + first[1:])
-    yield from (f"### {said(title)}", "", said(outcome), "")
+    yield from (f"### {localized(title)}", "", localized(outcome), "")
     yield from (f"- {line}" for line in others)
     yield from [""] if others else []
     if comparison.totals:
@@ -127,17 +132,18 @@ def _comparison(comparison: Comparison) -> Iterator[str]:
             yield from _table(head, rows, left=3)
 
 
-def _diagnostics(faults: Sequence[Diagnostic]) -> Iterator[str]:
-    if not faults:
+def _diagnostics(diagnostics: Sequence[Diagnostic]) -> Iterator[str]:
+    if not diagnostics:
         return
     head = Phrase("Diagnostics")
-    yield from (f"### {said(head)}", "")
-    for fault in islice(faults, MAX_DIAGNOSTICS):
-        place = code(f"{fault.path}:{fault.span.line}")
-        yield f"- {fault.severity.said} {fault.rule.code} {place} {code(fault.said, _MAX_MESSAGE)}"
-    if len(faults) > MAX_DIAGNOSTICS:
-        more = Phrase("{count} more", count=len(faults) - MAX_DIAGNOSTICS)
-        yield f"- {said(more)}"
+    yield from (f"### {localized(head)}", "")
+    for diagnostic in islice(diagnostics, MAX_DIAGNOSTICS):
+        place = code(f"{diagnostic.path}:{diagnostic.span.line}")
+        message = code(diagnostic.localized, _MAX_MESSAGE)
+        yield f"- {diagnostic.severity.localized} {diagnostic.rule.code} {place} {message}"
+    if len(diagnostics) > MAX_DIAGNOSTICS:
+        more = Phrase("{count} more", count=len(diagnostics) - MAX_DIAGNOSTICS)
+        yield f"- {localized(more)}"
     yield ""
 
 
@@ -150,7 +156,7 @@ def _segments(report: Report) -> Iterator[str]:
         "{shown} of {count} segments: those that take longest, those with most energy", shown=len(rows), count=count
     )
     title = some if count > MAX_ROWS else Phrase("Segments")
-    yield from (f"### {said(title)}", "")
+    yield from (f"### {localized(title)}", "")
     channels = [
         name
         for name, column in report.columns.items()
@@ -164,7 +170,7 @@ def _segments(report: Report) -> Iterator[str]:
 
 def _cell(report: Report, name: str, row: int) -> str:
     value = report.columns[name][row]
-    return SegmentKind(int(value)).said if name == "kind" else figure(float(value))
+    return SegmentKind(int(value)).localized if name == "kind" else figure(float(value))
 
 
 def _worth_seeing(report: Report) -> Indices:
@@ -189,4 +195,4 @@ def _bounded(lines: Iterable[str]) -> str:
     kept = text[: MAX_CHARACTERS - 100].rsplit("\n", 1)[0]
     more = text.count("\n", len(kept)) - 1
     left_out = Phrase("{count} more lines do not fit into a comment.", count=more)
-    return f"{kept}\n\n{said(left_out)}\n"
+    return f"{kept}\n\n{localized(left_out)}\n"

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Run
-from gusjob.i18n.phrases import Phrase, all_of, figure, said
+from gusjob.controllers.gus.calls import RunKind
+from gusjob.i18n.phrases import Phrase, all_of, figure, localized
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
@@ -39,9 +39,9 @@ class SegmentKind(IntEnum):
         return self.name.lower()
 
     @property
-    def said(self) -> str:
+    def localized(self) -> str:
         """For people, in their language."""
-        return said(_KINDS[self])
+        return localized(_KINDS[self])
 
 
 _KINDS = {
@@ -172,8 +172,8 @@ def _kinds(trace: Trace, lit: Bools) -> npt.NDArray[np.int8]:
     dark = np.full(len(lit), SegmentKind.JUMP, dtype=np.int8)
     if trace.intent is not None:
         run = trace.intent.run[trace.clock.row]
-        dark[run == Run.RUN_IN] = SegmentKind.RUN_IN
-        dark[run == Run.RUN_OUT] = SegmentKind.RUN_OUT
+        dark[run == RunKind.RUN_IN] = SegmentKind.RUN_IN
+        dark[run == RunKind.RUN_OUT] = SegmentKind.RUN_OUT
     return np.where(trace.clock.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, dark)).astype(np.int8)
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.i18n.phrases import Phrase, all_of, figure, plural, printable, said
+from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
 from gusjob.report.rows import Report, SegmentKind, while_off
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
@@ -47,7 +47,7 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
     if not summary and len(report):
         console.print(_segments(report))
     if not summary and report.marks and len(report.marks["line"]):
-        console.print(Text("\n" + said(Phrase("marks (+: late)"))))
+        console.print(Text("\n" + localized(Phrase("marks (+: late)"))))
         console.print(_marks(report.marks))
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
 
@@ -71,7 +71,7 @@ def _summary(report: Report) -> Text:
         )
         for reading in report.notes["readings"]
     ]
-    return Text("\n".join([printable(report.job), *(f"  {said(line)}" for line in lines)]) + "\n")
+    return Text("\n".join([printable(report.job), *(f"  {localized(line)}" for line in lines)]) + "\n")
 
 
 def _overall(report: Report) -> Phrase:
@@ -161,11 +161,11 @@ def _segments(report: Report) -> Table:
     channels = [n for n in channels if not (n.endswith("joules") and np.isnan(report.columns[n]).all())]
     channels = [n for n in channels if not (n.endswith("clamped_ms") and not report.columns[n].any())]
     for name in names:
-        table.add_column(said(_HEADS[name]), justify="left" if name == "kind" else "right", no_wrap=True)
+        table.add_column(localized(_HEADS[name]), justify="left" if name == "kind" else "right", no_wrap=True)
     for name in channels:
         head = Phrase("ch{channel} {what}", channel=name[2], what=_CHANNEL_HEADS[name[4:]])
-        table.add_column(said(head), justify="right", no_wrap=True)
-    words = report.words | {"kind": tuple(kind.said for kind in SegmentKind)}
+        table.add_column(localized(head), justify="right", no_wrap=True)
+    words = report.words | {"kind": tuple(kind.localized for kind in SegmentKind)}
     _fill(table, {name: report.columns[name] for name in (*names, *channels)}, words)
     return table
 
@@ -173,7 +173,7 @@ def _segments(report: Report) -> Table:
 def _marks(marks: dict[str, npt.NDArray[Any]]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in _MARK_HEADS:
-        table.add_column(said(_MARK_HEADS[name]), justify="right", no_wrap=True)
+        table.add_column(localized(_MARK_HEADS[name]), justify="right", no_wrap=True)
     _fill(table, {name: marks[name] for name in _MARK_HEADS}, {})
     return table
 
@@ -184,7 +184,7 @@ def _fill(table: Table, columns: dict[str, npt.NDArray[Any]], words: dict[str, t
     shown = range(rows) if rows <= MAX_ROWS else [*range(MAX_ROWS // 2), -1, *range(rows - MAX_ROWS // 2, rows)]
     for i in shown:
         if i < 0:
-            table.add_row("...", said(Phrase("{count} more", count=rows - MAX_ROWS)))
+            table.add_row("...", localized(Phrase("{count} more", count=rows - MAX_ROWS)))
             continue
         cells = []
         for name, column in columns.items():

@@ -14,7 +14,7 @@ from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate.beam import beam_of
-from gusjob.simulate.clock import Clock, path_faults, run_clock
+from gusjob.simulate.clock import Clock, path_diagnostics, run_clock
 from gusjob.simulate.emission import emission
 from gusjob.simulate.path import Motion
 from gusjob.simulate.power import emitted
@@ -30,10 +30,10 @@ MAX_TICKS = 10_000_000_000
 
 
 _COARSE_TICKS = 100_000
-"""So many ticks are enough where only faults are asked for: none of them hangs on how often power is sampled."""
+"""So many ticks are enough where only diagnostics are asked for: none of them hangs on how often power is sampled."""
 
 
-def find_faults(stream: Stream, machine: Machine) -> list[Diagnostic]:
+def find_diagnostics(stream: Stream, machine: Machine) -> list[Diagnostic]:
     """What the controller would say to a listing."""
     return interpret(stream, machine, foreign=True, coarse=True)[1]
 
@@ -43,22 +43,22 @@ def interpret(
 ) -> tuple[Trace | None, list[Diagnostic]]:
     """Run a stream on a machine; None if it would take too long to be interpreted.
 
-    `foreign`: not from our planner, so its corners and its field are looked at too. `coarse`: only the faults are asked
-    for; power is not sampled at every tick.
+    `foreign`: not from our planner, so its corners and its field are looked at too. `coarse`: only the diagnostics are
+    asked for; power is not sampled at every tick.
     """
     program = run_program(stream, has_scanner=machine.scanner is not None)
     calls = stream.buffered
-    clock, faults = run_clock(calls, program, stream.name)
-    faults = [*program.diagnostics, *faults]
+    clock, diagnostics = run_clock(calls, program, stream.name)
+    diagnostics = [*program.diagnostics, *diagnostics]
     ticks = float(clock.times_ms[-1]) * US_PER_MS / machine.period_us
     if ticks > MAX_TICKS:
         longest = int(np.argmax(clock.duration_ms))
         fields = {"duration": float(clock.times_ms[-1]), "ticks": ticks, "limit": float(MAX_TICKS)}
         span = Span(line=int(calls.line[clock.row[longest]]))
-        return None, [*faults, Diagnostic(rule=rules.TOO_LONG, span=span, fields=fields, path=stream.name)]
+        return None, [*diagnostics, Diagnostic(rule=rules.TOO_LONG, span=span, fields=fields, path=stream.name)]
     if foreign:
-        faults += path_faults(calls, clock, machine, stream.name)
-        faults += _full_fifos(calls.line, program, stream.name)
+        diagnostics += path_diagnostics(calls, clock, machine, stream.name)
+        diagnostics += _full_fifos(calls.line, program, stream.name)
     period_us = machine.period_us * max(1.0, ticks / _COARSE_TICKS) if coarse else machine.period_us
     motion = Motion(clock=clock, program=program)
     beam = beam_of(motion, None if coarse else machine.scanner)
@@ -79,7 +79,7 @@ def interpret(
             lit_at_end=shine.lit_at_end,
         )
         channels.append(trace)
-        faults += _light_faults(trace, clock, calls.line, program, stream.name)
+        diagnostics += _emission_diagnostics(trace, clock, calls.line, program, stream.name)
     trace_all = Trace(
         name=stream.name,
         period_us=machine.period_us,
@@ -91,7 +91,7 @@ def interpret(
         readings=program.readings,
         intent=stream.intent,
     )
-    return trace_all, faults
+    return trace_all, diagnostics
 
 
 def _full_fifos(lines: npt.NDArray[np.int32], program: Program, path: str) -> list[Diagnostic]:
@@ -106,14 +106,14 @@ def _full_fifos(lines: npt.NDArray[np.int32], program: Program, path: str) -> li
     return found
 
 
-def _light_faults(
+def _emission_diagnostics(
     trace: ChannelTrace, clock: Clock, lines: npt.NDArray[np.int32], program: Program, path: str
 ) -> list[Diagnostic]:
-    faults: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     row = clock.row
 
     def add(rule: Rule, line: int, **fields: object) -> None:
-        faults.append(
+        diagnostics.append(
             Diagnostic(rule=rule, span=Span(line=line), fields={"channel": trace.channel, **fields}, path=path)
         )
 
@@ -127,7 +127,7 @@ def _light_faults(
             add(rules.LISTING_NO_MODE, int(lines[row[lit[0]]]))
         if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
             reason = Phrase("light in a duty mode without a carrier; GT_LaserOutFrq must be called (M 二.2)")
-            faults.append(
+            diagnostics.append(
                 Diagnostic(
                     rule=rules.ACCEPTED_ODD,
                     span=Span(line=int(lines[row[lit[0]]])),
@@ -139,4 +139,4 @@ def _light_faults(
         last = max([int(lines[row[-1]])] if len(row) else [1], default=1)
         last = max([last, *(a.line for a in program.at_end if a.channel == trace.channel and a.on)])
         add(rules.LISTING_LEFT_ON, last)
-    return faults
+    return diagnostics

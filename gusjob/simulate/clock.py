@@ -138,7 +138,7 @@ class _Reporter:
         )
 
 
-def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str) -> list[Diagnostic]:
+def path_diagnostics(calls: BufferedCalls, clock: Clock, machine: Machine, path: str) -> list[Diagnostic]:
     """Corners and field, for calls that are not from our planner.
 
     Corners at which the velocity vector changes by more than the machine's look-ahead lets it; moves outside the
@@ -156,7 +156,7 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     rounding = np.append(np.where(jump[:-1] > 0, end[:-1] * (turns[:-1] + turns[1:]), 0.0), 0.0)
     sharp = jump - rounding > limit * (1 + 1e-6)
     reporter.add(rules.SHARP_CORNER, sharp, value=end, jump=jump, limit=np.full(len(jump), limit))
-    _arc_faults(calls, clock, reporter)
+    _arc_diagnostics(calls, clock, reporter)
     x_low, x_high, y_low, y_high = laid.extent(np.arange(len(end)))
     for axis, lowest, highest, (low, high), scale in (
         ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),
@@ -169,7 +169,7 @@ def path_faults(calls: BufferedCalls, clock: Clock, machine: Machine, path: str)
     return reporter.collector.done(rules.MORE)
 
 
-def _arc_faults(calls: BufferedCalls, clock: Clock, reporter: _Reporter) -> None:
+def _arc_diagnostics(calls: BufferedCalls, clock: Clock, reporter: _Reporter) -> None:
     """Arcs whose radius or centre does not fit their ends (sister: no full circle by radius)."""
     laid, at = clock.laid, clock.laid.arc_at
     if not len(at):

@@ -33,7 +33,7 @@ class Run:
     source: Source
     job: Job
     trace: Trace | None
-    faults: list[Diagnostic]
+    diagnostics: list[Diagnostic]
     marking: list[dict[str, Any]]
 
 
@@ -48,23 +48,26 @@ class Tuned:
 
 def run_text(source: Source, machine: Machine, *, judged: bool = True) -> Run:
     """A job's text on a machine. `judged`: with the figures of its marks."""
-    job, faults = read_job(source, machine)
-    return run_job(source, job, [*faults, *check(job, machine)], machine, judged=judged)
+    job, diagnostics = read_job(source, machine)
+    return run_job(source, job, [*diagnostics, *check(job, machine)], machine, judged=judged)
 
 
-def run_job(source: Source, job: Job, faults: list[Diagnostic], machine: Machine, *, judged: bool = True) -> Run:
-    """A job that was read and checked, on a machine; `faults`: what was found."""
+def run_job(source: Source, job: Job, diagnostics: list[Diagnostic], machine: Machine, *, judged: bool = True) -> Run:
+    """A job that was read and checked, on a machine; `diagnostics`: what was found."""
     trace, marking = None, list[dict[str, Any]]()
-    if not has_errors(faults):
+    if not has_errors(diagnostics):
         stream, more = compile_job(job, machine)
-        faults = [*faults, *more]
+        diagnostics = [*diagnostics, *more]
         if not has_errors(more):
             trace, more = interpret(stream, machine)
             if trace is not None and judged:
                 marking = marking_totals(trace, marks_of(trace, machine))
             elif trace is None:
-                faults = [*faults, *(replace(f, span=job.locate(f.span.line, ""), path=source.name) for f in more)]
-    return Run(source=source, job=job, trace=trace, faults=faults, marking=marking)
+                diagnostics = [
+                    *diagnostics,
+                    *(replace(f, span=job.locate(f.span.line, ""), path=source.name) for f in more),
+                ]
+    return Run(source=source, job=job, trace=trace, diagnostics=diagnostics, marking=marking)
 
 
 def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:

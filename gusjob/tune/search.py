@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Run
+from gusjob.controllers.gus.calls import RunKind
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
@@ -46,7 +46,7 @@ def nearest(
     shine = channel.emission
     switched = (shine.on_row >= 0) & (shine.off_row >= 0)
     if trace.intent is not None:
-        switched &= trace.intent.run[clock.row[np.maximum(ends.first - 1, 0)]] == Run.RUN_IN
+        switched &= trace.intent.run[clock.row[np.maximum(ends.first - 1, 0)]] == RunKind.RUN_IN
     marks = np.flatnonzero(switched)
     if not len(marks) or machine.scanner is None:
         return None

@@ -38,8 +38,8 @@ def short_segments(rows: int, segment_us: float) -> Stream:
     last = f"GT_LnXY(1,{there[-1]},0,{vel!r},1000,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
     source, _ = check_text((HEAD + lines + last).encode(), "bench.gts")
     assert source is not None
-    stream, faults = read_listing(source)
-    assert faults == []
+    stream, diagnostics = read_listing(source)
+    assert diagnostics == []
     return stream
 
 

@@ -267,8 +267,8 @@ def make_file(name: str, shape: Shape, size: int, folder: Path) -> File:
         with path.open("rb") as file:
             lines = sum(1 for _ in file)
     found = json.loads(run(gusjob("check", "--strict", "--format", "json", path.name), folder).output)["diagnostics"]
-    if faults := [one for one in found if not (shape.compiled and one["severity"] == "note")]:
-        sys.exit(f"{path.name} is not clean: {faults[:3]}")
+    if diagnostics := [one for one in found if not (shape.compiled and one["severity"] == "note")]:
+        sys.exit(f"{path.name} is not clean: {diagnostics[:3]}")
     return File(path=path, lines=lines)
 
 

@@ -34,11 +34,11 @@ def test_nearest_profile_upwards_is_found(tmp_path: Path) -> None:
 
 
 def test_a_whole_profile() -> None:
-    machine, faults = parse_machine(
+    machine, diagnostics = parse_machine(
         'name = "A"\npulses_per_mm = [800, 400]\nfield_x_mm = [-10, 20]\n[lookahead]\ntime_ms = 2\n'
         '[[laser]]\nchannel = 1\nrated_w = 50\nname = "YAG"\n'
     )
-    assert faults == []
+    assert diagnostics == []
     assert machine.pulses_per_mm == (800, 400)
     assert not machine.equal_axes
     assert machine.lookahead_time_ms == 2
@@ -61,6 +61,6 @@ def test_a_profile_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "bytes.toml").write_bytes(b"name = '\xff'")
     assert [f.rule.code for f in read_machine(tmp_path / "bytes.toml")[1]] == ["GJ002"]
     assert [f.rule.code for f in parse_machine("laser = 3\nlookahead = 1\n")[1]] == ["GJ603", "GJ603"]
-    machine, faults = parse_machine("period_us = 1e400\nchord_tolerance_um = true\n")
-    assert sorted(f.rule.code for f in faults) == ["GJ603", "GJ604"]
+    machine, diagnostics = parse_machine("period_us = 1e400\nchord_tolerance_um = true\n")
+    assert sorted(f.rule.code for f in diagnostics) == ["GJ603", "GJ604"]
     assert machine == Machine()

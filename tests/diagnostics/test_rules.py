@@ -14,7 +14,7 @@ from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.lint import check
 from gusjob.pipeline import load, look_closer
 from gusjob.planner import compile_job
-from gusjob.simulate import find_faults
+from gusjob.simulate import find_diagnostics
 
 WITHOUT_EXAMPLE = {
     "GJ001", "GJ002", "GJ003", "GJ005", "GJ006",  # The file as such.
@@ -27,20 +27,20 @@ COMMENTS = ("GJ144", "GJ145")
 LISTINGS = ("GJ7", "GJ111", "GJ112", "GJ113", "GJ114", "GJ115", "GJ116")
 
 
-def faults_of(text: str, rule: Rule) -> list[Diagnostic]:
-    source, faults = check_text(text.encode(), "example")
+def diagnostics_of(text: str, rule: Rule) -> list[Diagnostic]:
+    source, diagnostics = check_text(text.encode(), "example")
     assert source is not None
     machine = Machine()
     if rule.code in COMMENTS:
         loaded = load(Path("example.job"), None, data=text.encode())
         look_closer(loaded)
-        return loaded.faults
+        return loaded.diagnostics
     if rule.code.startswith(LISTINGS):
-        stream, faults = read_listing(source)
-        return [*faults, *find_faults(stream, machine)]
-    job, faults = read_job(source, machine)
-    faults += check(job, machine)
-    return faults if has_errors(faults) else [*faults, *compile_job(job, machine)[1]]
+        stream, diagnostics = read_listing(source)
+        return [*diagnostics, *find_diagnostics(stream, machine)]
+    job, diagnostics = read_job(source, machine)
+    diagnostics += check(job, machine)
+    return diagnostics if has_errors(diagnostics) else [*diagnostics, *compile_job(job, machine)[1]]
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda r: r.code)
@@ -52,12 +52,12 @@ def test_a_rule_explains_itself(rule: Rule) -> None:
 
 @pytest.mark.parametrize("rule", [r for r in RULES.values() if r.bad], ids=lambda r: r.code)
 def test_the_bad_example_has_the_fault(rule: Rule) -> None:
-    assert rule.code in [f.rule.code for f in faults_of(rule.bad, rule)]
+    assert rule.code in [f.rule.code for f in diagnostics_of(rule.bad, rule)]
 
 
 @pytest.mark.parametrize("rule", [r for r in RULES.values() if r.good], ids=lambda r: r.code)
 def test_the_good_example_is_clean(rule: Rule) -> None:
-    found = faults_of(rule.good, rule)
+    found = diagnostics_of(rule.good, rule)
     assert [f.message for f in found if f.severity is not Severity.NOTE] == []
     assert rule.code not in [f.rule.code for f in found]
 

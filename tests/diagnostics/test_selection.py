@@ -11,7 +11,7 @@ from support.cli import gusjob, write
 from gusjob.config.profile import parse_machine
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
-from gusjob.diagnostics.select import NOTHING_ASKED, Layer, Selection
+from gusjob.diagnostics.select import NOTHING_ASKED, RuleSelection, SelectionLayer
 from gusjob.pipeline import Loaded, load, look_closer, selected
 
 # 4: GJ142 (note), 7: GJ404 (warning), 9: GJ141 (note)
@@ -32,20 +32,20 @@ END
 FAULTS = {(4, "GJ142", "note"), (8, "GJ404", "warning"), (11, "GJ141", "note")}
 
 
-def judged(path: Path, asked: Layer = NOTHING_ASKED) -> Loaded:
+def judged(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> Loaded:
     loaded = load(path, None)
     look_closer(loaded)
-    loaded.faults = selected(loaded, asked)
+    loaded.diagnostics = selected(loaded, asked)
     return loaded
 
 
-def found(path: Path, asked: Layer = NOTHING_ASKED) -> set[tuple[int, str, str]]:
+def found(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> set[tuple[int, str, str]]:
     """(line, code, severity) of what counts in a file."""
-    return {(f.span.line, f.rule.code, f.severity.value) for f in judged(path, asked).faults}
+    return {(f.span.line, f.rule.code, f.severity.value) for f in judged(path, asked).diagnostics}
 
 
-def fault(code: str, path: str = "a.job") -> Diagnostic:
-    return Diagnostic(rule=RULES[code], span=load(Path(path), None).faults[0].span, path=path)
+def diagnostic(code: str, path: str = "a.job") -> Diagnostic:
+    return Diagnostic(rule=RULES[code], span=load(Path(path), None).diagnostics[0].span, path=path)
 
 
 # Layers.
@@ -65,34 +65,37 @@ def fault(code: str, path: str = "a.job") -> Diagnostic:
 def test_the_longer_beginning_counts(
     select: tuple[str, ...], ignore: tuple[str, ...], said: dict[str, bool | None]
 ) -> None:
-    layer = Layer(select=select, ignore=ignore)
+    layer = SelectionLayer(select=select, ignore=ignore)
     assert {code: layer.wants(code) for code in said} == said
 
 
 def test_the_last_layer_that_says_something_counts(tmp_path: Path) -> None:
     layers = (
-        Layer(ignore=("GJ3",), severity=(("GJ3", Severity.NOTE), ("GJ304", Severity.ERROR))),
-        Layer(glob="samples/*", select=("GJ304",), severity=(("GJ306", Severity.ERROR),)),
-        Layer(glob="samples/old/*", ignore=("GJ304",)),
+        SelectionLayer(ignore=("GJ3",), severity=(("GJ3", Severity.NOTE), ("GJ304", Severity.ERROR))),
+        SelectionLayer(glob="samples/*", select=("GJ304",), severity=(("GJ306", Severity.ERROR),)),
+        SelectionLayer(glob="samples/old/*", ignore=("GJ304",)),
     )
-    selection = Selection(layers=layers, folder=str(tmp_path))
+    selection = RuleSelection(layers=layers, folder=str(tmp_path))
     plain, sample, old = (str(tmp_path / name) for name in ("a.job", "samples/a.job", "samples/old/a.job"))
-    assert not selection.wants(fault("GJ304", plain), NOTHING_ASKED)
-    assert selection.wants(fault("GJ401", plain), NOTHING_ASKED)
-    assert selection.wants(fault("GJ304", sample), NOTHING_ASKED)
-    assert not selection.wants(fault("GJ401", sample), NOTHING_ASKED)
-    assert not selection.wants(fault("GJ304", old), NOTHING_ASKED)
+    assert not selection.wants(diagnostic("GJ304", plain), NOTHING_ASKED)
+    assert selection.wants(diagnostic("GJ401", plain), NOTHING_ASKED)
+    assert selection.wants(diagnostic("GJ304", sample), NOTHING_ASKED)
+    assert not selection.wants(diagnostic("GJ401", sample), NOTHING_ASKED)
+    assert not selection.wants(diagnostic("GJ304", old), NOTHING_ASKED)
     # The command line has the last word.
-    assert selection.wants(fault("GJ304", plain), Layer(select=("GJ304",)))
-    assert not selection.wants(fault("GJ304", sample), Layer(ignore=("GJ",)))
-    weights = {p: selection.weighed([fault("GJ304", p), fault("GJ306", p)]) for p in (plain, sample)}
+    assert selection.wants(diagnostic("GJ304", plain), SelectionLayer(select=("GJ304",)))
+    assert not selection.wants(diagnostic("GJ304", sample), SelectionLayer(ignore=("GJ",)))
+    weights = {p: selection.weighed([diagnostic("GJ304", p), diagnostic("GJ306", p)]) for p in (plain, sample)}
     assert [f.severity for f in weights[plain]] == [Severity.ERROR, Severity.NOTE]
     assert [f.severity for f in weights[sample]] == [Severity.ERROR, Severity.ERROR]
 
 
 def test_an_error_stays_one() -> None:
-    selection = Selection(layers=(Layer(severity=(("GJ4", Severity.NOTE),)),))
-    assert [f.severity for f in selection.weighed([fault("GJ401"), fault("GJ404")])] == [Severity.ERROR, Severity.NOTE]
+    selection = RuleSelection(layers=(SelectionLayer(severity=(("GJ4", Severity.NOTE),)),))
+    assert [f.severity for f in selection.weighed([diagnostic("GJ401"), diagnostic("GJ404")])] == [
+        Severity.ERROR,
+        Severity.NOTE,
+    ]
 
 
 # The profile.
@@ -110,7 +113,7 @@ def test_check_by_rule_and_by_path(tmp_path: Path) -> None:
     )
     assert found(a) == {(4, "GJ142", "note"), (8, "GJ404", "error")}
     assert found(b) == {(8, "GJ404", "note")}
-    assert found(a, Layer(select=("GJ14",))) == {(4, "GJ142", "note"), (11, "GJ141", "note")}
+    assert found(a, SelectionLayer(select=("GJ14",))) == {(4, "GJ142", "note"), (11, "GJ141", "note")}
 
 
 @pytest.mark.parametrize(
@@ -128,9 +131,11 @@ def test_check_by_rule_and_by_path(tmp_path: Path) -> None:
     ],
 )
 def test_globs(tmp_path: Path, glob: str, files: set[str]) -> None:
-    selection = Selection(layers=(Layer(glob=glob, ignore=("GJ",)),), folder=str(tmp_path.resolve()))
+    selection = RuleSelection(layers=(SelectionLayer(glob=glob, ignore=("GJ",)),), folder=str(tmp_path.resolve()))
     every = ("a.job", "sub/b.job", "sub/deep/c.job")
-    assert {name for name in every if not selection.wants(fault("GJ404", str(tmp_path / name)), NOTHING_ASKED)} == files
+    assert {
+        name for name in every if not selection.wants(diagnostic("GJ404", str(tmp_path / name)), NOTHING_ASKED)
+    } == files
 
 
 def test_errors_that_are_not_selected_are_counted(tmp_path: Path) -> None:
@@ -161,7 +166,7 @@ def test_what_is_ignored_is_ignored_by_check_alone(tmp_path: Path) -> None:
 def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
     path = write(tmp_path, "LASER MODE DUTY CARRIER 10\nVEL 1\nACC 1\nLINE X 999\n" + "LINE X 998\nLINE X 999\n" * 1000)
     assert {code for _, code, _ in found(path)} == {"GJ503", "GJ005"}
-    assert found(path, Layer(ignore=("GJ5",))) == set()
+    assert found(path, SelectionLayer(ignore=("GJ5",))) == set()
 
 
 @pytest.mark.parametrize(
@@ -188,10 +193,10 @@ def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_wrong_in_check(text: str, code: str, line: int, said: str) -> None:
-    machine, faults = parse_machine(text, "gusjob.toml")
-    assert [(f.rule.code, f.span.line) for f in faults][:1] == [(code, line)]
-    assert said in faults[0].message
-    assert machine.selection == Selection()
+    machine, diagnostics = parse_machine(text, "gusjob.toml")
+    assert [(f.rule.code, f.span.line) for f in diagnostics][:1] == [(code, line)]
+    assert said in diagnostics[0].message
+    assert machine.selection == RuleSelection()
 
 
 # Comments.
@@ -240,8 +245,10 @@ def test_several_rules_on_a_line(tmp_path: Path) -> None:
 )
 def test_what_is_not_followed(tmp_path: Path, comment: str, line: int, code: str, said: str) -> None:
     loaded = judged(write(tmp_path, allowing("DWELL 3", comment)))
-    assert {(f.span.line, f.rule.code, f.severity.value) for f in loaded.faults} == FAULTS | {(line, code, "warning")}
-    (told,) = [f for f in loaded.faults if f.rule.code == code]
+    assert {(f.span.line, f.rule.code, f.severity.value) for f in loaded.diagnostics} == FAULTS | {
+        (line, code, "warning")
+    }
+    (told,) = [f for f in loaded.diagnostics if f.rule.code == code]
     assert said in told.message
     source = loaded.text_of(told.span, told.path)
     assert source[told.span.column - 1 : told.span.end_column - 1] == str(told.fields["code"])
@@ -275,7 +282,7 @@ def test_in_an_included_file(tmp_path: Path) -> None:
     delay = "LASER DELAY ON 9us OFF 5us"
     write(tmp_path, f"{delay} ; allow GJ306: measured\n{delay}\nDWELL 1 ; allow GJ404: no light\n", "part.job")
     path = write(tmp_path, 'WAIT\nINCLUDE "part.job"\n')
-    told = [(Path(f.file).name, f.span.line, f.rule.code) for f in judged(path).faults]
+    told = [(Path(f.file).name, f.span.line, f.rule.code) for f in judged(path).diagnostics]
     assert told == [("part.job", 2, "GJ306")]  # What is idle here may be needed in another job that includes it.
 
 
@@ -322,8 +329,8 @@ def test_json_tells_the_severity_in_force(tmp_path: Path) -> None:
     path = write(tmp_path, JOB)
     write(tmp_path, '[check.severity]\nGJ142 = "warning"\n', "gusjob.toml")
     told = json.loads(gusjob("check", "--format", "json", str(path)).stdout)
-    faults = told["diagnostics"] if isinstance(told, dict) else told
-    assert {(f["line"], f["severity"]) for f in faults} == {(4, "warning"), (8, "warning"), (11, "note")}
+    diagnostics = told["diagnostics"] if isinstance(told, dict) else told
+    assert {(f["line"], f["severity"]) for f in diagnostics} == {(4, "warning"), (8, "warning"), (11, "note")}
 
 
 def test_two_comments_on_a_line(tmp_path: Path) -> None:
@@ -366,7 +373,7 @@ def test_an_error_behind_a_thousand_warnings_is_refused(tmp_path: Path) -> None:
 
 def test_idle_comments_are_listed_like_other_faults(tmp_path: Path) -> None:
     path = write(tmp_path, "DWELL 3 ; allow GJ404: preheat\n" * 1500)
-    told = [f.rule.code for f in judged(path).faults]
+    told = [f.rule.code for f in judged(path).diagnostics]
     assert told.count("GJ145") == 1000 and told.count("GJ005") == 1
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.tools import ROOT, calls_of, faults_in
+from support.tools import ROOT, calls_of, diagnostics_in
 
 from gusjob.cli.check_command import judged
 from gusjob.controllers.gus.calls import SIGNATURES
@@ -85,12 +85,12 @@ def test_examples_check_clean_and_run(example: str, tmp_path: Path) -> None:
     path = tmp_path / "example.job"
     path.write_text(example, encoding="utf-8")
     loaded = judged(path, None)
-    assert [f.message for f in loaded.faults if f.severity is not Severity.NOTE] == []
+    assert [f.message for f in loaded.diagnostics if f.severity is not Severity.NOTE] == []
     stream = compiled(loaded)
     assert stream is not None
-    trace, faults = interpret(stream, loaded.machine)
+    trace, diagnostics = interpret(stream, loaded.machine)
     assert trace is not None
-    assert faults == []
+    assert diagnostics == []
 
 
 def test_the_reference_names_every_statement() -> None:
@@ -113,7 +113,7 @@ def test_the_compiled_example_is_what_compile_prints() -> None:
 def test_the_readme_example_checks_clean() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     first = re.findall(r"```\n(.*?)```", text, re.DOTALL)[0]
-    assert faults_in(first) == []
+    assert diagnostics_in(first) == []
 
 
 def test_the_readme_profile_is_the_default() -> None:
@@ -124,7 +124,7 @@ def test_the_readme_profile_is_the_default() -> None:
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     profile = re.findall(r"```toml\n(.*?)```", text.split("## The machine")[1], re.DOTALL)[0]
-    machine, faults = parse_machine(profile)
-    assert faults == []
+    machine, diagnostics = parse_machine(profile)
+    assert diagnostics == []
     assert replace(machine, lasers=()) == Machine()
     assert machine.laser(0).rated_w == 30

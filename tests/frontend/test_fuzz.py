@@ -49,29 +49,29 @@ CALLS = [
 ]
 
 
-def shown(faults: list[Diagnostic], source: Source) -> None:
-    for fault in faults[:200]:
-        text = diagnostic_text(fault, lambda span, _: source.line(span.line), color=False)
+def shown(diagnostics: list[Diagnostic], source: Source) -> None:
+    for diagnostic in diagnostics[:200]:
+        text = diagnostic_text(diagnostic, lambda span, _: source.line(span.line), color=False)
         assert text.startswith("x:")
-        assert fault.span.line >= 1
+        assert diagnostic.span.line >= 1
 
 
 def run_all(stream: Stream, machine: Machine, *, foreign: bool) -> list[Diagnostic]:
     with np.errstate(all="raise", under="ignore"):
-        trace, faults = interpret(stream, machine, foreign=foreign)
+        trace, diagnostics = interpret(stream, machine, foreign=foreign)
     if trace is None:
-        assert faults[-1].rule.code == "GJ713"
-        return faults[:-1]
+        assert diagnostics[-1].rule.code == "GJ713"
+        return diagnostics[:-1]
     with np.errstate(all="raise", under="ignore"):
         report = make_report(trace, machine)
-    b"".join(report_json(report, faults, summary=False))
+    b"".join(report_json(report, diagnostics, summary=False))
     b"".join(report_csv(report))
     report_table(report, summary=False)
     for name, column in report.columns.items():
         if column.dtype.kind == "f" and not name.endswith(("power_min", "power_mean", "power_max", "joules")):
             assert np.isfinite(column).all(), name
     assert (report.columns["duration_ms"] >= 0).all()
-    return faults
+    return diagnostics
 
 
 def as_job(text: str) -> None:
@@ -79,10 +79,10 @@ def as_job(text: str) -> None:
     if source is None:
         return
     for machine in MACHINES:
-        job, faults = read_job(source, machine)
-        faults += check(job, machine)
-        shown(faults, source)
-        if has_errors(faults):
+        job, diagnostics = read_job(source, machine)
+        diagnostics += check(job, machine)
+        shown(diagnostics, source)
+        if has_errors(diagnostics):
             continue
         stream, more = compile_job(job, machine)
         shown(more, source)
@@ -93,16 +93,16 @@ def as_job(text: str) -> None:
         printed = "".join(listing(stream))
         again_source, _ = check_text(printed.encode(), "x")
         assert again_source is not None
-        again, read_faults = read_listing(again_source)
-        assert [f.rule.code for f in read_faults] in ([], ["GJ004"])
+        again, read_diagnostics = read_listing(again_source)
+        assert [f.rule.code for f in read_diagnostics] in ([], ["GJ004"])
         assert "".join(listing(again)) == printed
 
 
 def as_listing(text: str) -> None:
     source, _ = check_text(text.encode("utf-8", "surrogatepass"), "x")
     if source is not None:
-        stream, faults = read_listing(source)
-        shown(faults, source)
+        stream, diagnostics = read_listing(source)
+        shown(diagnostics, source)
         shown(run_all(stream, MACHINES[0], foreign=True), source)
 
 
@@ -116,8 +116,8 @@ def test_random_text(text: str) -> None:
 @given(st.binary(max_size=300))
 @settings(max_examples=100)
 def test_random_bytes(data: bytes) -> None:
-    source, faults = check_text(data, "x")
-    assert (source is None) == bool(faults)
+    source, diagnostics = check_text(data, "x")
+    assert (source is None) == bool(diagnostics)
     if source is not None:
         read_job(source, MACHINES[0])
         read_listing(source)
@@ -140,8 +140,8 @@ def test_call_soup(calls: list[tuple[str, list[str]]]) -> None:
 @given(st.text(max_size=200))
 @settings(max_examples=100)
 def test_random_profiles(text: str) -> None:
-    machine, faults = parse_machine(text)
-    assert machine == Machine() or not faults
+    machine, diagnostics = parse_machine(text)
+    assert machine == Machine() or not diagnostics
 
 
 def mutated(text: str, rng: random.Random) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from support.tools import MARK, calls_of, faults_in, job_of, path_calls
+from support.tools import MARK, calls_of, diagnostics_in, job_of, path_calls
 
 from gusjob.config.machine import Machine
 from gusjob.frontend import check_text, read_job, read_listing
@@ -167,19 +167,19 @@ def test_fast_and_slow_reading_agree() -> None:
 
 def test_a_line_of_many_shapes_is_read_by_its_own() -> None:
     # 'X 1 5 Y' and 'X 1 Y 5' have the same letters and as many digits.
-    assert faults_in(MARK + "LINE X 1 Y 5\nLINE X 1 5 Y\nLINE X 1  Y5\n") == [(5, "GJ101")]
-    assert faults_in(MARK + "VEL 5mm/s\nVEL 5mm/s2\nACC 5mm/s2\nACC 5mm/s3\n") == [(5, "GJ203"), (7, "GJ101")]
+    assert diagnostics_in(MARK + "LINE X 1 Y 5\nLINE X 1 5 Y\nLINE X 1  Y5\n") == [(5, "GJ101")]
+    assert diagnostics_in(MARK + "VEL 5mm/s\nVEL 5mm/s2\nACC 5mm/s2\nACC 5mm/s3\n") == [(5, "GJ203"), (7, "GJ101")]
 
 
 def test_the_same_mode_again_keeps_the_power_and_another_does_not() -> None:
     head = MARK + "LASER POWER 5\nLASER ON\nLINE X 1\nLASER OFF\n"
     tail = "\nLASER ON\nLINE X 2\nLASER OFF\n"
-    assert faults_in(head + "LASER MODE DUTY CARRIER 20" + tail) == [(8, "GJ304")]
-    assert faults_in(head + "LASER MODE DUTY2 CARRIER 20" + tail) == [(8, "GJ304"), (9, "GJ403")]
+    assert diagnostics_in(head + "LASER MODE DUTY CARRIER 20" + tail) == [(8, "GJ304")]
+    assert diagnostics_in(head + "LASER MODE DUTY2 CARRIER 20" + tail) == [(8, "GJ304"), (9, "GJ403")]
 
 
 def test_a_fault_does_not_hide_the_rest() -> None:
-    assert faults_in(MARK + "QQ\nLINE X 999\nLINE X\nLASER POWER 101\n") == [(4, "GJ102"), (6, "GJ101"), (5, "GJ503"), (7, "GJ201")]  # fmt: skip  # noqa: E501
+    assert diagnostics_in(MARK + "QQ\nLINE X 999\nLINE X\nLASER POWER 101\n") == [(4, "GJ102"), (6, "GJ101"), (5, "GJ503"), (7, "GJ201")]  # fmt: skip  # noqa: E501
 
 
 def test_units_of_axes_that_differ() -> None:
@@ -241,12 +241,12 @@ def test_rounding_gives_no_minus_zero(expression: str, value: float) -> None:
 def test_a_line_that_ends_too_soon_has_no_hint_of_names() -> None:
     source, _ = check_text(b"LINE X\n", "a.job")
     assert source is not None
-    _, (fault, *_) = read_job(source, Machine())
-    assert fault.message == "the end of the line does not belong here; expected a number"
+    _, (diagnostic, *_) = read_job(source, Machine())
+    assert diagnostic.message == "the end of the line does not belong here; expected a number"
 
 
 def test_an_octal_number_is_shown_as_it_was_written() -> None:
     source, _ = check_text(b"GT_LnXY(1,010 020,0,50,2,0,0)\n", "a.gts")
     assert source is not None
-    _, (fault, *_) = read_listing(source)
-    assert "'020'" in fault.message
+    _, (diagnostic, *_) = read_listing(source)
+    assert "'020'" in diagnostic.message

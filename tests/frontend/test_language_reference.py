@@ -411,11 +411,11 @@ def compiled(text: str, machine: Machine) -> list[str] | None:
     """The calls of a job; None if it is refused."""
     source, _ = check_text(text.encode(), "test.job")
     assert source is not None
-    job, faults = read_job(source, machine)
-    if has_errors(faults):
+    job, diagnostics = read_job(source, machine)
+    if has_errors(diagnostics):
         return None
-    stream, faults = compile_job(job, machine)
-    return None if has_errors(faults) else "".join(listing(stream)).splitlines()
+    stream, diagnostics = compile_job(job, machine)
+    return None if has_errors(diagnostics) else "".join(listing(stream)).splitlines()
 
 
 PLACE = re.compile(r" (X|Y|I|J|R) (-?[0-9.e+-]+)mm")

@@ -43,18 +43,18 @@ def written(rng: Random, machine: Machine) -> str:
     return Writer(rng, odd=rng.choice((0, 60)), unequal=not machine.equal_axes).job()
 
 
-def errors(faults: list[Diagnostic]) -> list[str]:
+def errors(diagnostics: list[Diagnostic]) -> list[str]:
     """Codes and texts of the errors; a run of years is none."""
-    wrong = (f for f in faults if f.severity is Severity.ERROR and f.rule.code != "GJ713")
+    wrong = (f for f in diagnostics if f.severity is Severity.ERROR and f.rule.code != "GJ713")
     return [f"{f.span.line}: {f.rule.code} {f.message}" for f in wrong]
 
 
 def interpreted(stream: Stream, machine: Machine, *, foreign: bool) -> Trace | None:
     """A run without an error, whose light has a mode and a power and ends; None if it is too long."""
     with np.errstate(all="raise", under="ignore"):
-        trace, faults = interpret(stream, machine, foreign=foreign)
-        assert errors(faults) == []
-        assert not {"GJ708", "GJ712", "GJ715"} & {f.rule.code for f in faults}
+        trace, diagnostics = interpret(stream, machine, foreign=foreign)
+        assert errors(diagnostics) == []
+        assert not {"GJ708", "GJ712", "GJ715"} & {f.rule.code for f in diagnostics}
         if trace is not None:
             columns = make_report(trace, machine).columns
             for name in ("start_ms", "duration_ms", "length_mm", "x_mm", "y_mm"):
@@ -76,18 +76,23 @@ def jumps_are_dark(text: str, report: Report) -> None:
 
 def holds(text: str, machine: Machine) -> bool:
     """See that a job keeps the promise; False if check finds an error in it."""
-    source, faults = check_text(text.encode(), "x.job")
-    assert source is not None, faults
-    job, faults = read_job(source, machine)
-    faults += check(job, machine)
-    for fault in faults:
-        assert fault.message
-        assert fault.span.line >= 0
-    if has_errors(faults):
+    source, diagnostics = check_text(text.encode(), "x.job")
+    assert source is not None, diagnostics
+    job, diagnostics = read_job(source, machine)
+    diagnostics += check(job, machine)
+    for diagnostic in diagnostics:
+        assert diagnostic.message
+        assert diagnostic.span.line >= 0
+    if has_errors(diagnostics):
         return False
-    stream, faults = compile_job(job, machine)
-    if has_errors(faults):  # An END that can't be reached, a run-in outside the field; `gusjob check` plans too.
-        assert {f.rule.code for f in faults if f.severity is Severity.ERROR} <= {"GJ506", "GJ808", "GJ809", "GJ810"}
+    stream, diagnostics = compile_job(job, machine)
+    if has_errors(diagnostics):  # An END that can't be reached, a run-in outside the field; `gusjob check` plans too.
+        assert {f.rule.code for f in diagnostics if f.severity is Severity.ERROR} <= {
+            "GJ506",
+            "GJ808",
+            "GJ809",
+            "GJ810",
+        }
         return False
     own = interpreted(stream, machine, foreign=False)
     if not job.has_forced_ends:
@@ -95,8 +100,8 @@ def holds(text: str, machine: Machine) -> bool:
     printed = "".join(listing(stream))
     source, _ = check_text(printed.encode(), "x.gts")
     assert source is not None
-    again, faults = read_listing(source)
-    assert [f.rule.code for f in faults] in ([], ["GJ004"])
+    again, diagnostics = read_listing(source)
+    assert [f.rule.code for f in diagnostics] in ([], ["GJ004"])
     assert "".join(listing(again)) == printed
     theirs = interpreted(again, machine, foreign=True)
     assert (own is None) == (theirs is None)
@@ -133,9 +138,9 @@ def broken(text: str, machine: Machine) -> str:
     """How a job breaks the promise; '' if it does not."""
     try:
         holds(text, machine)
-    except Exception as fault:  # noqa: BLE001 (whatever it is, it is the finding)
-        at = traceback.extract_tb(fault.__traceback__)[-1]
-        return f"{type(fault).__name__} in {at.name}, line {at.lineno}"
+    except Exception as diagnostic:  # noqa: BLE001 (whatever it is, it is the finding)
+        at = traceback.extract_tb(diagnostic.__traceback__)[-1]
+        return f"{type(diagnostic).__name__} in {at.name}, line {at.lineno}"
     return ""
 
 
@@ -171,6 +176,6 @@ def test_most_jobs_pass_check() -> None:
         machine = MACHINES[seed % len(MACHINES)]
         source, _ = check_text(written(Random(seed), machine).encode(), "x.job")
         assert source is not None
-        job, faults = read_job(source, machine)
-        passed += not has_errors([*faults, *check(job, machine)])
+        job, diagnostics = read_job(source, machine)
+        passed += not has_errors([*diagnostics, *check(job, machine)])
     assert passed >= PASSING * SEEDS, f"{passed} of {SEEDS}"

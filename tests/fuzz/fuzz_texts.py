@@ -40,28 +40,28 @@ SLOW_S_PER_KB = 5.0
 def one(data: bytes) -> None:
     """Everything that gusjob does to a text."""
     began = time.perf_counter()
-    source, faults = check_text(data, "x")
+    source, diagnostics = check_text(data, "x")
     if source is None:
-        said(faults)
+        localized(diagnostics)
         return
     machine = UNEQUAL if data[-1:] == b"u" else MACHINE
     if looks_like_listing(source.data):
-        stream, faults = read_listing(source)
-        said(faults)
-        if not has_errors(faults):
-            trace, faults = interpret(stream, machine, foreign=True)
-            said(faults)
+        stream, diagnostics = read_listing(source)
+        localized(diagnostics)
+        if not has_errors(diagnostics):
+            trace, diagnostics = interpret(stream, machine, foreign=True)
+            localized(diagnostics)
     else:
-        job, faults = read_job(source, machine)
-        found = [*faults, *check(job, machine)]
-        said(found)
+        job, diagnostics = read_job(source, machine)
+        found = [*diagnostics, *check(job, machine)]
+        localized(found)
         if not has_errors(found):
-            stream, faults = compile_job(job, machine)
-            said(faults)
-            if not has_errors(faults):
-                trace, faults = interpret(stream, machine)
-                said(faults)
-                if has_errors(faults) and not all(f.rule.code == "GJ713" for f in faults):
+            stream, diagnostics = compile_job(job, machine)
+            localized(diagnostics)
+            if not has_errors(diagnostics):
+                trace, diagnostics = interpret(stream, machine)
+                localized(diagnostics)
+                if has_errors(diagnostics) and not all(f.rule.code == "GJ713" for f in diagnostics):
                     raise AssertionError("what checks clean must run")
                 if trace is not None:
                     make_report(trace, machine)
@@ -70,10 +70,10 @@ def one(data: bytes) -> None:
         raise AssertionError(f"{taken:.1f} s for {len(data)} bytes")
 
 
-def said(faults: list[Diagnostic]) -> None:
+def localized(diagnostics: list[Diagnostic]) -> None:
     """Every message can be shown."""
-    for fault in faults[:50]:
-        diagnostic_text(fault, lambda span, _: "", color=False)
+    for diagnostic in diagnostics[:50]:
+        diagnostic_text(diagnostic, lambda span, _: "", color=False)
 
 
 def words() -> str:

@@ -81,7 +81,7 @@ def job_calls(calls: list[tuple[int, str]]) -> list[str]:
 def of_file(path: Path) -> tuple[Stream, Machine]:
     loaded = judged(path, None)
     stream = compiled(loaded)
-    assert stream is not None, loaded.faults
+    assert stream is not None, loaded.diagnostics
     return stream, loaded.machine
 
 

@@ -786,31 +786,31 @@ def invoked(gus: Bench, folder: Path, text: str, *options: str) -> tuple[int, st
 def test_a_journal_is_never_written_over(gus: Bench, tmp_path: Path) -> None:
     there = tmp_path / "there.journal"
     there.write_text("old", encoding="utf-8")
-    code, said = invoked(gus, tmp_path, MARK + "LINE X 1\n", "--journal", str(there))
+    code, localized = invoked(gus, tmp_path, MARK + "LINE X 1\n", "--journal", str(there))
     assert code == 2
-    assert "exists already" in said
+    assert "exists already" in localized
     assert there.read_text(encoding="utf-8") == "old"
     assert gus.controller.calls() == []
 
 
 def test_the_plan_tells_the_time_that_is_left(gus: Bench, tmp_path: Path) -> None:
     text = MARK + "LINE X 10\nDWELL 3000\nLINE X 0\n"
-    code, said = invoked(gus, tmp_path, text)
+    code, localized = invoked(gus, tmp_path, text)
     assert code == 0
-    assert "time     3.22 s" in said
-    code, said = invoked(gus, tmp_path, text, "--from-line", "6")
+    assert "time     3.22 s" in localized
+    code, localized = invoked(gus, tmp_path, text, "--from-line", "6")
     assert code == 0
-    assert "time     0.11 s" in said
+    assert "time     0.11 s" in localized
 
 
 def test_what_may_still_be_on_is_not_called_safe(gus: Bench, tmp_path: Path) -> None:
     gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 3, -1, 7)
     gus.controller.fault(Fault.RETURN, "GT_BufDelay", 1, -1, 7)
-    code, said = invoked(gus, tmp_path, EVERYTHING)
+    code, localized = invoked(gus, tmp_path, EVERYTHING)
     assert code == 1
-    assert "GJ912" in said
-    assert "LOOK AT THE MACHINE" in said
-    assert "the light is off" not in said
+    assert "GJ912" in localized
+    assert "LOOK AT THE MACHINE" in localized
+    assert "the light is off" not in localized
 
 
 def test_two_streams_that_differ_in_any_call_have_two_fingerprints() -> None:

@@ -22,8 +22,8 @@ from gusjob.cli import cli
 from gusjob.cli.text import width, wrapped
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
-from gusjob.i18n.language import CATALOGUES, language, language_of, speak, system_language, translated, typeset
-from gusjob.i18n.phrases import Phrase, said
+from gusjob.i18n.language import CATALOGUES, language, language_of, set_language, system_language, translated, typeset
+from gusjob.i18n.phrases import Phrase, localized
 
 CHINESE = re.compile(r"[\u4e00-\u9fff]")
 TEXTS = catalogue.texts(catalogue.kept())
@@ -31,9 +31,9 @@ TEXTS = catalogue.texts(catalogue.kept())
 
 @pytest.fixture
 def chinese() -> Iterator[None]:
-    speak("zh")
+    set_language("zh")
     yield
-    speak("en")
+    set_language("en")
 
 
 def gusjob(*arguments: str, env: Mapping[str, str] | None = None) -> Result:
@@ -49,7 +49,7 @@ def test_the_catalogue_is_whole(rewrite: bool) -> None:
     if rewrite:
         catalogue.PO.write_bytes(catalogue.po_bytes(now))
         catalogue.MO.write_bytes(catalogue.mo_bytes(now))
-    assert [text for text, said in catalogue.texts(now).items() if not said] == []
+    assert [text for text, localized in catalogue.texts(now).items() if not localized] == []
     assert list(catalogue.texts(catalogue.kept())) == list(catalogue.texts(now)), "run pytest --rewrite"
 
 
@@ -92,15 +92,15 @@ def test_fields_agree(text: str) -> None:
     ],
 )
 def test_the_manuals_terms(term: str, meant: str) -> None:
-    about = {text: said for text, said in TEXTS.items() if re.search(term, text, re.IGNORECASE)}
+    about = {text: localized for text, localized in TEXTS.items() if re.search(term, text, re.IGNORECASE)}
     assert about
-    assert {text: said for text, said in about.items() if meant not in said} == {}
+    assert {text: localized for text, localized in about.items() if meant not in localized} == {}
 
 
 def test_translations_are_chinese() -> None:
     """A text with words has Chinese in its translation; calls, words of the language and figures are none."""
     worded = {t: s for t, s in TEXTS.items() if re.search(r"(?<![\w{.-])[a-z]{4,}(?![\w}])", t)}
-    assert {text for text, said in worded.items() if not CHINESE.search(said)} == set()
+    assert {text for text, localized in worded.items() if not CHINESE.search(localized)} == set()
 
 
 _MARKED = re.compile(r"\{(hint|options|values|hidden|counts)\}")
@@ -110,10 +110,10 @@ _MARKED = re.compile(r"\{(hint|options|values|hidden|counts)\}")
 def test_chinese_is_typeset() -> None:
     """Full-width marks between Chinese characters, no blank beside them, one between Chinese and other letters."""
     wrong = {
-        said
-        for said in TEXTS.values()
-        if re.search(r"[\u4e00-\u9fff] ?[,;:?!.](?: |$)| [，。；：、）]|[，；、（] ", said)
-        or re.search(r"[\u4e00-\u9fff][A-Za-z0-9{]|[A-Za-z0-9}][\u4e00-\u9fff]", _MARKED.sub("", said))
+        localized
+        for localized in TEXTS.values()
+        if re.search(r"[\u4e00-\u9fff] ?[,;:?!.](?: |$)| [，。；：、）]|[，；、（] ", localized)
+        or re.search(r"[\u4e00-\u9fff][A-Za-z0-9{]|[A-Za-z0-9}][\u4e00-\u9fff]", _MARKED.sub("", localized))
     }
     assert wrong == set()
 
@@ -154,16 +154,16 @@ def test_the_systems_language(environment: dict[str, str], spoken: str) -> None:
 
 def test_one_language_after_the_other() -> None:
     for _ in range(2):
-        speak("zh")
+        set_language("zh")
         assert (language(), translated("error")) == ("zh", "错误")
-        speak("en")
+        set_language("en")
         assert (language(), translated("error")) == ("en", "error")
 
 
 def test_a_language_that_is_none_changes_nothing(chinese: None) -> None:
     for wrong in ("fr", "zh_CN", ""):
         with pytest.raises(ValueError, match="en, zh"):
-            speak(wrong)
+            set_language(wrong)
         assert language() == "zh"
 
 
@@ -193,9 +193,9 @@ def test_what_can_not_be_shown_is_said_in_english(encoding: str, asked: bool, sp
 
 
 def test_phrases(chinese: None) -> None:
-    assert said(Phrase("; did you mean {near}?", near="LINE")) == "；是否想写 LINE？"
-    assert said("error") == "error"  # A user's name may be a word of the catalogue.
-    assert said(Phrase("no such text {a}", a=Phrase("error"))) == "no such text 错误"
+    assert localized(Phrase("; did you mean {near}?", near="LINE")) == "；是否想写 LINE？"
+    assert localized("error") == "error"  # A user's name may be a word of the catalogue.
+    assert localized(Phrase("no such text {a}", a=Phrase("error"))) == "no such text 错误"
 
 
 def test_blanks_beside_fields(chinese: None) -> None:
@@ -311,10 +311,10 @@ def test_wrapping(text: str, columns: int, lines: list[str]) -> None:
 
 
 def test_counts_and_severities(chinese: None) -> None:
-    fault = Diagnostic(rule=RULES["GJ102"], span=NOWHERE, fields={"found": "'X'", "hint": ""}, count=1234)
-    assert fault.said_with_count == "没有以 'X' 开头的语句（1,234 次）"
-    assert [s.said for s in Severity] == ["错误", "警告", "提示"]
-    assert fault.message == "no statement begins with 'X'"
+    diagnostic = Diagnostic(rule=RULES["GJ102"], span=NOWHERE, fields={"found": "'X'", "hint": ""}, count=1234)
+    assert diagnostic.localized_with_count == "没有以 'X' 开头的语句（1,234 次）"
+    assert [s.localized for s in Severity] == ["错误", "警告", "提示"]
+    assert diagnostic.message == "no statement begins with 'X'"
 
 
 def test_the_catalogue_is_in_the_package() -> None:

@@ -39,7 +39,7 @@ from gusjob.frontend import check_text, read_job, read_source
 from gusjob.frontend.parse.expressions import FUNCTIONS
 from gusjob.frontend.parse.lines import END_OF_LINE
 from gusjob.i18n import language as translate
-from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, did_you_mean, said
+from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, did_you_mean, localized
 from gusjob.kinematics.units import UNITS
 from jobs import test_bad
 
@@ -224,38 +224,38 @@ def code_of(line: str) -> str:
     return re.split(r";|//|#", line)[0]
 
 
-def allowed_in(fault: Diagnostic, text: str) -> set[str]:
+def allowed_in(diagnostic: Diagnostic, text: str) -> set[str]:
     """Words that may stay as they are in a fault of a text."""
     lines = [code_of(line) for line in text.splitlines()]
-    spans = [fault.span, *(remark.span for remark in fault.remarks)]
+    spans = [diagnostic.span, *(remark.span for remark in diagnostic.remarks)]
     allowed = words_of(*(lines[s.line - 1] for s in spans if s.line <= len(lines)))
     # A user's names: they may be set in another line than the one that uses them.
     allowed |= words_of(*(found[0] for line in lines for found in _NAMING.finditer(line)))
     # A file's name.
-    allowed |= words_of(fault.path, *(s.path for s in spans))
+    allowed |= words_of(diagnostic.path, *(s.path for s in spans))
     # A name that is free, made from the user's: power_1.
     return allowed | {f"{word}_1" for word in allowed}
 
 
-def english_in(fault: Diagnostic, text: str) -> set[str]:
+def english_in(diagnostic: Diagnostic, text: str) -> set[str]:
     """Words of a fault, as it is said, that should be in the user's language."""
-    words = words_of(fault.said_with_count, *(remark.said for remark in fault.remarks))
+    words = words_of(diagnostic.localized_with_count, *(remark.localized for remark in diagnostic.remarks))
     left = {word for word in words if re.search("[a-z]", word)}
-    left -= allowed_by(fault.rule, fault.fields) | allowed_in(fault, text)
+    left -= allowed_by(diagnostic.rule, diagnostic.fields) | allowed_in(diagnostic, text)
     return {word for word in left if not word.startswith("GT_") and not re.fullmatch("x[0-9a-f]+", word)}
 
 
 @pytest.mark.parametrize("rule", [r for r in RULES.values() if r.bad], ids=lambda r: r.code)
 @pytest.mark.usefixtures("pseudo")
 def test_examples_leave_no_english(rule: Rule) -> None:
-    assert [(f.message, w) for f in test_rules.faults_of(rule.bad, rule) if (w := english_in(f, rule.bad))] == []
+    assert [(f.message, w) for f in test_rules.diagnostics_of(rule.bad, rule) if (w := english_in(f, rule.bad))] == []
 
 
 @pytest.mark.parametrize("path", test_bad.files(), ids=lambda p: p.name)
 @pytest.mark.usefixtures("pseudo")
 def test_bad_files_leave_no_english(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    assert [(f.message, w) for f in test_bad.faults_of(path) if (w := english_in(f, text))] == []
+    assert [(f.message, w) for f in test_bad.diagnostics_of(path) if (w := english_in(f, text))] == []
 
 
 ODD_LINES = (
@@ -283,7 +283,7 @@ ODD_LINES = (
 @pytest.mark.parametrize("text", ODD_LINES)
 @pytest.mark.usefixtures("pseudo")
 def test_odd_lines_leave_no_english(text: str) -> None:
-    found = test_rules.faults_of(text, UNEXPECTED)
+    found = test_rules.diagnostics_of(text, UNEXPECTED)
     assert found
     assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
 
@@ -306,7 +306,7 @@ ODD_JOBS = (
 @pytest.mark.parametrize("text", ODD_JOBS, ids=range(len(ODD_JOBS)))
 @pytest.mark.usefixtures("pseudo")
 def test_odd_jobs_leave_no_english(text: str) -> None:
-    found = test_rules.faults_of(text, UNEXPECTED)
+    found = test_rules.diagnostics_of(text, UNEXPECTED)
     assert found
     assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
 
@@ -331,7 +331,7 @@ def test_a_scanner_that_is_none_leaves_no_english() -> None:
     for text in ("slow:3", "delay:20s"):
         found = parse_scanner(text)
         assert isinstance(found, str)
-        assert set(re.findall("[a-z]+", said(found))) <= words_of(text, *UNITS)
+        assert set(re.findall("[a-z]+", localized(found))) <= words_of(text, *UNITS)
 
 
 ODD_CALLS = (
@@ -349,7 +349,7 @@ ODD_CALLS = (
 @pytest.mark.parametrize("text", ODD_CALLS, ids=range(len(ODD_CALLS)))
 @pytest.mark.usefixtures("pseudo")
 def test_odd_calls_leave_no_english(text: str) -> None:
-    found = test_rules.faults_of(text, CALL_OCTAL)
+    found = test_rules.diagnostics_of(text, CALL_OCTAL)
     assert found
     assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
 
@@ -413,32 +413,32 @@ def test_a_phrase_is_its_english_text() -> None:
 
 def test_without_a_catalogue_all_is_english() -> None:
     inner = Phrase("{count} marks", count=3)
-    assert said(Phrase("{what}: {marks}", what="a", marks=inner)) == "a: 3 marks"
-    assert said("plain") == "plain"
-    assert said(Phrase("")) == ""
+    assert localized(Phrase("{what}: {marks}", what="a", marks=inner)) == "a: 3 marks"
+    assert localized("plain") == "plain"
+    assert localized(Phrase("")) == ""
 
 
 def test_fields_that_are_phrases_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     speak(monkeypatch, {"{what} of {word}": "{word} 的{what}", "the {size}": "{size}", "size": "大小"})
     inner = Phrase("the {size}", size=Phrase("size"))
-    assert said(Phrase("{what} of {word}", what=inner, word="LINE")) == "LINE 的大小"
+    assert localized(Phrase("{what} of {word}", what=inner, word="LINE")) == "LINE 的大小"
 
 
 def test_floats_are_shown_as_number_shows_them(monkeypatch: pytest.MonkeyPatch) -> None:
     text = Phrase("at {value} of {count}", value=2.0, count=3)
     assert text == "at 2 of 3"
     speak(monkeypatch, {"at {value} of {count}": "{count} 之 {value}"})
-    assert said(text) == "3 之 2"
-    assert said(Phrase("at {value} of {count}", value=float("inf"), count=0.1 + 0.2)) == "0.3 之 inf"
+    assert localized(text) == "3 之 2"
+    assert localized(Phrase("at {value} of {count}", value=float("inf"), count=0.1 + 0.2)) == "0.3 之 inf"
 
 
 def test_a_users_name_that_is_a_key_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     speak(monkeypatch, {"statements": "语句", "{name} is set": "已设置 {name}", "size": "大小"})
-    assert said("statements") == "statements"
-    assert said(Phrase("{name} is set", name="size")) == "已设置 size"
+    assert localized("statements") == "statements"
+    assert localized(Phrase("{name} is set", name="size")) == "已设置 size"
     fields = {"name": "size", "hint": ""}
     remark = Remark(text="{name} is set", span=NOWHERE, fields=fields)
-    assert remark.said == "已设置 size"
+    assert remark.localized == "已设置 size"
     assert remark.message == "size is set"
 
 
@@ -446,8 +446,8 @@ def test_a_users_braces_are_no_fields(monkeypatch: pytest.MonkeyPatch) -> None:
     text = Phrase("{found} does not belong here", found="{hint} {0} {")
     assert text == "{hint} {0} { does not belong here"
     speak(monkeypatch, {"{found} does not belong here": "此处不应有 {found}"})
-    assert said(text) == "此处不应有 {hint} {0} {"
-    assert said(copy.deepcopy(text)) == said(copy.copy(text)) == said(text)
+    assert localized(text) == "此处不应有 {hint} {0} {"
+    assert localized(copy.deepcopy(text)) == localized(copy.copy(text)) == localized(text)
 
 
 def test_lists_are_said_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -457,7 +457,7 @@ def test_lists_are_said_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (any_of(("A",)), all_of(("A",)), all_of(()), both_of(("A",))) == ("A", "A", "", "A")
     assert (did_you_mean("LINE"), did_you_mean("")) == ("; did you mean LINE?", "")
     speak(monkeypatch, {"{first} or {last}": "{first}或{last}", "{first}, {second}": "{first}、{second}", "a b": "甲"})
-    assert said(any_of((Phrase("a b"), "B", END_OF_LINE))) == "甲、B或the end of the line"
+    assert localized(any_of((Phrase("a b"), "B", END_OF_LINE))) == "甲、B或the end of the line"
 
 
 def test_texts_of_rules_and_remarks_are_no_phrases_of_the_code() -> None:

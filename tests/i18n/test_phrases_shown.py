@@ -43,7 +43,7 @@ from gusjob.controllers.journal import read_journal
 from gusjob.hardware import devices
 from gusjob.hardware.devices import KNOWN_USB, Search, Survey, Trouble, UsbDevice, UsbProblem, judged
 from gusjob.i18n import language as translate
-from gusjob.i18n.phrases import said
+from gusjob.i18n.phrases import localized
 from gusjob.report.earlier import read_earlier
 
 UNITS = {"kHz", "mm", "mm/s", "ms", "us", "um", "s", "x", "y", "ms/mm"}
@@ -211,9 +211,9 @@ def test_no_earlier_report(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         path.write_bytes(text)
         found, reason = read_earlier(path)
         assert found is None
-        assert left(JSON_READER.sub("", said(reason)), *names, "gusjob-report/1") == set(), text
-    assert left(said(read_earlier(folder / "NONE")[1])) == set()
-    assert left(said(read_earlier(Path("A\0"))[1])) == set()
+        assert left(JSON_READER.sub("", localized(reason)), *names, "gusjob-report/1") == set(), text
+    assert left(localized(read_earlier(folder / "NONE")[1])) == set()
+    assert left(localized(read_earlier(Path("A\0"))[1])) == set()
 
 
 # Other commands.
@@ -322,7 +322,7 @@ def test_status(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out(run_command.command, "J.job")
     monkeypatch.setattr(translate, "_catalogue", _Said("·"))
     assert len(told) == 3
-    assert {word for text in told for word in left(said(text))} == set()
+    assert {word for text in told for word in left(localized(text))} == set()
 
 
 @pytest.mark.parametrize("name", ["J.job", "B.job"])
@@ -378,7 +378,7 @@ def test_too_long() -> None:
         def __len__(self) -> int:
             return 10**9
 
-    assert left(said(too_long(Long()))) == set()  # type: ignore[arg-type]
+    assert left(localized(too_long(Long()))) == set()  # type: ignore[arg-type]
 
 
 # The panel, and faults of a run.
@@ -408,12 +408,12 @@ def test_panel_and_lines(phase: Phase) -> None:
 def test_faults_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     stream.buffered.crd[-1] = 2
-    faults = [*one_queue(stream), *(_motion_fault(code) for code in (0, *MEANINGS, 99, -99))]
-    faults += [_light_fault(0, code, powered) for code in MEANINGS for powered in (False, True)]
+    diagnostics = [*one_queue(stream), *(_motion_fault(code) for code in (0, *MEANINGS, 99, -99))]
+    diagnostics += [_light_fault(0, code, powered) for code in MEANINGS for powered in (False, True)]
     monkeypatch.setattr(translate, "_catalogue", _Said("·"))
-    for fault in faults:
-        assert left(fault.said) == set()
-    assert [left(said(text)) for code in (*MEANINGS, 99, -99) for text in meaning(code)] == [set()] * 20
+    for diagnostic in diagnostics:
+        assert left(diagnostic.localized) == set()
+    assert [left(localized(text)) for code in (*MEANINGS, 99, -99) for text in meaning(code)] == [set()] * 20
 
 
 @pytest.mark.usefixtures("dots")
@@ -424,8 +424,8 @@ def test_journals_that_are_none(folder: Path) -> None:
         path.write_bytes(text)
         found = read_journal(path)
         assert isinstance(found, str)
-        assert "·" in said(found)
-        assert left(said(found), "gusjob-journal/1") == set()
+        assert "·" in localized(found)
+        assert left(localized(found), "gusjob-journal/1") == set()
 
 
 @needs_controller
@@ -491,7 +491,7 @@ def test_what_a_laser_will_do() -> None:
         return SimpleNamespace(channel=0, unit="%", left=lambda _number: found)
 
     for found in ((0.0, 0.0, 0.0), (5.0, 40.0, 30.0), (5.0, 40.0, float("nan"))):
-        assert left(said(_light_left(channel(*found), 0))) == set()  # type: ignore[arg-type]
+        assert left(localized(_light_left(channel(*found), 0))) == set()  # type: ignore[arg-type]
 
 
 # Columns stay straight.

@@ -34,16 +34,16 @@ def demanded(path: Path) -> Found:
     return Counter((n, *mark) for n, line in enumerate(lines, 1) for mark in _MARK.findall(line))
 
 
-def faults_of(path: Path) -> list[Diagnostic]:
+def diagnostics_of(path: Path) -> list[Diagnostic]:
     if path.suffix == ".toml":
         return read_machine(path)[1]
     profile = path.with_suffix(".machine.toml")
-    return judged(path, profile if profile.exists() else None).faults
+    return judged(path, profile if profile.exists() else None).diagnostics
 
 
 @pytest.mark.parametrize("path", files(), ids=lambda p: p.name)
 def test_file_has_just_these_faults(path: Path) -> None:
-    found = Counter((f.span.line, f.severity.value, f.rule.code) for f in faults_of(path))
+    found = Counter((f.span.line, f.severity.value, f.rule.code) for f in diagnostics_of(path))
     assert found == demanded(path)
 
 
@@ -58,26 +58,26 @@ def test_messages_are_whole(path: Path) -> None:
     """Every template gets all its fields, and every span lies in its line."""
     source, _ = read_source(path)
     assert source is not None
-    for fault in faults_of(path):
-        text = diagnostic_text(fault, lambda span, _: source.line(span.line), color=False)
-        assert "{" not in fault.message
-        assert fault.rule.code in text
-        line = source.line(fault.span.line)
-        assert 1 <= fault.span.column <= len(line) + 1
-        assert fault.span.end_column <= len(line) + 2
+    for diagnostic in diagnostics_of(path):
+        text = diagnostic_text(diagnostic, lambda span, _: source.line(span.line), color=False)
+        assert "{" not in diagnostic.message
+        assert diagnostic.rule.code in text
+        line = source.line(diagnostic.span.line)
+        assert 1 <= diagnostic.span.column <= len(line) + 1
+        assert diagnostic.span.end_column <= len(line) + 2
 
 
 def test_a_caret_stands_under_the_value() -> None:
     path = BAD / "units.job"
     source, _ = read_source(path)
     assert source is not None
-    fault = next(f for f in faults_of(path) if f.rule is rules.WRONG_UNIT)
-    text = diagnostic_text(fault, lambda span, _: source.line(span.line), color=False).splitlines()
+    diagnostic = next(f for f in diagnostics_of(path) if f.rule is rules.WRONG_UNIT)
+    text = diagnostic_text(diagnostic, lambda span, _: source.line(span.line), color=False).splitlines()
     assert text[1].index("20kHz") == text[2].index("^^^^^")
 
 
 def test_a_nearly_right_word_gets_the_right_one() -> None:
-    messages = {f.span.line: f.message for f in faults_of(BAD / "words.job")}
+    messages = {f.span.line: f.message for f in diagnostics_of(BAD / "words.job")}
     assert "did you mean LINE?" in messages[4]
 
 
@@ -88,9 +88,9 @@ def test_many_faults_are_counted_not_listed() -> None:
 
     source, _ = check_text(text.encode(), "a.job")
     assert source is not None
-    job, faults = read_job(source, Machine())
-    assert sum(f.rule is rules.UNKNOWN_STATEMENT for f in faults) == 1000
-    assert [f.fields["count"] for f in faults if f.rule is rules.MORE] == [2000]
+    job, diagnostics = read_job(source, Machine())
+    assert sum(f.rule is rules.UNKNOWN_STATEMENT for f in diagnostics) == 1000
+    assert [f.fields["count"] for f in diagnostics if f.rule is rules.MORE] == [2000]
     judged_faults = check(job, Machine())
     assert sum(f.rule is rules.OUT_OF_RANGE for f in judged_faults) == 1000
     assert [f.fields["count"] for f in judged_faults if f.rule is rules.MORE] == [4000]
@@ -118,5 +118,5 @@ def test_a_line_without_end_is_refused() -> None:
     assert source is not None
     from gusjob.config.machine import Machine
 
-    _, faults = read_job(source, Machine())
-    assert [(f.rule.code, f.span.line) for f in faults] == [("GJ006", 1), ("GJ102", 2)]
+    _, diagnostics = read_job(source, Machine())
+    assert [(f.rule.code, f.span.line) for f in diagnostics] == [("GJ006", 1), ("GJ102", 2)]

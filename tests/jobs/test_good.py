@@ -20,9 +20,11 @@ FOLDER = ROOT / "tests" / "good"
 GOOD = sorted(FOLDER.glob("*.job"))
 
 
-def beyond_notes(faults: list[Diagnostic]) -> list[str]:
+def beyond_notes(diagnostics: list[Diagnostic]) -> list[str]:
     """Warnings and errors, as a person reads them."""
-    return [f"line {f.span.line}: {f.rule.code}: {f.message}" for f in faults if f.rule.severity is not Severity.NOTE]
+    return [
+        f"line {f.span.line}: {f.rule.code}: {f.message}" for f in diagnostics if f.rule.severity is not Severity.NOTE
+    ]
 
 
 def stream_of(path: Path) -> Stream:
@@ -39,15 +41,15 @@ def test_there_are_jobs_and_each_says_what_is_tricky() -> None:
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
 def test_checks_without_a_warning(path: Path) -> None:
-    assert beyond_notes(list(judged(path, None).faults)) == []
+    assert beyond_notes(list(judged(path, None).diagnostics)) == []
 
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
 def test_the_listing_reads_back(path: Path) -> None:
     text = "".join(listing(stream_of(path)))
-    source, faults = check_text(text.encode(), "x.gts")
+    source, diagnostics = check_text(text.encode(), "x.gts")
     assert source is not None
-    assert beyond_notes(list(faults)) == []
+    assert beyond_notes(list(diagnostics)) == []
     again, faults_in_calls = read_listing(source)
     assert beyond_notes(list(faults_in_calls)) == []
     assert "".join(listing(again)) == text
@@ -55,6 +57,6 @@ def test_the_listing_reads_back(path: Path) -> None:
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
 def test_runs_without_a_warning(path: Path) -> None:
-    trace, faults = interpret(stream_of(path), Machine())
+    trace, diagnostics = interpret(stream_of(path), Machine())
     assert trace is not None
-    assert beyond_notes(list(faults)) == []
+    assert beyond_notes(list(diagnostics)) == []

@@ -43,14 +43,14 @@ def test_there_are_jobs_and_no_stale_goldens() -> None:
 
 @pytest.mark.parametrize("path", JOBS, ids=lambda p: p.stem)
 def test_checks_clean(path: Path) -> None:
-    assert [f.message for f in judged(path, None).faults if f.severity is not Severity.NOTE] == []
+    assert [f.message for f in judged(path, None).diagnostics if f.severity is not Severity.NOTE] == []
 
 
 @pytest.mark.parametrize("path", JOBS, ids=lambda p: p.stem)
 def test_golden(path: Path, rewrite: bool) -> None:
     machine = judged(path, None).machine
-    trace, faults = interpret(stream_of(path), machine)
-    assert faults == []
+    trace, diagnostics = interpret(stream_of(path), machine)
+    assert diagnostics == []
     assert trace is not None
     report = make_report(trace, machine)
     text = "".join(report_table(report, summary=False).partition("\n")[1:])
@@ -66,8 +66,8 @@ def test_a_listing_reads_back(path: Path) -> None:
     text = "".join(listing(stream))
     source, _ = check_text(text.encode(), "x.gts")
     assert source is not None
-    again, faults = read_listing(source)
-    assert faults == []
+    again, diagnostics = read_listing(source)
+    assert diagnostics == []
     assert "".join(listing(again)) == text
     # What the planner meant by a call is not in it: which dark motion is a run-in, and where a mark should begin.
     first, second = (report_of(replace(s, intent=None), judged(path, None).machine) for s in (stream, again))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from support.tools import MACHINE, MARK, faults_in
+from support.tools import MACHINE, MARK, diagnostics_in
 
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.planner import compile_job
-from gusjob.simulate import find_faults
+from gusjob.simulate import find_diagnostics
 from gusjob.simulate.power import emitted
 
 FAST = "LASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\n"
@@ -17,7 +17,7 @@ FAST = "LASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\n"
 
 
 def codes(text: str) -> list[str]:
-    return [code for _, code in faults_in(text)]
+    return [code for _, code in diagnostics_in(text)]
 
 
 @pytest.mark.parametrize(("off_us", "said"), [(2049, []), (2050, ["GJ313"])])
@@ -63,5 +63,5 @@ def test_faults_need_no_tick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.simulate.emitted", seen)
     source, _ = check_text(text.encode(), "x.gts")
     assert source is not None
-    assert "GJ709" in [f.rule.code for f in find_faults(read_listing(source)[0], MACHINE)]
+    assert "GJ709" in [f.rule.code for f in find_diagnostics(read_listing(source)[0], MACHINE)]
     assert periods_ms[0] >= 1e9 / 200_000

@@ -102,8 +102,8 @@ class Editor:
 
     async def jump(self, path: Path, line: int, character: int) -> list[tuple[str, int, int]]:
         asked = lsp.DefinitionParams(self.named(path), lsp.Position(line, character))
-        said: Any = await self.client.text_document_definition_async(asked)
-        return [(Path(one.uri).name, one.range.start.line, one.range.start.character) for one in said or []]
+        localized: Any = await self.client.text_document_definition_async(asked)
+        return [(Path(one.uri).name, one.range.start.line, one.range.start.character) for one in localized or []]
 
 
 @asynccontextmanager
@@ -141,7 +141,7 @@ def test_looking_for_jobs_that_include_it_makes_them_no_part(tmp_path: Path) -> 
     other.write_text("VEL\n", encoding="utf-8")
     path.write_text("DWELL 3 ; allow GJ404: once\n", encoding="utf-8")
     judged_ = judge(str(path), path, path.read_bytes(), Desk({str(other.resolve()): b"VEL\n"}))
-    assert [fault.rule.code for fault in judged_.faults] == ["GJ145"]
+    assert [diagnostic.rule.code for diagnostic in judged_.diagnostics] == ["GJ145"]
     assert judged_.files == frozenset()
 
 
@@ -159,8 +159,8 @@ def test_the_editors_language(tmp_path: Path, locale: str | None, options: tuple
         async with editor(None, *options, locale=locale) as mine:
             path = tmp_path / "a.job"
             mine.open(path, "VEL\n")
-            (fault, *_) = await mine.told(path)
-            assert said in fault.message
+            (diagnostic, *_) = await mine.told(path)
+            assert said in diagnostic.message
 
     run(session())
 
@@ -567,7 +567,7 @@ def test_diagnostics_are_those_of_check(path: Path) -> None:
     mine = judge(str(path), path, data, desk)
     text = Text(data)
     found = shown(Places(judged=mine, uri=uri_of(path), text=text, uris={}, unit="utf-16"))
-    wanted = judged(path, None).faults
+    wanted = judged(path, None).diagnostics
     lines = data.decode().split("\n")
     own = [f for f in wanted if not f.span.path][:500]
     assert [(d.code, d.range.start) for d in found[uri_of(path)]] == [
@@ -713,8 +713,10 @@ def test_a_hover_names_the_range_that_the_check_knows(form: str, word: str, limi
     head = "UNITS PULSE\nVEL 100\nACC 5\n" + ("" if form in MODES or form.isupper() else f"LASER MODE {mode}\n")
     source, _ = check_text(f"{head}{sample}\nLASER POWER 5\nLASER ON\nLINE X 5000\nLASER OFF\n".encode(), "a.job")
     assert source is not None
-    job, faults = read_job(source, MACHINE)
-    said = [str(f.fields.get("range")) for f in [*faults, *check(job, MACHINE)] if f.rule.code in ("GJ201", "GJ504")]
+    job, diagnostics = read_job(source, MACHINE)
+    said = [
+        str(f.fields.get("range")) for f in [*diagnostics, *check(job, MACHINE)] if f.rule.code in ("GJ201", "GJ504")
+    ]
     assert str(limit) in said or (limit.unit.startswith("pulse/ms") and said), (sample, said)
 
 
@@ -782,11 +784,11 @@ def test_quick_fixes(tmp_path: Path) -> None:
                 ed.open(job, MARK + before + "\n")
                 await ed.told(job, bool)
                 whole = lsp.Range(lsp.Position(0, 0), lsp.Position(99, 0))
-                said: Any = await ed.client.text_document_code_action_async(
+                localized: Any = await ed.client.text_document_code_action_async(
                     lsp.CodeActionParams(ed.named(job), whole, lsp.CodeActionContext([]))
                 )
                 text = Text(utf8(MARK + before + "\n"))
-                for edit in said[0].edit.changes[job.as_uri()]:
+                for edit in localized[0].edit.changes[job.as_uri()]:
                     text = text.edited(lsp.TextDocumentContentChangePartial(range=edit.range, text=edit.new_text))
                 assert text.data.decode() == MARK + after + "\n"
                 ed.close(job)
@@ -813,11 +815,11 @@ def test_mends_are_quick_fixes(tmp_path: Path) -> None:
             async def actions(text: str) -> Any:
                 ed.open(job, text)
                 await ed.told(job, bool)
-                said: Any = await ed.client.text_document_code_action_async(
+                localized: Any = await ed.client.text_document_code_action_async(
                     lsp.CodeActionParams(ed.named(job), whole, lsp.CodeActionContext([]))
                 )
                 ed.close(job)
-                return said or []
+                return localized or []
 
             for before, title, after in MENDED:
                 for bom in ("", "\ufeff"):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.tools import MARK, faults_in, path_calls, run_job, stream_of
+from support.tools import MARK, diagnostics_in, path_calls, run_job, stream_of
 
 from gusjob.config.machine import Machine
 
@@ -95,7 +95,7 @@ def test_the_centre_is_whole_pulses_from_a_whole_start() -> None:
 def test_a_radius_just_short_of_half_the_chord_still_reaches() -> None:
     (call,) = path_calls(MARK + "ARC CW X 3.3336 Y 0 R 1.6667\n")
     assert float(call.split(",")[3]) == 1667.0
-    assert faults_in(MARK + "ARC CW X 3.3336 Y 0 R 1.6\n") == [(4, "GJ505")]
+    assert diagnostics_in(MARK + "ARC CW X 3.3336 Y 0 R 1.6\n") == [(4, "GJ505")]
 
 
 @pytest.mark.parametrize("seed", range(25))

@@ -139,8 +139,8 @@ def spans_only(line: str, prefix: str) -> bool:
 @pytest.mark.parametrize("text", HOSTILE)
 def test_hostile_names_and_messages_are_inert(text: str) -> None:
     rule = RULES["GJ112"]
-    fault = Diagnostic(rule=rule, span=Span(line=3), fields={"call": text, "hint": ""}, path=text)
-    made = report_markdown(None, [fault], name=text).splitlines()
+    diagnostic = Diagnostic(rule=rule, span=Span(line=3), fields={"call": text, "hint": ""}, path=text)
+    made = report_markdown(None, [diagnostic], name=text).splitlines()
     assert len(made) == 7
     assert spans_only(made[0], "## ")
     assert spans_only(made[6], "- error GJ112 ")
@@ -182,12 +182,12 @@ def widest(rows: int) -> Report:
 
 def test_it_always_fits_into_a_comment() -> None:
     report = widest(100)
-    fault = Diagnostic(
+    diagnostic = Diagnostic(
         rule=RULES["GJ112"], span=Span(line=3), fields={"call": "`@x" * 9999, "hint": ""}, path="/`" * 999
     )
     old = {name: column * 2 if name not in ("line", "kind") else column for name, column in report.columns.items()}
     earlier = Earlier(path="`" * 999, job="", totals={}, columns=old)
-    text = report_markdown(report, [fault] * 1000, name="`|" * 999, comparison=compare(report, earlier, 0.0))
+    text = report_markdown(report, [diagnostic] * 1000, name="`|" * 999, comparison=compare(report, earlier, 0.0))
     assert len(text) <= MAX_CHARACTERS < 65_536
     assert "- 970 more" in text
     assert "60 more" in text
@@ -197,8 +197,8 @@ def test_what_does_not_fit_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.report.markdown.MAX_CHARACTERS", 700)
     whole = report_markdown(None, [], name="x")
     assert "do not fit" not in whole
-    fault = Diagnostic(rule=RULES["GJ112"], span=Span(line=3), fields={"call": "QQ", "hint": ""}, path="x.job")
-    text = report_markdown(None, [fault] * 25, name="x")
+    diagnostic = Diagnostic(rule=RULES["GJ112"], span=Span(line=3), fields={"call": "QQ", "hint": ""}, path="x.job")
+    text = report_markdown(None, [diagnostic] * 25, name="x")
     listed = text.count("- error")
     assert len(text) <= 700
     assert 0 < listed < 25

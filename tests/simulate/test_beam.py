@@ -20,7 +20,7 @@ from gusjob.config.machine import Machine, Scanner, ScannerModel, parse_scanner
 from gusjob.config.profile import parse_machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.frontend import check_text, read_listing
-from gusjob.simulate import Trace, find_faults, interpret
+from gusjob.simulate import Trace, find_diagnostics, interpret
 
 Floats = npt.NDArray[np.float64]
 Call = tuple[object, ...]
@@ -408,8 +408,8 @@ def test_the_actual_position_is_that_of_the_axes_of_the_coordinate_system() -> N
 def test_the_planned_position_stands_in_where_no_scanner_is_known() -> None:
     text = ACTUAL.format(source=1, crd="", ratio="{3,0,0,0}")
     known, unknown = Machine(scanner=lag(ScannerModel.DELAY, 0)), Machine()
-    assert "GJ702" in [f.rule.code for f in find_faults(calls_in(text), unknown)]
-    assert "GJ702" not in [f.rule.code for f in find_faults(calls_in(text), known)]
+    assert "GJ702" in [f.rule.code for f in find_diagnostics(calls_in(text), unknown)]
+    assert "GJ702" not in [f.rule.code for f in find_diagnostics(calls_in(text), known)]
     planned = ACTUAL.format(source=0, crd="", ratio="{3,0,0,0}")
     assert run_listing(text, unknown).column("ch0_power_ms") == run_listing(planned, unknown).column("ch0_power_ms")
     assert "GJ702" not in run_listing(planned, unknown).codes()
@@ -422,7 +422,7 @@ def test_faults_alone_need_no_beam(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.simulate.beam._pieces", never)
     text = ACTUAL.format(source=1, crd="", ratio="{3,0,0,0}")
     machine = Machine(scanner=lag(ScannerModel.FIRST_ORDER, 100))
-    find_faults(calls_in(text), machine)
+    find_diagnostics(calls_in(text), machine)
     interpret(calls_in(ACTUAL.format(source=0, crd="", ratio="{3,0,0,0}")), machine)
 
 
@@ -459,8 +459,8 @@ def test_what_is_no_scanner_is_told_what_to_write(text: str) -> None:
 
 
 def test_the_scanner_of_a_profile() -> None:
-    machine, faults = parse_machine('scanner = "second-order:0.3ms"\n')
-    assert faults == []
+    machine, diagnostics = parse_machine('scanner = "second-order:0.3ms"\n')
+    assert diagnostics == []
     assert machine.scanner == Scanner(model=ScannerModel.SECOND_ORDER, tracking_error_us=300)
     assert Machine().scanner is None
 
@@ -476,9 +476,9 @@ def test_the_scanner_of_a_profile() -> None:
     ],
 )
 def test_a_wrong_scanner_in_a_profile(text: str, code: str, line: int, says: str) -> None:
-    machine, (fault,) = parse_machine("period_us = 100\n" + text + "\n")
-    assert (fault.rule.code, fault.span.line) == (code, line)
-    assert says in fault.message
+    machine, (diagnostic,) = parse_machine("period_us = 100\n" + text + "\n")
+    assert (diagnostic.rule.code, diagnostic.span.line) == (code, line)
+    assert says in diagnostic.message
     assert machine == Machine()
 
 

@@ -39,8 +39,8 @@ def report_of(text: str, machine: Machine) -> Report:
     """What the package reports of a listing."""
     source, _ = check_text(text.encode(), "x.gts")
     assert source is not None
-    stream, faults = read_listing(source)
-    assert not faults
+    stream, diagnostics = read_listing(source)
+    assert not diagnostics
     trace, _ = interpret(stream, machine, foreign=True)
     assert trace is not None
     return make_report(trace, machine)

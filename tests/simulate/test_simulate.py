@@ -53,7 +53,7 @@ def test_the_mode_stays_while_moving() -> None:
         HEAD + "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n" + LINE
         + "GT_CrdStart(1,0)\nGT_LaserPowerMode(0,40,0,0)\nGT_BufLaserOff(1,0,0)\n"
     )  # fmt: skip
-    assert "GT_LaserPowerMode returns 1" in " ".join(f.message for f in ran.faults)
+    assert "GT_LaserPowerMode returns 1" in " ".join(f.message for f in ran.diagnostics)
     assert ran.column("ch0_power_max") == [50]
 
 
@@ -64,7 +64,7 @@ def test_a_refused_call_has_no_effect() -> None:
         + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
     )  # fmt: skip
     assert ran.column("ch0_power_max") == [50]
-    assert [f.fields["code"] for f in ran.faults if f.rule.code == "GJ701"] == [7, 7]
+    assert [f.fields["code"] for f in ran.diagnostics if f.rule.code == "GJ701"] == [7, 7]
 
 
 def test_mode_limits_clamp_and_time_is_counted() -> None:

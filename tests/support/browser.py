@@ -90,7 +90,7 @@ class Chromium:
                 page.add_init_script(before)
             address = path if isinstance(path, str) else path.resolve().as_uri()
             page.on("console", lambda m: tab.complaints.append(m.text) if m.type in ("error", "warning") else None)
-            page.on("pageerror", lambda fault: tab.complaints.append(str(fault)))
+            page.on("pageerror", lambda diagnostic: tab.complaints.append(str(diagnostic)))
             page.on(
                 "request",
                 lambda r: (

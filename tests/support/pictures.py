@@ -17,7 +17,7 @@ import numpy.typing as npt
 from support.tools import MACHINE, stream_of
 
 from gusjob.config.machine import Machine, parse_scanner
-from gusjob.controllers.gus.calls import Run
+from gusjob.controllers.gus.calls import RunKind
 from gusjob.simulate import Trace, interpret
 from gusjob.simulate.quality.ends import ends_of
 from gusjob.simulate.quality.marks import BIN_MM
@@ -183,9 +183,9 @@ class Mark:
 
 def run(text: str, machine: Machine = MACHINE) -> Trace:
     """The trace of a job in which there is nothing to find fault with."""
-    trace, faults = interpret(stream_of(text, machine), machine)
+    trace, diagnostics = interpret(stream_of(text, machine), machine)
     assert trace is not None
-    assert [f.message for f in faults] == []
+    assert [f.message for f in diagnostics] == []
     return trace
 
 
@@ -202,8 +202,8 @@ def legs_of(trace: Trace) -> list[Leg]:
     marked = {c for a, b in zip(ends.first.tolist(), ends.last.tolist(), strict=True) for c in range(a, b + 1)}
     legs: list[Leg] = []
     for cell, row in enumerate(trace.clock.row):
-        meant = Run(int(trace.intent.run[row])) if trace.intent is not None else Run.NONE
-        role = "mark" if cell in marked else {Run.RUN_IN: "run-in", Run.RUN_OUT: "run-out"}.get(meant, "jump")
+        meant = RunKind(int(trace.intent.run[row])) if trace.intent is not None else RunKind.NONE
+        role = "mark" if cell in marked else {RunKind.RUN_IN: "run-in", RunKind.RUN_OUT: "run-out"}.get(meant, "jump")
         leg = Leg(role=role, start=points[cell], end=points[cell + 1])
         if legs and legs[-1].role == role and _straight_on(legs[-1], leg):
             legs[-1] = replace(legs[-1], end=leg.end)

@@ -30,23 +30,23 @@ def job_of(text: str, machine: Machine = MACHINE) -> Job:
     """A job that must read without a fault."""
     source, _ = check_text(text.encode(), "test.job")
     assert source is not None
-    job, faults = read_job(source, machine)
-    assert [f.message for f in faults if f.severity is not Severity.NOTE] == []
+    job, diagnostics = read_job(source, machine)
+    assert [f.message for f in diagnostics if f.severity is not Severity.NOTE] == []
     return job
 
 
-def faults_in(text: str, machine: Machine = MACHINE) -> list[tuple[int, str]]:
+def diagnostics_in(text: str, machine: Machine = MACHINE) -> list[tuple[int, str]]:
     """(line, code) of everything that reading, checking and planning find."""
     source, _ = check_text(text.encode(), "test.job")
     assert source is not None
-    job, faults = read_job(source, machine)
-    return [(f.span.line, f.rule.code) for f in [*faults, *check(job, machine)]]
+    job, diagnostics = read_job(source, machine)
+    return [(f.span.line, f.rule.code) for f in [*diagnostics, *check(job, machine)]]
 
 
 def stream_of(text: str, machine: Machine = MACHINE) -> Stream:
     """The calls of a job."""
-    stream, faults = compile_job(job_of(text, machine), machine)
-    assert [f.message for f in faults if f.severity is Severity.ERROR] == []
+    stream, diagnostics = compile_job(job_of(text, machine), machine)
+    assert [f.message for f in diagnostics if f.severity is Severity.ERROR] == []
     return stream
 
 
@@ -65,7 +65,7 @@ class Ran:
     """What came out of a run."""
 
     report: Report
-    faults: list[Diagnostic]
+    diagnostics: list[Diagnostic]
 
     def column(self, name: str) -> list[float]:
         """A column of the report."""
@@ -73,21 +73,21 @@ class Ran:
 
     def codes(self) -> list[str]:
         """Rules that spoke."""
-        return [f.rule.code for f in self.faults]
+        return [f.rule.code for f in self.diagnostics]
 
 
 def run_listing(text: str, machine: Machine = MACHINE) -> Ran:
     """Read and interpret calls."""
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
-    stream, read_faults = read_listing(source)
-    trace, faults = interpret(stream, machine, foreign=True)
+    stream, read_diagnostics = read_listing(source)
+    trace, diagnostics = interpret(stream, machine, foreign=True)
     assert trace is not None
-    return Ran(make_report(trace, machine), [*read_faults, *faults])
+    return Ran(make_report(trace, machine), [*read_diagnostics, *diagnostics])
 
 
 def run_job(text: str, machine: Machine = MACHINE) -> Ran:
     """Compile and interpret a job."""
-    trace, faults = interpret(stream_of(text, machine), machine)
+    trace, diagnostics = interpret(stream_of(text, machine), machine)
     assert trace is not None
-    return Ran(make_report(trace, machine), faults)
+    return Ran(make_report(trace, machine), diagnostics)

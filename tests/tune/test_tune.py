@@ -43,7 +43,7 @@ def tuned(text: str, scanner: str, channel: int = 0, mode: int | None = None, *,
     assert source is not None
     machine = lagging(scanner)
     run = run_text(source, machine)
-    assert run.trace is not None, [f.message for f in run.faults]
+    assert run.trace is not None, [f.message for f in run.diagnostics]
     return tune_sky_writing(run, machine, channel, mode) if sky else tune_delays(run, machine, channel)
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Arg, Buffered, BufferedCalls, Call, Kind, Signature
-from gusjob.controllers.gus.ranges import FOLLOW, POWER, PowerMode, Range, Verdict
+from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Arg, ArgKind, Buffered, BufferedCalls, Call, Signature
+from gusjob.controllers.gus.ranges import FOLLOW, POWER, Membership, PowerMode, Range
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase, number
@@ -23,7 +23,7 @@ def bad_argument(call: Call) -> str:
     """Why the controller would not take a call that is not buffered; '' if it would."""
     switched_off = call.name in _OFF_MEANS_NOTHING and call.args[0] == 0.0
     for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
-        if arg.range is None or (switched_off and arg.kind in (Kind.REAL, Kind.ARRAY)):
+        if arg.range is None or (switched_off and arg.kind in (ArgKind.REAL, ArgKind.ARRAY)):
             continue
         for one in value if isinstance(value, tuple) else (value,):
             if isinstance(one, float) and (reason := out_of(arg.range, arg.name, one)):
@@ -34,7 +34,7 @@ def bad_argument(call: Call) -> str:
 def out_of(allowed: Range, name: str, value: float) -> str:
     """Why a value is none for a range; '' if it is one."""
     shown = f"{name} {number(value)} {allowed.unit}".rstrip()
-    if allowed.verdict(value) is Verdict.OUTSIDE:
+    if allowed.verdict(value) is Membership.OUTSIDE:
         return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
     return "" if allowed.carries(value) else Phrase("{value} is not whole", value=shown)
 
@@ -48,7 +48,7 @@ class BufferedJudge:
     collector: Collector
 
     def taken(self, rows: Indices) -> Indices:
-        """The rows whose arguments the controller takes; the others are faults."""
+        """The rows whose arguments the controller takes; the others are diagnostics."""
         bad = np.zeros(len(rows), dtype=np.bool_)
         kinds = self.calls.kind[rows]
         for kind, signature in BUFFERED.items():
@@ -84,7 +84,7 @@ class BufferedJudge:
         whole = allowed.carries(values) if allowed.whole else np.isfinite(values)
         if not verdict.any() and whole.all():
             return
-        wrong = (verdict == Verdict.OUTSIDE) | ~whole
+        wrong = (verdict == Membership.OUTSIDE) | ~whole
         fresh = np.flatnonzero(wrong & ~bad[at])
         self.each(
             rules.REFUSED,
@@ -92,12 +92,12 @@ class BufferedJudge:
             lambda i: _refused(signature, out_of(allowed, arg.name, float(values[fresh[i]]))),
         )
         bad[at[wrong]] = True
-        ends = np.flatnonzero((verdict == Verdict.ON_TOLERATED_END) & whole)
+        ends = np.flatnonzero((verdict == Membership.ON_TOLERATED_END) & whole)
         what = {"what": f"{signature.name} {arg.name}", "unit": allowed.unit, "range": str(allowed)}
         self.each(rules.ON_OPEN_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
 
     def each(self, rule: Rule, rows: Indices, fields: Callable[[int], dict[str, object]]) -> None:
-        """A fault for each row, with the fields for the i-th."""
+        """A diagnostic for each row, with the fields for the i-th."""
         listed = rows[: self.collector.room(rule)].tolist()
         for i, row in enumerate(listed):
             self.collector.add(rule, Span(line=int(self.calls.line[row])), fields(i))

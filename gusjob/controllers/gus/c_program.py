@@ -19,15 +19,15 @@ from gusjob.controllers.gus.calls import (
     CRD_FIELDS,
     SIGNATURES,
     Arg,
+    ArgKind,
     BufferedCalls,
     Call,
-    Kind,
     Signature,
     Stream,
     Value,
 )
 from gusjob.controllers.gus.listing import number_texts, value_text
-from gusjob.controllers.gus.ranges import Range, Verdict
+from gusjob.controllers.gus.ranges import Membership, Range
 
 _TEMPLATE = Path(__file__).with_name("c_program.c")
 _MARK = "/* @job@ */\n\n"
@@ -60,7 +60,7 @@ def _head(stream: Stream) -> str:
         f" * Job: {_in_comment(name)[:_LONGEST_NAME]}",
         f" * Buffered calls: {rows}, stages: {starts}. Written by gusjob {__version__}.",
         " */",
-        *(f"#error {_in_comment(fault)}" for fault in _faults(stream)),
+        *(f"#error {_in_comment(diagnostic)}" for diagnostic in _faults(stream)),
         f"#define GUSJOB_CHANNELS {_list(_named(stream, 'channel'))}",
         f"#define GUSJOB_CRDS {_list(_named(stream, 'crd'))}",
         f"#define GUSJOB_AXES {_list(_axes(stream))}",
@@ -125,13 +125,13 @@ def _statement(call: Call, texts: list[str]) -> str:
     before = list[str]()
     for i, (arg, value) in enumerate(zip(SIGNATURES[call.name].args, call.args, strict=True)):
         match arg.kind:
-            case Kind.ARRAY:
+            case ArgKind.ARRAY:
                 before.append(f"{arg.c} {arg.name}[] = {texts[i]};")
                 texts[i] = arg.name
-            case Kind.POINTER:
+            case ArgKind.POINTER:
                 before.append("unsigned short value = 0;")
                 texts[i] = "&value"
-            case Kind.STRUCT:
+            case ArgKind.STRUCT:
                 before += ["TCrdPrm crdPrm;", "memset(&crdPrm, 0, sizeof crdPrm);", *_fields(value)]
                 texts[i] = "&crdPrm"
             case _:
@@ -182,9 +182,9 @@ def _buffered_faults(calls: BufferedCalls) -> Iterator[str]:
     for kind, signature in BUFFERED.items():
         at = np.flatnonzero(calls.kind == kind)
         for arg in signature.args:
-            if arg.kind is Kind.WHOLE and len(at):
+            if arg.kind is ArgKind.WHOLE and len(at):
                 allowed, values = arg.range or ranges.SHORT, calls.column(arg.column)[at]
-                bad = (allowed.judge(values) == Verdict.OUTSIDE) | ~allowed.carries(values)
+                bad = (allowed.judge(values) == Membership.OUTSIDE) | ~allowed.carries(values)
                 for i in np.flatnonzero(bad)[:_MOST_FAULTS].tolist():
                     yield _fault(int(calls.line[at[i]]), signature.name, arg.name, values[i], allowed)
 
@@ -192,22 +192,22 @@ def _buffered_faults(calls: BufferedCalls) -> Iterator[str]:
 def _call_faults(calls: Iterable[Call]) -> Iterator[str]:
     for call in calls:
         for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
-            if arg.kind is Kind.STRUCT and isinstance(value, str):
+            if arg.kind is ArgKind.STRUCT and isinstance(value, str):
                 yield f"line {call.line}: {call.name}: the fields of {value} are not given"
             for name, allowed, number in _whole_numbers(arg, value):
-                if allowed.verdict(number) is Verdict.OUTSIDE or not allowed.carries(number):
+                if allowed.verdict(number) is Membership.OUTSIDE or not allowed.carries(number):
                     yield _fault(call.line, call.name, name, number, allowed)
 
 
 def _whole_numbers(arg: Arg, value: Value) -> Iterator[tuple[str, Range, float]]:
     """What has to be whole in an argument: its name, its range, the number."""
     match arg.kind:
-        case Kind.WHOLE:
+        case ArgKind.WHOLE:
             yield from ((arg.name, arg.range or ranges.SHORT, number) for number in _flat(value))
-        case Kind.ARRAY if arg.range is not None and arg.range.whole:
+        case ArgKind.ARRAY if arg.range is not None and arg.range.whole:
             for number in _flat(value):
                 yield arg.name, arg.range, number
-        case Kind.STRUCT if isinstance(value, tuple):
+        case ArgKind.STRUCT if isinstance(value, tuple):
             for (name, _, _, allowed), part in zip(CRD_FIELDS, value, strict=True):
                 if allowed is not None:
                     yield from ((name, allowed, number) for number in _flat(part))

@@ -31,7 +31,7 @@ class Buffered(IntEnum):
     FOLLOW = 7
 
 
-class Kind(IntEnum):
+class ArgKind(IntEnum):
     """What an argument is in C."""
 
     WHOLE = 0
@@ -61,7 +61,7 @@ class Arg:
     """
 
     name: str
-    kind: Kind
+    kind: ArgKind
     range: Range | None = None
     column: str = ""
     c: CType = CType.SHORT
@@ -70,7 +70,7 @@ class Arg:
     @property
     def declaration(self) -> str:
         """The argument in C."""
-        star = "" if self.kind in (Kind.WHOLE, Kind.REAL) else "*"
+        star = "" if self.kind in (ArgKind.WHOLE, ArgKind.REAL) else "*"
         return f"{self.c}{'' if self.c.endswith('*') else ' '}{star}{self.name}"
 
 
@@ -93,19 +93,19 @@ class Signature:
 
 
 def _whole(name: str, allowed: Range | None = None, column: str = "", c: CType = CType.SHORT) -> Arg:
-    return Arg(name=name, kind=Kind.WHOLE, range=allowed, column=column, c=c)
+    return Arg(name=name, kind=ArgKind.WHOLE, range=allowed, column=column, c=c)
 
 
 def _real(name: str, allowed: Range | None = None, column: str = "") -> Arg:
-    return Arg(name=name, kind=Kind.REAL, range=allowed, column=column, c=CType.DOUBLE)
+    return Arg(name=name, kind=ArgKind.REAL, range=allowed, column=column, c=CType.DOUBLE)
 
 
 def _array(name: str, allowed: Range, c: CType) -> Arg:
-    return Arg(name=name, kind=Kind.ARRAY, range=allowed, c=c, count=4)
+    return Arg(name=name, kind=ArgKind.ARRAY, range=allowed, c=c, count=4)
 
 
 def _found(name: str, c: CType, count: int = 1) -> Arg:
-    return Arg(name=name, kind=Kind.POINTER, c=c, count=count)
+    return Arg(name=name, kind=ArgKind.POINTER, c=c, count=count)
 
 
 _CRD = _whole("crd", ranges.CRD, "crd")
@@ -241,7 +241,7 @@ _SIGNATURES = (
         ),
         section="五.2",
     ),
-    Signature(name="GT_SetCrdPrm", args=(_CRD, Arg(name="pCrdPrm", kind=Kind.STRUCT, c=CType.CRD_PARAMETERS))),
+    Signature(name="GT_SetCrdPrm", args=(_CRD, Arg(name="pCrdPrm", kind=ArgKind.STRUCT, c=CType.CRD_PARAMETERS))),
     Signature(name="GT_CrdClear", args=(_CRD, _FIFO), section="四.3"),
     Signature(name="GT_CrdStart", args=(_whole("mask"), _whole("option")), section="四.3"),
     Signature(
@@ -264,7 +264,7 @@ HOST_CALLS: dict[str, Signature] = {
         Signature(name="GT_Open", args=(_whole("channel"), _whole("param"))),
         Signature(name="GT_Close", args=()),
         Signature(name="GT_Reset", args=()),
-        Signature(name="GT_LoadConfig", args=(Arg(name="pFile", kind=Kind.WHOLE, c=CType.TEXT),)),
+        Signature(name="GT_LoadConfig", args=(Arg(name="pFile", kind=ArgKind.WHOLE, c=CType.TEXT),)),
         Signature(name="GT_ClrSts", args=(_AXIS, _COUNT)),
         Signature(name="GT_AxisOn", args=(_AXIS,)),
         Signature(name="GT_AxisOff", args=(_AXIS,)),
@@ -346,7 +346,7 @@ class BufferedCalls:
         return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
 
 
-class Run(IntEnum):
+class RunKind(IntEnum):
     """What a dark motion is for: nothing special, to come up to speed before a mark, to slow down behind it."""
 
     NONE = 0

@@ -63,11 +63,11 @@ class _Executor:
 
     # Reporting.
 
-    def fault(self, rule: Rule, line: int, **fields: object) -> None:
+    def diagnostic(self, rule: Rule, line: int, **fields: object) -> None:
         self.collector.add(rule, Span(line=line), fields)
 
     def refuse(self, call: str, line: int, code: int, reason: str) -> None:
-        self.fault(rules.REFUSED, line, call=call, code=code, reason=reason)
+        self.diagnostic(rules.REFUSED, line, call=call, code=code, reason=reason)
 
     # Buffered calls.
 
@@ -143,9 +143,9 @@ class _Executor:
         if mode.is_pwm and not self.axis_ever[channel]:
             first = f"GT_SetAxisMode({7 + channel},1)"
             reason = Phrase("{call} comes first in the PWM modes (M 三.1)", call=first)
-            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
-            self.fault(
+            self.diagnostic(
                 rules.ACCEPTED_ODD, call.line, call=call.name,
                 reason=Phrase("GT_SetAxisMode is not to be called in analog mode (M 三.1 (3), in its comment)"),
             )  # fmt: skip
@@ -181,7 +181,7 @@ class _Executor:
     def needs_mode(self, call: Call, good: bool, where: str) -> None:
         if not good:
             reason = Phrase("it has an effect only in {modes}", modes=where)
-            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
 
     def carrier(self, call: Call) -> None:
         channel = self.channel(call)
@@ -218,7 +218,7 @@ class _Executor:
         actual = self.number(call, 1) == 1
         if self.number(call, 0) == 1 and actual and not self.has_scanner:
             reason = Phrase("no scanner is modelled: the planned position stands in for the actual one")
-            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         self.set(
             self.channel(call),
             distance=self.number(call, 0) == 1,
@@ -263,14 +263,14 @@ class _Executor:
         dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
         if dropped:
             reason = Phrase("{count} buffered calls are cleared, never run", count=dropped)
-            self.fault(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
 
     def start(self, call: Call) -> None:
         mask, option = int(self.number(call, 0)), int(self.number(call, 1))
         if mask not in (1, 2):
             rule, fields = (rules.CRDS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
             reason = Phrase("mask {mask} names no coordinate system", mask=mask)
-            self.fault(rule, call.line, **fields, code=PARAMETER_ERROR, reason=reason)
+            self.diagnostic(rule, call.line, **fields, code=PARAMETER_ERROR, reason=reason)
             return
         crd = mask
         fifo = (option >> (crd - 1)) & 1
@@ -278,7 +278,7 @@ class _Executor:
             if self.running.crd == crd:
                 self.refuse(call.name, call.line, EXECUTION_ERROR, Phrase("the coordinate system is moving already"))
             else:
-                self.fault(rules.CRDS_AT_ONCE, call.line)
+                self.diagnostic(rules.CRDS_AT_ONCE, call.line)
             return
         parts = self.queues.pop((crd, fifo), [])
         self.running = StageRun(
@@ -329,9 +329,9 @@ class _Executor:
         for (crd, fifo), parts in self.queues.items():
             count = sum(map(len, parts))
             if count:
-                self.fault(rules.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
+                self.diagnostic(rules.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
         if len(calls) and not self.crd_built:
-            self.fault(rules.ASSUMED_CRD, int(calls.line[0]))
+            self.diagnostic(rules.ASSUMED_CRD, int(calls.line[0]))
         return Program(
             stages=tuple(self.stages),
             at_end=tuple(self.actions),

@@ -37,7 +37,7 @@ class PowerMode(IntEnum):
         return self is not PowerMode.ANALOG
 
 
-class Verdict(IntEnum):
+class Membership(IntEnum):
     """How a value stands to a range."""
 
     INSIDE = 0
@@ -75,20 +75,20 @@ class Range:
         inside = (v > self.low if self.low_open else v >= self.low) & (
             v < self.high if self.high_open else v <= self.high
         )
-        verdict = np.where(inside, Verdict.INSIDE, Verdict.OUTSIDE).astype(np.int8)
+        verdict = np.where(inside, Membership.INSIDE, Membership.OUTSIDE).astype(np.int8)
         if self.ends_tolerated:
             on_end = ~inside & ((v == self.low) | (v == self.high))
-            verdict[on_end] = Verdict.ON_TOLERATED_END
+            verdict[on_end] = Membership.ON_TOLERATED_END
         return verdict
 
-    def verdict(self, value: float) -> Verdict:
+    def verdict(self, value: float) -> Membership:
         """Verdict for one value."""
         above = value > self.low or (value == self.low and not self.low_open)
         below = value < self.high or (value == self.high and not self.high_open)
         if above and below:
-            return Verdict.INSIDE
+            return Membership.INSIDE
         on_end = value in (self.low, self.high)
-        return Verdict.ON_TOLERATED_END if on_end and self.ends_tolerated else Verdict.OUTSIDE
+        return Membership.ON_TOLERATED_END if on_end and self.ends_tolerated else Membership.OUTSIDE
 
     def carries(self, value: npt.ArrayLike) -> Any:
         """Whether the argument's C type can carry the value: finite, and whole where the type is an integer."""

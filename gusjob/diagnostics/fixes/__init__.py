@@ -1,4 +1,4 @@
-"""Faults that leave exactly one thing to write are mended in the text: what `gusjob check --fix` does."""
+"""Diagnostics that leave exactly one thing to write are mended in the text: what `gusjob check --fix` does."""
 
 from gusjob.diagnostics.fixes.proof import key_of
 from gusjob.diagnostics.fixes.rounds import Judge, Mended, mended

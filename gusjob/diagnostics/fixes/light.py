@@ -9,7 +9,7 @@ from gusjob.frontend.files import may_be_a_part
 _BLANKS = b" \t\r\n"
 
 
-def left_on(look: Look, fault: Diagnostic) -> Edits:
+def left_on(look: Look, diagnostic: Diagnostic) -> Edits:
     """LASER OFF as the last statement.
 
     Where a line can't be read, a block has no END or a routine is unknown, the LASER OFF may be there already. A file
@@ -18,9 +18,9 @@ def left_on(look: Look, fault: Diagnostic) -> Edits:
     job = look.loaded.job
     if job is None or not job.whole or may_be_a_part(look.loaded.path):
         return ()
-    if any(other.severity is Severity.ERROR and other.rule is not fault.rule for other in look.loaded.faults):
+    if any(other.severity is Severity.ERROR and other.rule is not diagnostic.rule for other in look.loaded.diagnostics):
         return ()
-    channel = int(fault.fields["channel"])
+    channel = int(diagnostic.fields["channel"])
     # CHANNEL may be in force for another one.
     alone = channel == 0 and not job.files and b"CHANNEL" not in look.data.upper()
     return (_appended(look.data, b"LASER OFF" if alone else b"LASER OFF CHANNEL %d" % channel),)

@@ -1,4 +1,4 @@
-"""Whether mends keep their word: the faults are gone, and nothing else is wrong that was not wrong before."""
+"""Whether mends keep their word: the diagnostics are gone, and nothing else is wrong that was not wrong before."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Key = tuple[str, str, int]
 """Rule, file and line: mends leave every line in its place."""
 
 
-def key_of(fault: Diagnostic) -> Key:
-    """What stays the same of a fault when its line is written otherwise."""
-    return fault.rule.code, fault.span.path, fault.span.line
+def key_of(diagnostic: Diagnostic) -> Key:
+    """What stays the same of a diagnostic when its line is written otherwise."""
+    return diagnostic.rule.code, diagnostic.span.path, diagnostic.span.line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """`left`: mends whose fault is still there. `worse`: lines of the text in which something is wrong now that was
-    not before; with a line of 0 where no line can be named."""
+    """`left`: mends whose diagnostic is still there. `worse`: lines of the text in which something is wrong now that
+    was not before; with a line of 0 where no line can be named."""
 
     left: tuple[Mend, ...]
     worse: frozenset[int]
@@ -40,17 +40,18 @@ def verdict(before: Loaded, after: Loaded, mends: Iterable[Mend]) -> Verdict:
     if after.job is None:  # It is taken for something else now.
         return Verdict(left=tuple(mends), worse=frozenset({0}))
     mends = tuple(mends)
-    keys = {key_of(fault) for fault in after.faults}
-    left = tuple(mend for mend in mends if key_of(mend.fault) in keys)
-    if any(mend.fault.rule.code in READS for mend in mends):
+    keys = {key_of(diagnostic) for diagnostic in after.diagnostics}
+    left = tuple(mend for mend in mends if key_of(mend.diagnostic) in keys)
+    if any(mend.diagnostic.rule.code in READS for mend in mends):
         return Verdict(left=left, worse=frozenset())
-    return Verdict(left=left, worse=frozenset(_worse(before.faults, after.faults)))
+    return Verdict(left=left, worse=frozenset(_worse(before.diagnostics, after.diagnostics)))
 
 
 def _worse(before: list[Diagnostic], after: list[Diagnostic]) -> set[int]:
     """The lines of errors and warnings that are new or come more often; 0 for a line of another file.
 
-    Of a rule with more faults than are listed, the next ones are listed when some are gone: there their number counts.
+    Of a rule with more diagnostics than are listed, the next ones are listed when some are gone: there their number
+    counts.
     """
     uncounted = {str(f.fields["code"]) for f in (*before, *after) if f.rule.code == rules.MORE.code}
     old, new = _serious(before, uncounted), _serious(after, uncounted)
@@ -59,20 +60,20 @@ def _worse(before: list[Diagnostic], after: list[Diagnostic]) -> set[int]:
     return found | {0 for _ in new_totals - old_totals}
 
 
-def _serious(faults: list[Diagnostic], uncounted: set[str]) -> Counter[Key]:
+def _serious(diagnostics: list[Diagnostic], uncounted: set[str]) -> Counter[Key]:
     counts: Counter[Key] = Counter()
-    for fault in faults:
-        if fault.severity is not Severity.NOTE and fault.rule.code not in uncounted:
-            counts[key_of(fault)] += fault.count
+    for diagnostic in diagnostics:
+        if diagnostic.severity is not Severity.NOTE and diagnostic.rule.code not in uncounted:
+            counts[key_of(diagnostic)] += diagnostic.count
     return counts
 
 
-def _totals(faults: list[Diagnostic], codes: set[str]) -> Counter[str]:
-    """Of rules with faults that are not listed: how many there are in all."""
+def _totals(diagnostics: list[Diagnostic], codes: set[str]) -> Counter[str]:
+    """Of rules with diagnostics that are not listed: how many there are in all."""
     counts: Counter[str] = Counter()
-    for fault in faults:
-        if fault.rule.code == rules.MORE.code:
-            counts[str(fault.fields["code"])] += int(fault.fields["count"])
-        elif fault.rule.code in codes and fault.severity is not Severity.NOTE:
-            counts[fault.rule.code] += 1
+    for diagnostic in diagnostics:
+        if diagnostic.rule.code == rules.MORE.code:
+            counts[str(diagnostic.fields["code"])] += int(diagnostic.fields["count"])
+        elif diagnostic.rule.code in codes and diagnostic.severity is not Severity.NOTE:
+            counts[diagnostic.rule.code] += 1
     return counts

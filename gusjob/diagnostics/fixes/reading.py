@@ -24,13 +24,13 @@ _NUMBER_AND_BLANKS = re.compile(r"[0-9.][ \t]+$")
 _IF = re.compile(r"\s*IF\b", re.IGNORECASE)
 
 
-def line(look: Look, fault: Diagnostic) -> Edits:
+def line(look: Look, diagnostic: Diagnostic) -> Edits:
     """The line as it can be read."""
-    text = look.line(fault.span.line)
+    text = look.line(diagnostic.span.line)
     meant = readable(text)
     if meant is None:
         return ()
-    start = look.start(fault.span.line)
+    start = look.start(diagnostic.span.line)
     return (Edit(start, start + len(text.encode()), meant.encode()),)
 
 
@@ -38,12 +38,12 @@ def readable(text: str) -> str | None:
     """A line without its slips; None if something is left that can't be read."""
     text = as_meant(text)
     for _ in range(MAX_SLIPS):
-        _, faults = read_statement(text, 1)
-        if not faults:
+        _, diagnostics = read_statement(text, 1)
+        if not diagnostics:
             return text
-        if faults[0].rule.code not in (rules.UNEXPECTED.code, rules.UNKNOWN_STATEMENT.code):
+        if diagnostics[0].rule.code not in (rules.UNEXPECTED.code, rules.UNKNOWN_STATEMENT.code):
             return None
-        found = (slip(text, faults[0].span.column - 1) for slip in SLIPS)
+        found = (slip(text, diagnostics[0].span.column - 1) for slip in SLIPS)
         text, before = next((new for new in found if new != text), text), text
         if text == before:
             return None

@@ -16,7 +16,7 @@ from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.pipeline import Loaded, look_closer
 
 MAX_ROUNDS = 200
-"""Of a rule 1000 faults are listed, so a file of 100,000 is mended to its end."""
+"""Of a rule 1000 diagnostics are listed, so a file of 100,000 is mended to its end."""
 MAX_TRIES = 100
 """So often a file is judged to find mends that don't keep their word; what was not tried then stays as it is."""
 
@@ -26,7 +26,7 @@ Judge = Callable[[bytes], Loaded]
 
 @dataclass(frozen=True, slots=True)
 class Mended:
-    """What became of a job: its text, how it is judged, and how many faults are gone."""
+    """What became of a job: its text, how it is judged, and how many diagnostics are gone."""
 
     data: bytes
     loaded: Loaded
@@ -43,7 +43,7 @@ def mended(loaded: Loaded, judge: Judge, wanted: Callable[[Diagnostic], bool]) -
             break
         kept = run.best(_Tried((), state), mends, state)
         state = kept.state
-        run.refused |= {key_of(mend.fault) for mend in mends} - {key_of(mend.fault) for mend in kept.mends}
+        run.refused |= {key_of(mend.diagnostic) for mend in mends} - {key_of(mend.diagnostic) for mend in kept.mends}
     return state
 
 
@@ -60,7 +60,7 @@ class _Run:
     judge: Judge
     wanted: Callable[[Diagnostic], bool]
     refused: set[Key] = field(default_factory=set)
-    """Faults of which the mend did not keep its word."""
+    """Diagnostics of which the mend did not keep its word."""
     tries: int = 0
 
     def found(self, state: Mended) -> list[Mend]:
@@ -68,15 +68,20 @@ class _Run:
         if state.loaded.job is None:
             return []
         look = Look(state.loaded, state.data)
-        faults = [f for f in state.loaded.faults if f.rule.code in MENDS and self.wanted(f) and self.own(state, f)]
-        reading = [mend for fault in faults if fault.rule.code in READS for mend in _mends(look, fault)]
-        return apart(reading or [mend for fault in faults for mend in _mends(look, fault)])
+        diagnostics = [
+            f for f in state.loaded.diagnostics if f.rule.code in MENDS and self.wanted(f) and self.own(state, f)
+        ]
+        reading = [
+            mend for diagnostic in diagnostics if diagnostic.rule.code in READS for mend in _mends(look, diagnostic)
+        ]
+        return apart(reading or [mend for diagnostic in diagnostics for mend in _mends(look, diagnostic)])
 
-    def own(self, state: Mended, fault: Diagnostic) -> bool:
-        """Whether a fault stands in this text (one of an included file may be none elsewhere), and is not given up."""
+    def own(self, state: Mended, diagnostic: Diagnostic) -> bool:
+        """Whether a diagnostic stands in this text (one of an included file may be none elsewhere), and is not given
+        up."""
         source = state.loaded.source
-        here = source is not None and not fault.span.path and fault.path == source.name
-        return here and key_of(fault) not in self.refused
+        here = source is not None and not diagnostic.span.path and diagnostic.path == source.name
+        return here and key_of(diagnostic) not in self.refused
 
     def best(self, kept: _Tried, mends: list[Mend], before: Mended) -> _Tried:
         """As many of these mends as keep their word together with those that are kept already."""
@@ -87,22 +92,22 @@ class _Run:
         data = edited(before.data, [edit for mend in all_of_them for edit in mend.edits])
         after = self.judge(data)
         # A job with errors was not planned: what the planner says of it is heard for the first time, and not compared.
-        said = verdict(before.loaded, after, all_of_them) if has_errors(before.loaded.faults) else None
+        said = verdict(before.loaded, after, all_of_them) if has_errors(before.loaded.diagnostics) else None
         if said is None or said.good:
             look_closer(after)
         said = said or verdict(before.loaded, after, all_of_them)
         if said.good:
             return _Tried(all_of_them, Mended(data, after, before.count + len(all_of_them)))
-        left = {key_of(mend.fault) for mend in said.left}
-        first = [m for m in mends if key_of(m.fault) not in left and m.fault.span.line not in said.worse]
-        then = [m for m in mends if key_of(m.fault) not in left and m.fault.span.line in said.worse]
+        left = {key_of(mend.diagnostic) for mend in said.left}
+        first = [m for m in mends if key_of(m.diagnostic) not in left and m.diagnostic.span.line not in said.worse]
+        then = [m for m in mends if key_of(m.diagnostic) not in left and m.diagnostic.span.line in said.worse]
         if not first or len(first) == len(mends):
             half = len(mends) // 2
             first, then = (mends[:half], mends[half:]) if half else ([], [])
         return self.best(self.best(kept, first, before), then, before)
 
 
-def _mends(look: Look, fault: Diagnostic) -> list[Mend]:
-    """The mend of a fault, if this one has a mend."""
-    edits = MENDS[fault.rule.code](look, fault)
-    return [Mend(fault=fault, edits=edits)] if edits else []
+def _mends(look: Look, diagnostic: Diagnostic) -> list[Mend]:
+    """The mend of a diagnostic, if this one has a mend."""
+    edits = MENDS[diagnostic.rule.code](look, diagnostic)
+    return [Mend(diagnostic=diagnostic, edits=edits)] if edits else []

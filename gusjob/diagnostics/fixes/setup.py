@@ -7,12 +7,12 @@ from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.statements import read_statement
 
 
-def off_delay(look: Look, fault: Diagnostic) -> Edits:
+def off_delay(look: Look, diagnostic: Diagnostic) -> Edits:
     """OFF raised to ON, as ON is written: the light comes when it came before, and the mark ends no earlier.
 
     Only where both are plain numbers: what a name comes to hangs on other lines, which need it, too.
     """
-    number = fault.span.line
+    number = diagnostic.span.line
     statement, _ = read_statement(look.line(number), number)
     if statement is None or statement.form != "laser_delay" or statement.has_expressions:
         return ()
@@ -23,9 +23,9 @@ def off_delay(look: Look, fault: Diagnostic) -> Edits:
     return (look.edit(number, off.column, off.end_column, as_on + gap),)
 
 
-def sky_writing_off(look: Look, fault: Diagnostic) -> Edits:
+def sky_writing_off(look: Look, diagnostic: Diagnostic) -> Edits:
     """TIMELAG 0 is a way to say SKYWRITE OFF. Of any other number that small nobody knows what was meant."""
-    number = fault.span.line
+    number = diagnostic.span.line
     statement, _ = read_statement(look.line(number), number)
     if statement is None or statement.form != "skywrite" or statement.has_expressions:
         return ()

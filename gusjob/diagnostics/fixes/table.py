@@ -1,7 +1,7 @@
-"""Which faults are mended, and by what: rules that leave exactly one thing to write, and that thing is safe.
+"""Which diagnostics are mended, and by what: rules that leave exactly one thing to write, and that thing is safe.
 
-A function takes a fault of its rule and gives the edits that take it away, none where this one is not so clear. What it
-gives is proved before it is kept (proof.py), so it need not look at the rest of the job.
+A function takes a diagnostic of its rule and gives the edits that take it away, none where this one is not so clear.
+What it gives is proved before it is kept (proof.py), so it need not look at the rest of the job.
 
 A mend that needs a guess has no place here, though an editor may offer it: what a misspelt word was meant to be, where
 a block was meant to end, which of two numbers is wrong, whether a power that nothing uses belongs to a mark that is

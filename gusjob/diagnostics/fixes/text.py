@@ -25,9 +25,9 @@ Edits = tuple[Edit, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mend:
-    """What takes a fault away: edits of one text, made together or not at all."""
+    """What takes a diagnostic away: edits of one text, made together or not at all."""
 
-    fault: Diagnostic
+    diagnostic: Diagnostic
     edits: Edits
 
 

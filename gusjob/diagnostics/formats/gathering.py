@@ -21,7 +21,7 @@ class Gathering(Protocol):
 
 
 def gathering(form: str, *, strict: bool, by_rule: Counter[str] | None) -> Gathering | None:
-    """What gathers faults for a format; nothing for text, which is shown at once."""
+    """What gathers diagnostics for a format; nothing for text, which is shown at once."""
     match form:
         case "json":
             return _Json(by_rule=by_rule)
@@ -36,15 +36,15 @@ def gathering(form: str, *, strict: bool, by_rule: Counter[str] | None) -> Gathe
 @dataclass(slots=True, kw_only=True)
 class _Json:
     by_rule: Counter[str] | None
-    faults: list[Diagnostic] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
 
     def add(self, loaded: Loaded) -> None:
-        self.faults += loaded.faults
+        self.diagnostics += loaded.diagnostics
 
     def written(self) -> bytes:
         from gusjob.report.files import check_json
 
-        return check_json(self.faults, None if self.by_rule is None else dict(self.by_rule)) + b"\n"
+        return check_json(self.diagnostics, None if self.by_rule is None else dict(self.by_rule)) + b"\n"
 
 
 class _Sarif:
@@ -54,7 +54,7 @@ class _Sarif:
         self._log = SarifLog()
 
     def add(self, loaded: Loaded) -> None:
-        self._log.add(loaded.path, loaded.faults, loaded.text_of, readable=not loaded.unreadable)
+        self._log.add(loaded.path, loaded.diagnostics, loaded.text_of, readable=not loaded.unreadable)
 
     def written(self) -> bytes:
         return self._log.written()
@@ -69,10 +69,10 @@ class _JUnit:
     def add(self, loaded: Loaded) -> None:
         from gusjob.cli.text import diagnostic_text
 
-        def describe(fault: Diagnostic) -> str:
-            return diagnostic_text(fault, loaded.text_of, color=False)
+        def describe(diagnostic: Diagnostic) -> str:
+            return diagnostic_text(diagnostic, loaded.text_of, color=False)
 
-        self._report.add(loaded.path, loaded.faults, describe, readable=not loaded.unreadable)
+        self._report.add(loaded.path, loaded.diagnostics, describe, readable=not loaded.unreadable)
 
     def written(self) -> bytes:
         return self._report.written()

@@ -1,4 +1,4 @@
-"""Diagnostics as JUnit XML, which CI systems show as tests: a suite a file, a case a fault.
+"""Diagnostics as JUnit XML, which CI systems show as tests: a suite a file, a case a diagnostic.
 
 JUnit has no standard of its own; this keeps to the schema of Jenkins' xUnit plugin (junit-10.xsd), the strictest that
 is published, and to what GitLab documents. So a case names its file as `classname`: the schema has no `file` there.
@@ -28,35 +28,35 @@ class JUnitReport:
     suites: list[Element] = field(default_factory=list)
 
     def add(
-        self, path: Path, faults: Sequence[Diagnostic], describe: Callable[[Diagnostic], str], *, readable: bool
+        self, path: Path, diagnostics: Sequence[Diagnostic], describe: Callable[[Diagnostic], str], *, readable: bool
     ) -> None:
-        """What was found in a file. `describe` says all of a fault; `readable`: the file could be judged."""
+        """What was found in a file. `describe` says all of a diagnostic; `readable`: the file could be judged."""
         name = _shown(str(path))
-        cases = [self._case(fault, describe, readable=readable) for fault in faults]
+        cases = [self._case(diagnostic, describe, readable=readable) for diagnostic in diagnostics]
         _tell_apart(cases)
         cases = cases or [Element("testcase", name=CLEAN, classname=name, time="0")]
         suite = Element("testsuite", {"name": name, **_counts(cases)})
         suite.extend(cases)
         self.suites.append(suite)
 
-    def _case(self, fault: Diagnostic, describe: Callable[[Diagnostic], str], *, readable: bool) -> Element:
-        span, code = fault.span, fault.rule.code
+    def _case(self, diagnostic: Diagnostic, describe: Callable[[Diagnostic], str], *, readable: bool) -> Element:
+        span, code = diagnostic.span, diagnostic.rule.code
         case = Element(
             "testcase",
-            name=f"{code} {fault.rule.title} ({span.line}:{span.column})",
-            classname=_shown(fault.file),
+            name=f"{code} {diagnostic.rule.title} ({span.line}:{span.column})",
+            classname=_shown(diagnostic.file),
             time="0",
         )
-        kind = self._kind(fault, readable=readable)
-        about = {} if kind == "system-out" else {"type": code, "message": printable(fault.said)}
-        SubElement(case, kind, about).text = "\n".join(map(printable, describe(fault).split("\n")))
+        kind = self._kind(diagnostic, readable=readable)
+        about = {} if kind == "system-out" else {"type": code, "message": printable(diagnostic.localized)}
+        SubElement(case, kind, about).text = "\n".join(map(printable, describe(diagnostic).split("\n")))
         return case
 
-    def _kind(self, fault: Diagnostic, *, readable: bool) -> str:
-        """How a fault counts: `error` is for a test that could not be made."""
+    def _kind(self, diagnostic: Diagnostic, *, readable: bool) -> str:
+        """How a diagnostic counts: `error` is for a test that could not be made."""
         if not readable:
             return "error"
-        fails = fault.severity is Severity.ERROR or (self.strict and fault.severity is Severity.WARNING)
+        fails = diagnostic.severity is Severity.ERROR or (self.strict and diagnostic.severity is Severity.WARNING)
         return "failure" if fails else "system-out"
 
     def written(self) -> bytes:
@@ -79,7 +79,7 @@ def _counts(cases: Sequence[Element]) -> dict[str, str]:
 
 
 def _tell_apart(cases: Sequence[Element]) -> None:
-    """Cases of one name would count as one: two faults of a rule in one place are numbered."""
+    """Cases of one name would count as one: two diagnostics of a rule in one place are numbered."""
     seen: Counter[tuple[str | None, str]] = Counter()
     for case in cases:
         name = case.attrib["name"]

@@ -18,7 +18,7 @@ from gusjob import __version__
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import language, translated
-from gusjob.i18n.phrases import Phrase, printable, said
+from gusjob.i18n.phrases import Phrase, localized, printable
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
@@ -35,8 +35,8 @@ _LINK = re.compile(r"\[(?=[^\[\]]*\]\()")
 class SarifLog:
     """One run of the tool, gathered file by file; no source text is kept.
 
-    A fault that is met through several jobs (in a file that they include, in their profile) is one result: it has one
-    place to mend.
+    A diagnostic that is met through several jobs (in a file that they include, in their profile) is one result: it has
+    one place to mend.
     """
 
     results: dict[tuple[object, ...], dict[str, Any]] = field(default_factory=dict)
@@ -44,41 +44,41 @@ class SarifLog:
     alike: Counter[tuple[str, str, str]] = field(default_factory=Counter)
 
     def add(
-        self, path: Path, faults: Iterable[Diagnostic], text_of: Callable[[Span, str], str], *, readable: bool
+        self, path: Path, diagnostics: Iterable[Diagnostic], text_of: Callable[[Span, str], str], *, readable: bool
     ) -> None:
         """What was found in a file. `text_of` gives a span's source line; `readable`: the file could be judged."""
-        for fault in faults:
-            place = _place(path, fault.path, fault.span)
+        for diagnostic in diagnostics:
+            place = _place(path, diagnostic.path, diagnostic.span)
             if readable:
-                self._result(path, fault, place, text_of)
+                self._result(path, diagnostic, place, text_of)
             else:
-                self.notifications.append(_said(fault) | {"locations": [place]})
+                self.notifications.append(_said(diagnostic) | {"locations": [place]})
 
     def _result(
-        self, path: Path, fault: Diagnostic, place: dict[str, Any], text_of: Callable[[Span, str], str]
+        self, path: Path, diagnostic: Diagnostic, place: dict[str, Any], text_of: Callable[[Span, str], str]
     ) -> None:
         uri = str(place["physicalLocation"]["artifactLocation"]["uri"])
-        key = (fault.rule.code, fault.message, uri, *place["physicalLocation"]["region"].items())
+        key = (diagnostic.rule.code, diagnostic.message, uri, *place["physicalLocation"]["region"].items())
         result = self.results.get(key)
         if result is None:
-            result = self.results[key] = _said(fault) | {
+            result = self.results[key] = _said(diagnostic) | {
                 "locations": [place],
                 "occurrenceCount": 0,
-                "partialFingerprints": {FINGERPRINT: self._fingerprint(fault, uri, text_of)},
+                "partialFingerprints": {FINGERPRINT: self._fingerprint(diagnostic, uri, text_of)},
                 "relatedLocations": [],
             }
-        result["occurrenceCount"] += fault.count
-        for remark in fault.remarks:
-            other = _place(path, fault.path, remark.span) | {"message": {"text": message_text(remark.said)}}
+        result["occurrenceCount"] += diagnostic.count
+        for remark in diagnostic.remarks:
+            other = _place(path, diagnostic.path, remark.span) | {"message": {"text": message_text(remark.localized)}}
             if other not in result["relatedLocations"]:
                 result["relatedLocations"].append(other)
 
-    def _fingerprint(self, fault: Diagnostic, uri: str, text_of: Callable[[Span, str], str]) -> str:
+    def _fingerprint(self, diagnostic: Diagnostic, uri: str, text_of: Callable[[Span, str], str]) -> str:
         """The same for as long as the line reads the same, wherever it stands: equal lines are counted from the top."""
-        span = fault.span
+        span = diagnostic.span
         whole_file = span.line == 1 and span.column == 1 and not span.end_column
-        text = "" if whole_file else " ".join(text_of(span, fault.path).split())
-        alike = (fault.rule.code, uri, text)
+        text = "" if whole_file else " ".join(text_of(span, diagnostic.path).split())
+        alike = (diagnostic.rule.code, uri, text)
         self.alike[alike] += 1
         return sha256("\0".join([*alike, str(self.alike[alike])]).encode()).hexdigest()
 
@@ -110,11 +110,11 @@ class SarifLog:
         return orjson.dumps(log, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
 
 
-def _said(fault: Diagnostic) -> dict[str, Any]:
+def _said(diagnostic: Diagnostic) -> dict[str, Any]:
     return {
-        "ruleId": fault.rule.code,
-        "level": fault.severity.value,
-        "message": {"text": message_text(fault.said)},
+        "ruleId": diagnostic.rule.code,
+        "level": diagnostic.severity.value,
+        "message": {"text": message_text(diagnostic.localized)},
     }
 
 
@@ -171,10 +171,10 @@ def _numbered(entries: list[dict[str, Any]], name: str) -> dict[str, int]:
     return {code: index for index, code in enumerate(sorted({entry[name] for entry in entries}))}
 
 
-def _notification(said: dict[str, Any], indices: dict[str, int]) -> dict[str, Any]:
+def _notification(localized: dict[str, Any], indices: dict[str, int]) -> dict[str, Any]:
     """A file that could not be judged (§3.58)."""
-    code = said["ruleId"]
-    rest = {name: value for name, value in said.items() if name != "ruleId"}
+    code = localized["ruleId"]
+    rest = {name: value for name, value in localized.items() if name != "ruleId"}
     return {"descriptor": {"id": code, "index": indices[code]}, **rest}
 
 
@@ -192,15 +192,17 @@ def descriptor(rule: Rule) -> dict[str, Any]:
 
 
 def _sentence(text: str) -> str:
-    return text[0].upper() + text[1:] + ("" if text.endswith((".", "!", "?", "。")) else said(_FULL_STOP))
+    return text[0].upper() + text[1:] + ("" if text.endswith((".", "!", "?", "。")) else localized(_FULL_STOP))
 
 
 def _help(rule: Rule, example: str) -> str:
     """Why a rule is there, and its examples in a form of their own."""
     parts = [_sentence(translated(rule.why))]
     examples = ((_BAD, rule.bad), (_GOOD, rule.good))
-    parts += [example.format(said(name), text.rstrip("\n")) for name, text in examples if text]
+    parts += [example.format(localized(name), text.rstrip("\n")) for name, text in examples if text]
     parts += (
-        [said(Phrase("Section {section} of the controller's manual.", section=rule.section))] if rule.section else []
+        [localized(Phrase("Section {section} of the controller's manual.", section=rule.section))]
+        if rule.section
+        else []
     )
     return "\n\n".join(parts)

@@ -19,7 +19,7 @@ from gusjob.frontend.parse.lines import nearest
 from gusjob.frontend.parse.statements import POWER_KINDS, WANTED
 from gusjob.frontend.scan.shapes import MAX_NUMBER
 from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, number
-from gusjob.kinematics.units import Kind, System
+from gusjob.kinematics.units import QuantityKind, UnitSystem
 
 _LANES_A_STEP = 10
 _NO_KIND: Type = PLAIN
@@ -65,19 +65,19 @@ class Evaluator:
 
     def unknown(self, name: str, lanes: Lanes, line: int, word: str) -> tuple[Any, Type]:
         """A name that was never set."""
-        if (rules.UNKNOWN_NAME.code, line, word) in self.ledger.faults:
-            self.ledger.fault(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count)
+        if (rules.UNKNOWN_NAME.code, line, word) in self.ledger.diagnostics:
+            self.ledger.diagnostic(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count)
         elif name not in self.failed:
             near = nearest(name, {**lanes.scope.values, **lanes.top.values})
             hint = did_you_mean(near) or Phrase(": write LET {name} = ... before it", name=name)
-            self.ledger.fault(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count, name=name, hint=hint)
+            self.ledger.diagnostic(rules.UNKNOWN_NAME, line, word, lanes.trail, lanes.count, name=name, hint=hint)
         return np.float64(np.nan), _NO_KIND
 
     def mismatch(self, found: Mismatch, lanes: Lanes, line: int, word: str) -> None:
         """Operands that do not fit."""
         given = both_of(kind_words(kind) for kind in found.given[:4])
         fields = {"operator": found.function.name, "wants": found.function.typing.value, "given": given}
-        self.ledger.fault(rules.MISMATCH, line, word, lanes.trail, lanes.count, **fields)
+        self.ledger.diagnostic(rules.MISMATCH, line, word, lanes.trail, lanes.count, **fields)
 
     def no_value(
         self, expression: Expression, value: Any, values: dict[str, Any], lanes: Lanes, line: int, word: str
@@ -90,14 +90,14 @@ class Evaluator:
                 if name not in self.failed:
                     count = int(np.count_nonzero(np.broadcast_to(unset, np.shape(value)) if np.ndim(value) else unset))
                     hint = Phrase(": not every way leads through its LET")
-                    self.ledger.fault(
+                    self.ledger.diagnostic(
                         rules.UNKNOWN_NAME, line, word, lanes.first_trail(unset), count, name=name, hint=hint
                     )
                 wrong = wrong & ~unset
         if np.any(wrong):
             endless = not np.any(np.isnan(value))
             fields = {"value": Phrase("a number without end") if endless else Phrase("no number")}
-            self.ledger.fault(
+            self.ledger.diagnostic(
                 rules.NO_VALUE, line, word, lanes.first_trail(wrong), int(np.count_nonzero(wrong)), **fields
             )
         return np.where(np.isfinite(value), value, np.nan)[()]
@@ -105,20 +105,20 @@ class Evaluator:
     def fitted(self, value: Any, kind: Type, slot: Slot, lanes: Lanes, one: Computed) -> tuple[Any, int]:
         """A value as the word needs it, and the system it was written in."""
         word, line = slot.kind, one.line
-        fits = kind == PLAIN or kind[0] == word.kind or (word.kind is Kind.POWER and kind[0] in POWER_KINDS)
-        if word.kind is Kind.PLAIN:
+        fits = kind == PLAIN or kind[0] == word.kind or (word.kind is QuantityKind.POWER and kind[0] in POWER_KINDS)
+        if word.kind is QuantityKind.PLAIN:
             fits = kind == PLAIN
         if not fits:
             if not np.all(np.isnan(value)):
                 name = one.statement.name if slot.word == "value" else f"{one.statement.name} {slot.word}"
                 self.wrong_kind(kind, word, lanes, line, slot.word, name)
             return np.float64(np.nan), 0
-        if kind[0] == Kind.TIME and word.ms:
+        if kind[0] == QuantityKind.TIME and word.ms:
             value = value / 1000.0
         large = abs(value) > MAX_NUMBER
         if some(large):
             shown = number(float(np.max(np.abs(value))))
-            self.ledger.fault(
+            self.ledger.diagnostic(
                 rules.TOO_BIG, line, slot.word, lanes.first_trail(large), int(np.count_nonzero(large)), value=shown,
                 limit=MAX_NUMBER,
             )  # fmt: skip
@@ -128,16 +128,16 @@ class Evaluator:
     def wrong_kind(self, kind: Type, word: Word, lanes: Lanes, line: int, place: str, what: str) -> None:
         """A comparison, or a number with a unit of another kind."""
         if kind[0] == TRUTH:
-            self.ledger.fault(rules.NOT_A_NUMBER, line, place, lanes.trail, lanes.count, what=what)
+            self.ledger.diagnostic(rules.NOT_A_NUMBER, line, place, lanes.trail, lanes.count, what=what)
             return
-        shown = Kind(kind[0]).words
+        shown = QuantityKind(kind[0]).words
         fields = {"what": what, "wanted": WANTED[word.kind], "unit": Phrase("this expression"), "kind": shown}
-        self.ledger.fault(rules.WRONG_UNIT, line, place, lanes.trail, lanes.count, **fields, hint="")
+        self.ledger.diagnostic(rules.WRONG_UNIT, line, place, lanes.trail, lanes.count, **fields, hint="")
 
     def count_of(self, value: Any, kind: Type, lanes: Lanes, line: int, word: str) -> Any:
         """A plain number for REPEAT and FOR; NaN where it is none."""
         if kind[0] == TRUTH:
-            self.ledger.fault(rules.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what=Phrase("a loop"))
+            self.ledger.diagnostic(rules.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what=Phrase("a loop"))
             return np.float64(np.nan)
         return value
 
@@ -147,7 +147,7 @@ class Evaluator:
         """The value of LET or of a routine's parameter, which gets a name."""
         value, kind = self.number(expression, constants, lanes, line, word)
         if kind[0] == TRUTH:
-            self.ledger.fault(rules.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what=what)
+            self.ledger.diagnostic(rules.NOT_A_NUMBER, line, word, lanes.trail, lanes.count, what=what)
             value, kind = np.float64(np.nan), _NO_KIND
         if some(value != value):
             self.failed.add(name)
@@ -158,8 +158,8 @@ def kind_words(kind: Type) -> str:
     """A kind for messages; a length or speed says whether it is in mm or in pulses."""
     if kind[0] == TRUTH:
         return Phrase("a comparison")
-    words = Kind(kind[0]).words
-    if kind[0] > Kind.ACCELERATION or kind[1] == System.DEFAULT:
+    words = QuantityKind(kind[0]).words
+    if kind[0] > QuantityKind.ACCELERATION or kind[1] == UnitSystem.DEFAULT:
         return words
-    in_mm = kind[1] == System.MM
+    in_mm = kind[1] == UnitSystem.MM
     return Phrase("{kind} in mm", kind=words) if in_mm else Phrase("{kind} in pulses", kind=words)

@@ -26,7 +26,7 @@ from gusjob.frontend.parse.job_reader import RowOp
 from gusjob.frontend.parse.statements import Statement
 from gusjob.frontend.scan.shapes import Rows
 from gusjob.i18n.phrases import Phrase, both_of
-from gusjob.ir.job import Trails
+from gusjob.ir.job import Provenance
 from gusjob.kinematics.arrays import Floats, Ints
 
 _CALL_STEPS = 40
@@ -44,7 +44,7 @@ class Expanded:
     rows: Rows
     setups: tuple[Statement, ...]
     frame_parent: Ints
-    trails: Trails
+    trails: Provenance
     diagnostics: tuple[Diagnostic, ...]
 
 
@@ -126,7 +126,7 @@ class _Executor:
         truth, kind = self.numbers.number(item.condition, item.constants, lanes, item.line, "#0")
         if kind[0] != TRUTH:
             if not np.all(np.isnan(truth)):
-                self.ledger.fault(rules.NOT_A_CONDITION, item.line, "#0", lanes.trail, lanes.count)
+                self.ledger.diagnostic(rules.NOT_A_CONDITION, item.line, "#0", lanes.trail, lanes.count)
             return
         for block, holds in ((item.then, truth == 1), (item.otherwise, truth == 0)):
             if not some(holds):
@@ -200,11 +200,11 @@ class _Executor:
         if any(kind != kinds[0] for kind in kinds) and not any(np.all(np.isnan(v)) for v in found):
             given = both_of(kind_words(kind) for kind in kinds)
             fields = {"operator": "FOR", "wants": Typing.SAME.value, "given": given}
-            self.ledger.fault(rules.MISMATCH, item.line, "", lanes.trail, lanes.count, **fields)
+            self.ledger.diagnostic(rules.MISMATCH, item.line, "", lanes.trail, lanes.count, **fields)
             return start, step, np.float64(0), PLAIN
         if np.any(step == 0):
             hint = Phrase("it would never end")
-            self.ledger.fault(
+            self.ledger.diagnostic(
                 rules.COUNT, item.line, "#2", lanes.first_trail(step == 0), what="STEP", value=0.0, hint=hint
             )
         # A last round that rounding has moved behind the end still counts.
@@ -217,11 +217,11 @@ class _Executor:
         wrong = ~np.isnan(count) & ((count < 0) | (count != np.floor(count)))
         if kind != PLAIN and not np.all(np.isnan(count)):
             fields = {"operator": "REPEAT", "wants": Phrase("takes a plain number"), "given": kind_words(kind)}
-            self.ledger.fault(rules.MISMATCH, item.line, "#0", lanes.trail, lanes.count, **fields)
+            self.ledger.diagnostic(rules.MISMATCH, item.line, "#0", lanes.trail, lanes.count, **fields)
             return np.float64(0)
         if np.any(wrong):
             value = float(count[wrong][0] if isinstance(count, np.ndarray) else count)
-            self.ledger.fault(
+            self.ledger.diagnostic(
                 rules.COUNT, item.line, "#0", lanes.first_trail(wrong), int(np.count_nonzero(wrong)), what="REPEAT",
                 value=value, hint=Phrase("rounds are counted: 0, 1, 2 ..."),
             )  # fmt: skip

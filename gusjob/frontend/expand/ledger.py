@@ -15,7 +15,7 @@ from gusjob.frontend.expand.program import Item, Run
 from gusjob.frontend.files import SourceMap
 from gusjob.frontend.parse.job_reader import RowOp
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Trails, trail_remarks
+from gusjob.ir.job import Provenance, provenance_remarks
 
 MAX_STEPS = 4_000_000
 """Steps of work. What is carried out one by one, in loops that carry values and in routines that call themselves,
@@ -30,34 +30,34 @@ class Full(Exception):  # noqa: N818  (no error: the way out of a program that i
 
 @dataclass(slots=True)
 class Ledger:
-    """Faults, each statement's once; statements, rounds and steps, counted against their limits."""
+    """Diagnostics, each statement's once; statements, rounds and steps, counted against their limits."""
 
     sources: SourceMap
     machine: Machine
-    trails: Trails = field(default_factory=Trails)
+    trails: Provenance = field(default_factory=Provenance)
     statements: int = 0
     rounds: float = 0.0
     setups: int = 0
     steps: int = 0
-    faults: dict[tuple[str, int, str], tuple[Rule, int, dict[str, Any], int]] = field(default_factory=dict)
+    diagnostics: dict[tuple[str, int, str], tuple[Rule, int, dict[str, Any], int]] = field(default_factory=dict)
     """By code, line and word: the rule, the first one's trail and fields, and how many there are."""
 
-    def fault(self, rule: Rule, line: int, word: str, trail: Any, count: int = 1, /, **fields: object) -> None:
-        """A fault at a word of a line, in one or more lanes."""
+    def diagnostic(self, rule: Rule, line: int, word: str, trail: Any, count: int = 1, /, **fields: object) -> None:
+        """A diagnostic at a word of a line, in one or more lanes."""
         key = (rule.code, line, word)
-        known = self.faults.get(key)
+        known = self.diagnostics.get(key)
         if known is None:
             first = int(trail[0] if isinstance(trail, np.ndarray) else trail)
-            self.faults[key] = (rule, first, dict(fields), count)
+            self.diagnostics[key] = (rule, first, dict(fields), count)
         else:
-            self.faults[key] = (*known[:3], known[3] + count)
+            self.diagnostics[key] = (*known[:3], known[3] + count)
 
     def found(self) -> list[Diagnostic]:
-        """All faults, each once."""
+        """All diagnostics, each once."""
         collector = Collector("")
-        for (_, line, word), (rule, trail, fields, count) in self.faults.items():
+        for (_, line, word), (rule, trail, fields, count) in self.diagnostics.items():
             if collector.room(rule):
-                remarks = trail_remarks(self.trails, trail, self.sources.locate)
+                remarks = provenance_remarks(self.trails, trail, self.sources.locate)
                 collector.add(rule, self.sources.locate(line, word), fields, count, remarks)
             else:
                 collector.uncounted(rule, 1)
@@ -65,7 +65,7 @@ class Ledger:
 
     def stop(self, rule: Rule, line: int, trail: Any, **fields: object) -> NoReturn:
         """Report a limit and leave."""
-        self.fault(rule, line, "", trail, **fields)
+        self.diagnostic(rule, line, "", trail, **fields)
         raise Full
 
     def spend(self, steps: int, line: int, trail: Any) -> None:

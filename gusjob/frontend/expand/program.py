@@ -16,7 +16,15 @@ from gusjob.diagnostics.model import FIRST_HERE, INCLUDED, Collector, Diagnostic
 from gusjob.frontend.files import SourceMap, included
 from gusjob.frontend.parse.expressions import Expression
 from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Field, Word
-from gusjob.frontend.parse.job_reader import BLOCK_WORDS, BROKEN, JobText, RowOp, literals, more_faults, read_job_text
+from gusjob.frontend.parse.job_reader import (
+    BLOCK_WORDS,
+    BROKEN,
+    JobText,
+    RowOp,
+    literals,
+    more_diagnostics,
+    read_job_text,
+)
 from gusjob.frontend.parse.lines import nearest
 from gusjob.frontend.parse.statements import Statement
 from gusjob.frontend.scan.shapes import Rows
@@ -193,7 +201,7 @@ def read_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagnos
         lets=lets,
         unread_names=frozenset(builder.unread_names),
     )
-    return program, [*builder.faults, *builder.collector.done(rules.MORE)]
+    return program, [*builder.diagnostics, *builder.collector.done(rules.MORE)]
 
 
 @dataclass(slots=True)
@@ -203,7 +211,7 @@ class _Builder:
     sources: SourceMap = field(default_factory=SourceMap)
     setups: list[Statement] = field(default_factory=list)
     routines: dict[str, Routine] = field(default_factory=dict)
-    faults: list[Diagnostic] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
     """What could not be read in the included files."""
     collector: Collector = field(default_factory=lambda: Collector(""))
     read: dict[Path, tuple[Block, int]] = field(default_factory=dict)
@@ -214,7 +222,7 @@ class _Builder:
     unread_routines: bool = False
     """Whether a DEF can't be read: a routine that is not known may be that one."""
 
-    def fault(
+    def diagnostic(
         self, rule: Rule, line: int, word: str = "", /, remarks: tuple[Remark, ...] = (), **fields: object
     ) -> None:
         if self.collector.room(rule):
@@ -232,28 +240,28 @@ class _Builder:
         return builder.block(), builder.height
 
     def include(self, name: str, source: Source, line: int, chain: tuple[Path, ...]) -> tuple[Block, int]:
-        """The block of an included file and its height; nothing, and a fault, if it must not or can't be read."""
+        """The block of an included file and its height; nothing, and a diagnostic, if it must not or can't be read."""
         limit = self.machine.expansion_max_includes
         if len(chain) >= limit:
-            self.fault(rules.TOO_DEEP, line, limit=limit, key="max_includes")
+            self.diagnostic(rules.TOO_DEEP, line, limit=limit, key="max_includes")
             return (), 0
         found, reason = included(name, source, self.top)
         if found is None:
-            self.fault(rules.INCLUDE, line, file=printable(name), reason=reason)
+            self.diagnostic(rules.INCLUDE, line, file=printable(name), reason=reason)
             return (), 0
         path = found.path
         assert path is not None
         if path in chain or (self.top.path is not None and path == self.top.path.resolve()):
-            self.fault(rules.INCLUDE, line, file=printable(name), reason=Phrase("it includes itself"))
+            self.diagnostic(rules.INCLUDE, line, file=printable(name), reason=Phrase("it includes itself"))
             return (), 0
         if path not in self.read:
             text = read_job_text(found)
             here = (Remark(text=INCLUDED, span=self.sources.locate(line, "")),)
-            for fault in text.diagnostics:
-                span = replace(fault.span, path=found.name)
-                self.faults.append(replace(fault, span=span, remarks=(*fault.remarks, *here)))
-            if text.faults_not_listed:
-                self.faults.append(more_faults(text))
+            for diagnostic in text.diagnostics:
+                span = replace(diagnostic.span, path=found.name)
+                self.diagnostics.append(replace(diagnostic, span=span, remarks=(*diagnostic.remarks, *here)))
+            if text.diagnostics_not_listed:
+                self.diagnostics.append(more_diagnostics(text))
             self.read[path] = self.file(text, (*chain, path))
         return self.read[path]
 
@@ -263,12 +271,12 @@ class _Builder:
         called = {call.statement.names[0] for call in self.calls}
         for routine in self.routines.values():
             if routine.name not in called and routine.line <= own:
-                self.fault(rules.NEVER_CALLED, routine.line, name=routine.name)
+                self.diagnostic(rules.NEVER_CALLED, routine.line, name=routine.name)
         seen: set[str] = set()
         for let in self.lets:
             if let.name not in reads and let.name not in seen and let.line <= own:
                 seen.add(let.name)
-                self.fault(rules.NEVER_READ, let.line, name=let.name)
+                self.diagnostic(rules.NEVER_READ, let.line, name=let.name)
 
     def check_calls(self) -> None:
         """Every CALL names a routine that there is, with as many values as it takes."""
@@ -279,10 +287,10 @@ class _Builder:
                 continue  # It may be the one whose DEF can't be read.
             if routine is None:
                 hint = did_you_mean(nearest(name, self.routines))
-                self.fault(rules.NO_ROUTINE, call.line, name=name, hint=hint)
+                self.diagnostic(rules.NO_ROUTINE, call.line, name=name, hint=hint)
             elif given != len(routine.parameters):
                 takes = ", ".join(routine.parameters)
-                self.fault(
+                self.diagnostic(
                     rules.CALL_VALUES,
                     call.line,
                     name=name,
@@ -319,7 +327,7 @@ class _FileBuilder:
         while len(stack) > 1:  # What is inside still counts: it may switch the light off.
             left = stack[-1]
             word = self.text.nodes[int(node[left.row])].name if left.form == BROKEN else left.form.upper()
-            self.job.fault(rules.UNCLOSED, int(rows.line[left.row]), word=word)
+            self.job.diagnostic(rules.UNCLOSED, int(rows.line[left.row]), word=word)
             self._close(rows, stack)
         return tuple(stack[0].items)
 
@@ -348,25 +356,25 @@ class _FileBuilder:
                 assert statement is not None
                 block, height = self.job.include(statement.text, self.text.source, line, self.chain)
                 if len(stack) + height > MAX_NESTING:
-                    self.job.fault(rules.NESTED, line, limit=MAX_NESTING)
+                    self.job.diagnostic(rules.NESTED, line, limit=MAX_NESTING)
                     return
                 self.height = max(self.height, len(stack) + height)
                 stack[-1].inner.append(Included(body=block, line=line))
             case "else":
                 if stack[-1].form != "if" or stack[-1].otherwise is not None:
-                    self.job.fault(rules.STRAY, line, word="ELSE", begins="IF")
+                    self.job.diagnostic(rules.STRAY, line, word="ELSE", begins="IF")
                 else:
                     stack[-1].otherwise = []
             case "end":
                 if len(stack) == 1:
-                    self.job.fault(rules.STRAY, line, word="END", begins=any_of(BLOCK_WORDS))
+                    self.job.diagnostic(rules.STRAY, line, word="END", begins=any_of(BLOCK_WORDS))
                 else:
                     self._close(rows, stack)
             case _:
                 if form == "def" and len(stack) > 1:
-                    self.job.fault(rules.DEF_INSIDE, line)
+                    self.job.diagnostic(rules.DEF_INSIDE, line)
                 if len(stack) == MAX_NESTING + 1:
-                    self.job.fault(rules.NESTED, line, limit=MAX_NESTING)
+                    self.job.diagnostic(rules.NESTED, line, limit=MAX_NESTING)
                 self.height = max(self.height, len(stack))
                 stack.append(_Open(form=form, row=at))
 
@@ -397,7 +405,7 @@ class _FileBuilder:
                 name, *parameters = statement.names
                 if name in self.job.routines:
                     here = self.job.sources.locate(self.job.routines[name].line, "")
-                    self.job.fault(rules.DEF_TWICE, line, remarks=(Remark(text=FIRST_HERE, span=here),), name=name)
+                    self.job.diagnostic(rules.DEF_TWICE, line, remarks=(Remark(text=FIRST_HERE, span=here),), name=name)
                 else:
                     self.job.routines[name] = Routine(name=name, parameters=tuple(parameters), body=body, line=line)
             case _:

@@ -15,7 +15,7 @@ from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend import Source, check_text
 from gusjob.frontend.expand.program import MAX_NESTING
 from gusjob.frontend.format.statement import canonical
-from gusjob.frontend.parse.job_reader import BLOCK_WORDS, more_faults, read_job_text
+from gusjob.frontend.parse.job_reader import BLOCK_WORDS, more_diagnostics, read_job_text
 from gusjob.frontend.scan.shapes import MAX_LINE, chunks, shapes_of, without_comments
 
 INDENT = 2
@@ -37,19 +37,19 @@ _LONG = 4000
 
 def formatted(text: str) -> tuple[str | None, list[Diagnostic]]:
     """A job's text laid out; None with what can't be read in it."""
-    source, faults = check_text(text.encode("utf-8", "surrogatepass"), "")
+    source, diagnostics = check_text(text.encode("utf-8", "surrogatepass"), "")
     if source is None:
-        return None, faults
-    data, faults = laid_out(source)
-    return (None if data is None else _BOM * text.startswith(_BOM) + data.decode()), faults
+        return None, diagnostics
+    data, diagnostics = laid_out(source)
+    return (None if data is None else _BOM * text.startswith(_BOM) + data.decode()), diagnostics
 
 
 def laid_out(source: Source) -> tuple[bytes | None, list[Diagnostic]]:
     """The same for a source: bytes as its own, without BOM."""
     read = read_job_text(source)
-    faults = [*read.diagnostics, *([more_faults(read)] if read.faults_not_listed else [])]
-    if faults:
-        return None, [replace(fault, path=source.name) for fault in faults]
+    diagnostics = [*read.diagnostics, *([more_diagnostics(read)] if read.diagnostics_not_listed else [])]
+    if diagnostics:
+        return None, [replace(diagnostic, path=source.name) for diagnostic in diagnostics]
     first = source.data.find(b"\n")
     end = b"\r\n" if first > 0 and source.data[first - 1] == ord("\r") else b"\n"
     writer = _Writer()

@@ -17,10 +17,10 @@ from gusjob.controllers.gus.calls import (
     PASSED_OVER,
     SIGNATURES,
     Arg,
+    ArgKind,
     Buffered,
     BufferedCalls,
     Call,
-    Kind,
     Signature,
     Stream,
     Value,
@@ -29,7 +29,7 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.frontend.parse.lines import misread, parser, subtrees, tokens
-from gusjob.frontend.scan.shapes import MAX_FAULTS, MAX_LINE, Row, Rows, Slot, Template, number_runs, scan
+from gusjob.frontend.scan.shapes import MAX_DIAGNOSTICS, MAX_LINE, Row, Rows, Slot, Template, number_runs, scan
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase, did_you_mean
 
@@ -72,7 +72,7 @@ def looks_like_listing(data: bytes) -> bool:
 
 
 def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
-    """All calls of a listing; after a fault the rest is still read."""
+    """All calls of a listing; after a diagnostic the rest is still read."""
     data = source.data
     if b"/*" in data:
         data = _BLOCK_COMMENT.sub(lambda m: re.sub(rb"[^\n]", b" ", m[0]), data)
@@ -87,16 +87,17 @@ def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
 
 
 def _without_odd_numbers(rows: Rows, reader: _ListingReader) -> Rows:
-    """Rows whose coordinate system, FIFO and channel are numbers that a C short could be; the others are faults."""
+    """Rows whose coordinate system, FIFO and channel are numbers that a C short could be; the others are
+    diagnostics."""
     odd = np.zeros(len(rows.op), dtype=np.bool_)
     for name in _SHORT_COLUMNS:
         values = rows.column(_COLUMNS.index(name))
         mine = (rows.op != _CALL_OP) & ~np.isnan(values) & ((np.abs(values) > 100) | (values != np.floor(values)))
-        for i in np.flatnonzero(mine & ~odd)[:MAX_FAULTS].tolist():
+        for i in np.flatnonzero(mine & ~odd)[:MAX_DIAGNOSTICS].tolist():
             call = BUFFERED[Buffered(int(rows.op[i]))].name
             found = f"{values[i]:g}"
-            fields = {"argument": name, "call": call, "wanted": _WANTED[Kind.WHOLE], "found": found}
-            reader.fault(rules.CALL_VALUE, int(rows.line[i]), 1, 1, **fields)
+            fields = {"argument": name, "call": call, "wanted": _WANTED[ArgKind.WHOLE], "found": found}
+            reader.diagnostic(rules.CALL_VALUE, int(rows.line[i]), 1, 1, **fields)
         odd |= mine
     return rows if not odd.any() else rows.pick(~odd)
 
@@ -167,11 +168,11 @@ class _ListingReader:
 
     def read_line(self, number: int, text: str) -> Sequence[Row]:
         """One line through the grammar, joined to the lines before it where a call goes on."""
-        if len(self.diagnostics) >= MAX_FAULTS:
+        if len(self.diagnostics) >= MAX_DIAGNOSTICS:
             self.not_listed += 1
             return ()
         if len(text) > MAX_LINE:
-            self.fault(rules.NO_END, number, 1, 2, size=len(text), limit=MAX_LINE)
+            self.diagnostic(rules.NO_END, number, 1, 2, size=len(text), limit=MAX_LINE)
             return ()
         code = text.split("//")[0]
         if self.pending:
@@ -188,7 +189,7 @@ class _ListingReader:
         return rows
 
     def unreadable(self, error: UnexpectedInput, code: str, line: int, number: int) -> Sequence[Row]:
-        """A line that is no code: the rest of a comment, the first part of a call, or a fault."""
+        """A line that is no code: the rest of a comment, the first part of a call, or a diagnostic."""
         ends_early = isinstance(error, UnexpectedToken) and error.token.type == "$END"
         if ends_early and code.count("(") > code.count(")") and number - line < _JOINED_LINES:
             self.pending, self.pending_line = [code], line
@@ -197,11 +198,11 @@ class _ListingReader:
         if line == number and self.is_run_on(number, code):
             self.run_ons.add(number)
             return ()
-        fault = misread(error, GRAMMAR, code, _TERMINALS)
-        found = fault.found
+        diagnostic = misread(error, GRAMMAR, code, _TERMINALS)
+        found = diagnostic.found
         if found.strip("'") not in self.source.line(line):  # An octal number: o10 is what stands for it.
             found = re.sub("^'oo?(?=[0-9])", "'0", found)
-        self.fault(rules.CALL_SYNTAX, line, fault.column, fault.end_column, found=found)
+        self.diagnostic(rules.CALL_SYNTAX, line, diagnostic.column, diagnostic.end_column, found=found)
         return ()
 
     def is_run_on(self, number: int, code: str) -> bool:
@@ -215,20 +216,22 @@ class _ListingReader:
         return False
 
     def finish(self) -> None:
-        """A call that never ended is a fault."""
+        """A call that never ended is a diagnostic."""
         if self.pending:
-            self.fault(rules.CALL_SYNTAX, self.pending_line, 1, 2, found=Phrase("the end of the file inside a call"))
+            self.diagnostic(
+                rules.CALL_SYNTAX, self.pending_line, 1, 2, found=Phrase("the end of the file inside a call")
+            )
         if self.not_listed:
             fields = {"count": self.not_listed, "code": Phrase("the lines"), "shown": len(self.diagnostics)}
             self.diagnostics.append(Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=self.source.name))
 
-    def fault(self, rule: Rule, line: int, column: int, end_column: int, **fields: object) -> None:
+    def diagnostic(self, rule: Rule, line: int, column: int, end_column: int, **fields: object) -> None:
         span = Span(line=line, column=column, end_line=line, end_column=end_column)
         self.diagnostics.append(Diagnostic(rule=rule, span=span, fields=fields, path=self.source.name))
 
     def at(self, rule: Rule, token: Token, line: int, **fields: object) -> None:
         start = token.column or 1
-        self.fault(rule, line, start, start + len(token), **fields)
+        self.diagnostic(rule, line, start, start + len(token), **fields)
 
     def item(self, item: Tree[Token], line: int) -> list[Row]:
         match item.data:
@@ -321,38 +324,38 @@ class _ListingReader:
             worth = Phrase("nothing (8 and 9 are no octal digits)") if no_octal else str(int(octal[1], 8))
             self.at(rules.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=worth)
             return None
-        if arg.kind is Kind.POINTER and tree.data == "pointer":
+        if arg.kind is ArgKind.POINTER and tree.data == "pointer":
             return str(first)
         value = self.value(tree)
         if _fits(arg.kind, value):
             return value
         fields = {"argument": arg.name, "call": signature.name, "wanted": _WANTED[arg.kind]}
         if first is None:
-            self.fault(rules.CALL_VALUE, line, 1, 2, **fields, found=Phrase("nothing"))
+            self.diagnostic(rules.CALL_VALUE, line, 1, 2, **fields, found=Phrase("nothing"))
         else:
             self.at(rules.CALL_VALUE, first, line, **fields, found=str(first)[:40])
         return None
 
 
 _WANTED = {
-    Kind.WHOLE: Phrase("a whole number"),
-    Kind.REAL: Phrase("a number"),
-    Kind.ARRAY: Phrase("an array of four numbers"),
-    Kind.POINTER: Phrase("a variable"),
-    Kind.STRUCT: Phrase("a TCrdPrm"),
+    ArgKind.WHOLE: Phrase("a whole number"),
+    ArgKind.REAL: Phrase("a number"),
+    ArgKind.ARRAY: Phrase("an array of four numbers"),
+    ArgKind.POINTER: Phrase("a variable"),
+    ArgKind.STRUCT: Phrase("a TCrdPrm"),
 }
 
 
-def _fits(kind: Kind, value: Value) -> bool:
+def _fits(kind: ArgKind, value: Value) -> bool:
     """Whether a value is of an argument's kind, and finite."""
     match kind:
-        case Kind.WHOLE | Kind.REAL:
+        case ArgKind.WHOLE | ArgKind.REAL:
             return _finite(value)
-        case Kind.ARRAY:
+        case ArgKind.ARRAY:
             return isinstance(value, tuple) and len(value) == 4 and all(map(_finite, value))
-        case Kind.STRUCT:
+        case ArgKind.STRUCT:
             return isinstance(value, str) or _is_crd(value)
-        case Kind.POINTER:
+        case ArgKind.POINTER:
             return False
 
 

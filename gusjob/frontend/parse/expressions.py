@@ -19,7 +19,7 @@ from lark import Token, Tree
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.geometry import sin_cos_deg
-from gusjob.kinematics.units import Kind
+from gusjob.kinematics.units import QuantityKind
 
 Number = np.float64 | Floats
 """One value, or one a lane."""
@@ -28,7 +28,7 @@ TRUTH = -1
 """What a comparison gives, in place of a Kind: 1 true, 0 false, NaN where an operand has no value."""
 Type = tuple[int, int]
 """Kind (or TRUTH), and the system it was written in (units.System, or units.PowerUnit for powers)."""
-PLAIN: Type = (Kind.PLAIN, 0)
+PLAIN: Type = (QuantityKind.PLAIN, 0)
 NAMED_NUMBERS = {"pi": np.float64(np.pi)}
 """Names that the language gives."""
 
@@ -281,7 +281,7 @@ def _result(typing: Typing, given: tuple[Type, ...]) -> Type | None:
         case Typing.PLAIN:
             return PLAIN if same and given[0] == PLAIN else None
         case Typing.ANGLE:
-            return PLAIN if given[0][0] in (Kind.PLAIN, Kind.ANGLE) else None
+            return PLAIN if given[0][0] in (QuantityKind.PLAIN, QuantityKind.ANGLE) else None
         case Typing.RATIO:
             return PLAIN if same else None
         case Typing.COMPARE:

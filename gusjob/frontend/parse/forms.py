@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from gusjob.i18n.phrases import Phrase, both_of
-from gusjob.kinematics.units import Kind
+from gusjob.kinematics.units import QuantityKind
 
 
 class Field(IntEnum):
@@ -42,7 +42,7 @@ class Word:
     """What a word's number is. `ms`: its canonical time is ms instead of us."""
 
     field: Field
-    kind: Kind
+    kind: QuantityKind
     ms: bool = False
 
 
@@ -56,30 +56,34 @@ class Form:
     hints: Mapping[str, str] = field(default_factory=dict)
 
 
-def _w(column: Field, kind: Kind, *, ms: bool = False) -> Word:
+def _w(column: Field, kind: QuantityKind, *, ms: bool = False) -> Word:
     return Word(field=column, kind=kind, ms=ms)
 
 
-_XY = {"X": _w(Field.X, Kind.LENGTH), "Y": _w(Field.Y, Kind.LENGTH)}
-_SPEED = {"VEL": _w(Field.VEL, Kind.VELOCITY), "ACC": _w(Field.ACC, Kind.ACCELERATION)}
-_FORCED = {"END": _w(Field.END, Kind.VELOCITY)}
-_LIMITS = {"MIN": _w(Field.LOW, Kind.POWER), "MAX": _w(Field.HIGH, Kind.POWER)}
-_CENTRE = {"I": _w(Field.I, Kind.LENGTH), "J": _w(Field.J, Kind.LENGTH), "R": _w(Field.R, Kind.LENGTH)}
+_XY = {"X": _w(Field.X, QuantityKind.LENGTH), "Y": _w(Field.Y, QuantityKind.LENGTH)}
+_SPEED = {"VEL": _w(Field.VEL, QuantityKind.VELOCITY), "ACC": _w(Field.ACC, QuantityKind.ACCELERATION)}
+_FORCED = {"END": _w(Field.END, QuantityKind.VELOCITY)}
+_LIMITS = {"MIN": _w(Field.LOW, QuantityKind.POWER), "MAX": _w(Field.HIGH, QuantityKind.POWER)}
+_CENTRE = {
+    "I": _w(Field.I, QuantityKind.LENGTH),
+    "J": _w(Field.J, QuantityKind.LENGTH),
+    "R": _w(Field.R, QuantityKind.LENGTH),
+}
 _ARC_ONLY = dict.fromkeys("IJR", Phrase("it belongs to {statement}", statement="ARC"))
 _OF_FREQUENCY = Phrase("it belongs to {statement}", statement="LASER MODE FREQUENCY")
-_DUTY_LIMITS = {"MIN": _w(Field.LOW, Kind.SHARE), "MAX": _w(Field.HIGH, Kind.SHARE)}
-_CARRIER = {"CARRIER": _w(Field.VALUE, Kind.FREQUENCY), **_DUTY_LIMITS}
-_WIDTH = {"WIDTH": _w(Field.VALUE, Kind.TIME)}
+_DUTY_LIMITS = {"MIN": _w(Field.LOW, QuantityKind.SHARE), "MAX": _w(Field.HIGH, QuantityKind.SHARE)}
+_CARRIER = {"CARRIER": _w(Field.VALUE, QuantityKind.FREQUENCY), **_DUTY_LIMITS}
+_WIDTH = {"WIDTH": _w(Field.VALUE, QuantityKind.TIME)}
 
 FORMS: dict[str, Form] = {
     "units": Form(name="UNITS"),
     "coords": Form(name="COORDS"),
-    "crd": Form(name="CRD", words={"": _w(Field.VALUE, Kind.PLAIN), "FIFO": _w(Field.LOW, Kind.PLAIN)}),
-    "channel": Form(name="CHANNEL", words={"": _w(Field.VALUE, Kind.PLAIN)}),
-    "VEL": Form(name="VEL", words={"": _w(Field.VALUE, Kind.VELOCITY)}),
-    "ACC": Form(name="ACC", words={"": _w(Field.VALUE, Kind.ACCELERATION)}),
-    "JUMPVEL": Form(name="JUMPVEL", words={"": _w(Field.VALUE, Kind.VELOCITY)}),
-    "JUMPACC": Form(name="JUMPACC", words={"": _w(Field.VALUE, Kind.ACCELERATION)}),
+    "crd": Form(name="CRD", words={"": _w(Field.VALUE, QuantityKind.PLAIN), "FIFO": _w(Field.LOW, QuantityKind.PLAIN)}),
+    "channel": Form(name="CHANNEL", words={"": _w(Field.VALUE, QuantityKind.PLAIN)}),
+    "VEL": Form(name="VEL", words={"": _w(Field.VALUE, QuantityKind.VELOCITY)}),
+    "ACC": Form(name="ACC", words={"": _w(Field.VALUE, QuantityKind.ACCELERATION)}),
+    "JUMPVEL": Form(name="JUMPVEL", words={"": _w(Field.VALUE, QuantityKind.VELOCITY)}),
+    "JUMPACC": Form(name="JUMPACC", words={"": _w(Field.VALUE, QuantityKind.ACCELERATION)}),
     "line": Form(name="LINE", words={**_XY, **_SPEED, **_FORCED}, hints=_ARC_ONLY),
     "jump": Form(
         name="JUMP",
@@ -92,21 +96,21 @@ FORMS: dict[str, Form] = {
         },
     ),
     "arc": Form(name="ARC", words={**_XY, **_CENTRE, **_SPEED, **_FORCED}),
-    "dwell": Form(name="DWELL", words={"": _w(Field.VALUE, Kind.TIME, ms=True)}),
+    "dwell": Form(name="DWELL", words={"": _w(Field.VALUE, QuantityKind.TIME, ms=True)}),
     "wait": Form(name="WAIT"),
     "lookahead": Form(
         name="LOOKAHEAD",
-        words={"TIME": _w(Field.VALUE, Kind.TIME, ms=True), "ACC": _w(Field.ACC, Kind.ACCELERATION)},
+        words={"TIME": _w(Field.VALUE, QuantityKind.TIME, ms=True), "ACC": _w(Field.ACC, QuantityKind.ACCELERATION)},
     ),
     "skywrite": Form(
         name="SKYWRITE",
         words={
-            "MODE": _w(Field.VALUE, Kind.PLAIN),
-            "TIMELAG": _w(Field.LOW, Kind.TIME),
-            "SHIFT": _w(Field.HIGH, Kind.TIME),
-            "NPREV": _w(Field.RATIO, Kind.PLAIN),
-            "NPOST": _w(Field.AT, Kind.PLAIN),
-            "LIMIT": _w(Field.END, Kind.PLAIN),
+            "MODE": _w(Field.VALUE, QuantityKind.PLAIN),
+            "TIMELAG": _w(Field.LOW, QuantityKind.TIME),
+            "SHIFT": _w(Field.HIGH, QuantityKind.TIME),
+            "NPREV": _w(Field.RATIO, QuantityKind.PLAIN),
+            "NPOST": _w(Field.AT, QuantityKind.PLAIN),
+            "LIMIT": _w(Field.END, QuantityKind.PLAIN),
         },
         needs=("MODE", "TIMELAG"),
     ),
@@ -124,13 +128,13 @@ FORMS: dict[str, Form] = {
     ),
     "FREQUENCY": Form(
         name="LASER MODE FREQUENCY",
-        words={**_WIDTH, "MIN": _w(Field.LOW, Kind.FREQUENCY), "MAX": _w(Field.HIGH, Kind.FREQUENCY)},
+        words={**_WIDTH, "MIN": _w(Field.LOW, QuantityKind.FREQUENCY), "MAX": _w(Field.HIGH, QuantityKind.FREQUENCY)},
         needs=("WIDTH",),
         hints={"CARRIER": Phrase("in frequency mode the power is the frequency; a carrier belongs to LASER MODE DUTY")},
     ),
     "ANALOG": Form(
         name="LASER MODE ANALOG",
-        words={"MIN": _w(Field.LOW, Kind.VOLTAGE), "MAX": _w(Field.HIGH, Kind.VOLTAGE)},
+        words={"MIN": _w(Field.LOW, QuantityKind.VOLTAGE), "MAX": _w(Field.HIGH, QuantityKind.VOLTAGE)},
         hints={
             "CARRIER": Phrase("it belongs to {statement}", statement=both_of(("LASER MODE DUTY", "DUTY2"))),
             "WIDTH": _OF_FREQUENCY,
@@ -138,29 +142,29 @@ FORMS: dict[str, Form] = {
     ),
     "laser_delay": Form(
         name="LASER DELAY",
-        words={"ON": _w(Field.VALUE, Kind.TIME), "OFF": _w(Field.LOW, Kind.TIME)},
+        words={"ON": _w(Field.VALUE, QuantityKind.TIME), "OFF": _w(Field.LOW, QuantityKind.TIME)},
         needs=("ON", "OFF"),
     ),
     "laser_standby": Form(
         name="LASER STANDBY",
-        words={"FREQ": _w(Field.VALUE, Kind.FREQUENCY), "DUTY": _w(Field.LOW, Kind.SHARE)},
+        words={"FREQ": _w(Field.VALUE, QuantityKind.FREQUENCY), "DUTY": _w(Field.LOW, QuantityKind.SHARE)},
         needs=("FREQ", "DUTY"),
     ),
-    "laser_prevolt": Form(name="LASER PREVOLT", words={"": _w(Field.VALUE, Kind.VOLTAGE)}),
+    "laser_prevolt": Form(name="LASER PREVOLT", words={"": _w(Field.VALUE, QuantityKind.VOLTAGE)}),
     "laser_fpk": Form(
         name="LASER FPK",
         words={
-            "WIDTH": _w(Field.VALUE, Kind.TIME),
-            "GAP": _w(Field.LOW, Kind.TIME),
-            "OFFDELAY": _w(Field.HIGH, Kind.TIME),
+            "WIDTH": _w(Field.VALUE, QuantityKind.TIME),
+            "GAP": _w(Field.LOW, QuantityKind.TIME),
+            "OFFDELAY": _w(Field.HIGH, QuantityKind.TIME),
         },
         needs=("WIDTH", "GAP", "OFFDELAY"),
     ),
     "laser_distance": Form(name="LASER DISTANCE", words=_LIMITS, needs=("REF", "RATIO", "MIN", "MAX")),
-    "laser_power": Form(name="LASER POWER", words={"": _w(Field.VALUE, Kind.POWER)}),
+    "laser_power": Form(name="LASER POWER", words={"": _w(Field.VALUE, QuantityKind.POWER)}),
     "laser_follow": Form(
         name="LASER FOLLOW",
-        words={"RATIO": _w(Field.RATIO, Kind.PLAIN), **_LIMITS, "AT": _w(Field.AT, Kind.VELOCITY)},
+        words={"RATIO": _w(Field.RATIO, QuantityKind.PLAIN), **_LIMITS, "AT": _w(Field.AT, QuantityKind.VELOCITY)},
         needs=("MIN", "MAX"),
     ),
     "laser_switch": Form(name="LASER ON"),
@@ -175,13 +179,13 @@ FORMS: dict[str, Form] = {
     "include": Form(name="INCLUDE"),
     "frame": Form(
         name="FRAME",
-        words={**_XY, "ROTATE": _w(Field.VALUE, Kind.ANGLE), "SCALE": _w(Field.RATIO, Kind.PLAIN)},
+        words={**_XY, "ROTATE": _w(Field.VALUE, QuantityKind.ANGLE), "SCALE": _w(Field.RATIO, QuantityKind.PLAIN)},
     ),
 }
 
 
-CHANNEL_WORD = _w(Field.CHANNEL, Kind.PLAIN)
+CHANNEL_WORD = _w(Field.CHANNEL, QuantityKind.PLAIN)
 """CHANNEL n at the end of a LASER statement."""
 
-REF_WORD, RATIO_WORD = _w(Field.X, Kind.LENGTH), _w(Field.X, Kind.PLAIN)
+REF_WORD, RATIO_WORD = _w(Field.X, QuantityKind.LENGTH), _w(Field.X, QuantityKind.PLAIN)
 """An axis behind REF and behind RATIO of LASER DISTANCE (they are no columns)."""

@@ -14,7 +14,7 @@ from gusjob.frontend.parse.expressions import Apply, Expression, Literal
 from gusjob.frontend.parse.forms import FORMS, Field
 from gusjob.frontend.parse.spelling import may_hold_small_words, small_words
 from gusjob.frontend.parse.statements import CONTROLS, Quantity, Statement, read_statement, strip_comment
-from gusjob.frontend.scan.shapes import MAX_FAULTS, Row, Rows, Slot, Template, number_runs, scan
+from gusjob.frontend.scan.shapes import MAX_DIAGNOSTICS, Row, Rows, Slot, Template, number_runs, scan
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase
 
@@ -63,7 +63,7 @@ class JobText:
     setups: tuple[Statement, ...]
     nodes: tuple[Statement, ...]
     diagnostics: tuple[Diagnostic, ...]
-    faults_not_listed: int
+    diagnostics_not_listed: int
     unread_names: frozenset[str] = frozenset()
     """Names whose LET can't be read."""
     small_words: bool = False
@@ -75,14 +75,14 @@ def plain(text: JobText) -> bool:
     return Field.NODE not in text.rows.columns and not (text.rows.op == RowOp.FRAME).any()
 
 
-def more_faults(text: JobText) -> Diagnostic:
+def more_diagnostics(text: JobText) -> Diagnostic:
     """How many lines of a text are not listed."""
-    fields = {"count": text.faults_not_listed, "code": Phrase("the lines"), "shown": len(text.diagnostics)}
+    fields = {"count": text.diagnostics_not_listed, "code": Phrase("the lines"), "shown": len(text.diagnostics)}
     return Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=text.source.name)
 
 
 def read_job_text(source: Source) -> JobText:
-    """All statements of a job text; after a fault the rest is still read."""
+    """All statements of a job text; after a diagnostic the rest is still read."""
     reader = _JobReader(data=source.data)
     rows = scan(source.data, semicolon_comments=True, learn=reader.learn, read_line=reader.read_line)
     return JobText(
@@ -91,7 +91,7 @@ def read_job_text(source: Source) -> JobText:
         setups=tuple(reader.setups),
         nodes=tuple(reader.nodes),
         diagnostics=tuple(reader.diagnostics),
-        faults_not_listed=reader.not_listed,
+        diagnostics_not_listed=reader.not_listed,
         unread_names=frozenset(reader.unread_names),
         small_words=reader.small_words,
     )
@@ -171,13 +171,13 @@ class _JobReader:
 
     def read_line(self, number: int, text: str) -> Sequence[Row]:
         """One line through the grammar."""
-        if len(self.diagnostics) >= MAX_FAULTS:
+        if len(self.diagnostics) >= MAX_DIAGNOSTICS:
             self.not_listed += 1
             return ()
-        statement, faults = read_statement(text, number)
-        self.diagnostics += faults
+        statement, diagnostics = read_statement(text, number)
+        self.diagnostics += diagnostics
         if statement is None:
-            word = text.split(maxsplit=1)[0].upper() if faults and text.strip() else ""
+            word = text.split(maxsplit=1)[0].upper() if diagnostics and text.strip() else ""
             self.unread_names.update(_LET.findall(text))
             if word not in BLOCK_WORDS:
                 return ()
@@ -204,7 +204,7 @@ class _JobReader:
 
 BLOCK_WORDS = ("REPEAT", "FOR", "IF", "DEF", "FRAME")
 BROKEN = "broken"
-"""Form of a line that can't be read but surely begins a block: its END is not another fault."""
+"""Form of a line that can't be read but surely begins a block: its END is not another diagnostic."""
 _LET = re.compile(r"^\s*LET\s+(\w+)", re.IGNORECASE)
 _DIGITS = re.compile(r"[0-9]+")
 _LEADING_ZERO = re.compile(rb"[A-Za-z_]0[0-9]")

@@ -138,7 +138,7 @@ def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: d
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word that is spelled most like this one; '' if none is like it."""
-    from difflib import get_close_matches  # Faults only: start-up time is part of the tool.
+    from difflib import get_close_matches  # Diagnostics only: start-up time is part of the tool.
 
     near = get_close_matches(word, list(known), 1, cutoff=0.6) if len(word) < 40 else []
     return near[0] if near else ""

@@ -26,7 +26,7 @@ from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WOR
 from gusjob.frontend.parse.lines import END_OF_LINE, Misread, keywords, misread, nearest, parser, subtrees, tokens
 from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER
 from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, plural
-from gusjob.kinematics.units import UNITS, Kind, PowerUnit, spelling
+from gusjob.kinematics.units import UNITS, PowerUnit, QuantityKind, spelling
 
 GRAMMAR = "job.lark"
 COMPARED = Phrase("; a comparison is written ==")
@@ -42,18 +42,18 @@ _TERMINALS = {
 CONTROLS = {"let", "repeat", "for", "if", "else", "end", "def", "call", "frame", "include"}
 """Forms that steer which statements are carried out, and how often."""
 
-POWER_KINDS = {Kind.SHARE, Kind.FREQUENCY, Kind.VOLTAGE}
+POWER_KINDS = {QuantityKind.SHARE, QuantityKind.FREQUENCY, QuantityKind.VOLTAGE}
 WANTED = {
-    Kind.LENGTH: Phrase("a length (um, mm, pulse)"),
-    Kind.VELOCITY: Phrase("a velocity (mm/s, m/s, mm/min, pulse/ms)"),
-    Kind.ACCELERATION: Phrase("an acceleration (mm/s2, m/s2, pulse/ms2)"),
-    Kind.TIME: Phrase("a time (us, ms, s)"),
-    Kind.FREQUENCY: Phrase("a frequency (Hz, kHz, MHz)"),
-    Kind.SHARE: Phrase("a share (%)"),
-    Kind.VOLTAGE: Phrase("a voltage (V, mV)"),
-    Kind.ANGLE: Phrase("an angle (deg)"),
-    Kind.PLAIN: Phrase("a plain number without unit"),
-    Kind.POWER: Phrase("a power (%, kHz, V)"),
+    QuantityKind.LENGTH: Phrase("a length (um, mm, pulse)"),
+    QuantityKind.VELOCITY: Phrase("a velocity (mm/s, m/s, mm/min, pulse/ms)"),
+    QuantityKind.ACCELERATION: Phrase("an acceleration (mm/s2, m/s2, pulse/ms2)"),
+    QuantityKind.TIME: Phrase("a time (us, ms, s)"),
+    QuantityKind.FREQUENCY: Phrase("a frequency (Hz, kHz, MHz)"),
+    QuantityKind.SHARE: Phrase("a share (%)"),
+    QuantityKind.VOLTAGE: Phrase("a voltage (V, mV)"),
+    QuantityKind.ANGLE: Phrase("an angle (deg)"),
+    QuantityKind.PLAIN: Phrase("a plain number without unit"),
+    QuantityKind.POWER: Phrase("a power (%, kHz, V)"),
 }
 
 
@@ -152,33 +152,40 @@ def _at(rule: Rule, line: int, column: int, end_column: int, **fields: object) -
 
 
 def _unreadable(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
-    fault = misread(error, GRAMMAR, text, _TERMINALS)
-    if not text[: fault.column - 1].strip():
-        return _at(rules.UNKNOWN_STATEMENT, line, fault.column, fault.end_column, found=fault.found, hint=fault.hint)
+    diagnostic = misread(error, GRAMMAR, text, _TERMINALS)
+    if not text[: diagnostic.column - 1].strip():
+        return _at(
+            rules.UNKNOWN_STATEMENT,
+            line,
+            diagnostic.column,
+            diagnostic.end_column,
+            found=diagnostic.found,
+            hint=diagnostic.hint,
+        )
     return _at(
         rules.UNEXPECTED,
         line,
-        fault.column,
-        fault.end_column,
-        found=fault.found,
-        expected=fault.expectation,
-        hint=fault.hint or _hint(text, fault),
+        diagnostic.column,
+        diagnostic.end_column,
+        found=diagnostic.found,
+        expected=diagnostic.expectation,
+        hint=diagnostic.hint or _hint(text, diagnostic),
     )
 
 
-def _hint(text: str, fault: Misread) -> str:
+def _hint(text: str, diagnostic: Misread) -> str:
     """What was probably meant."""
-    if fault.found is END_OF_LINE:
+    if diagnostic.found is END_OF_LINE:
         return ""
-    found = fault.found.strip("'")
-    before = text[: fault.column - 1].split()
+    found = diagnostic.found.strip("'")
+    before = text[: diagnostic.column - 1].split()
     if found == "=" and before and before[0].upper() == "IF":
         return COMPARED
     if found.lower() in UNITS and before and before[-1][-1:].isdigit():
         return Phrase("; a unit is glued to its number: {glued}", glued=f"{before[-1]}{found}")
     if before and before[0].upper() in ("ELSE", "END"):
         return Phrase("; {word} stands alone in its line", word=before[0].upper())
-    if "a number" in fault.expected and (found[:1].isalpha() or found[:1] == "_"):
+    if "a number" in diagnostic.expected and (found[:1].isalpha() or found[:1] == "_"):
         return Phrase("; a name or expression stands in parentheses: ({found})", found=found)
     if found in ("*", "/", "%", "+", "-", "**") and before:
         return Phrase("; an expression stands in parentheses")
@@ -189,7 +196,7 @@ def _hint(text: str, fault: Misread) -> str:
 class _Reader:
     line: int
     text: str
-    faults: list[Diagnostic] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
 
     def statement(self, tree: Tree[Token]) -> tuple[Statement | None, list[Diagnostic]]:
         column = len(self.text) - len(self.text.lstrip()) + 1
@@ -230,8 +237,8 @@ class _Reader:
             else:
                 self.axes(tokens(part)[0], part, axes)
         self.needs(form, {**words, **axes}, options, column, end_column)
-        if self.faults:
-            return None, self.faults
+        if self.diagnostics:
+            return None, self.diagnostics
         return Statement(
             form=form_key,
             name=form.name,
@@ -263,8 +270,8 @@ class _Reader:
                 self.name(name)
             if form_key == "def" and name in names[1:i]:
                 self.twice(name)
-        if self.faults:
-            return None, self.faults
+        if self.diagnostics:
+            return None, self.diagnostics
         return Statement(
             form=form_key,
             name=form.name,
@@ -280,13 +287,13 @@ class _Reader:
         is_keyword = len(token) > 1 and token.upper() in keywords(GRAMMAR)
         if is_keyword or token in FUNCTIONS or token in NAMED_NUMBERS:
             hint = Phrase("write {name} or another name", name=f"{token}_1")
-            self.faults.append(self.token_fault(rules.RESERVED, token, word=str(token), hint=hint))
+            self.diagnostics.append(self.token_fault(rules.RESERVED, token, word=str(token), hint=hint))
 
     def expression(self, root: Tree[Token] | Token, start: int = 0, end: int = 0) -> Expression | None:
         """A parsed expression as postfix code; it spans its own numbers and names, unless columns are given."""
         code: list[Step] = []
         constants: list[Literal] = []
-        faults_before = len(self.faults)
+        faults_before = len(self.diagnostics)
         first, last = MAX_LINE, 0
         for part in postfix(root):
             if isinstance(part, Apply):
@@ -303,7 +310,7 @@ class _Reader:
             else:
                 code.append(str(part))
             first, last = min(first, part.column or 1), max(last, (part.column or 1) + len(part))
-        if len(self.faults) > faults_before:
+        if len(self.diagnostics) > faults_before:
             return None
         names = dict.fromkeys(step for step in code if isinstance(step, str) and step not in NAMED_NUMBERS)
         return Expression(
@@ -320,17 +327,17 @@ class _Reader:
         if found is None:
             near = nearest(token, FUNCTIONS)
             hint = did_you_mean(near) or Phrase("; there are {words}", words=all_of(FUNCTIONS))
-            self.faults.append(self.token_fault(rules.NO_FUNCTION, token, word=str(token), hint=hint))
+            self.diagnostics.append(self.token_fault(rules.NO_FUNCTION, token, word=str(token), hint=hint))
         elif count != (found.arity or max(count, 1)):
             wanted = _numbers(found.arity)
-            self.faults.append(self.token_fault(rules.ARITY, token, word=str(token), wanted=wanted, found=count))
+            self.diagnostics.append(self.token_fault(rules.ARITY, token, word=str(token), wanted=wanted, found=count))
         return found
 
     def literal(self, token: Token) -> Literal | None:
         """A number in an expression."""
         number_text, unit = _split_unit(str(token))
         start = token.column or 1
-        kind, system, times, over = Kind.PLAIN, 0, 1.0, 1.0
+        kind, system, times, over = QuantityKind.PLAIN, 0, 1.0, 1.0
         if unit:
             known = UNITS[unit.lower()]
             kind, system, times, over = known.kind, known.system, known.times, known.over
@@ -351,18 +358,18 @@ class _Reader:
 
     def too_big(self, token: Token, start: int, end: int) -> None:
         shown = f"{token[:20]}{'...' * (len(token) > 20)}"
-        self.faults.append(_at(rules.TOO_BIG, self.line, start, end, value=shown, limit=MAX_NUMBER))
+        self.diagnostics.append(_at(rules.TOO_BIG, self.line, start, end, value=shown, limit=MAX_NUMBER))
 
     def shift(self, head: Token, part: Tree[Token], form: Form, words: dict[str, Quantity]) -> None:
         """SHIFT X x Y y of FRAME."""
         if not subtrees(part):
             word = any_of(("X", "Y"))
-            self.faults.append(self.token_fault(rules.MISSING, head, statement="FRAME SHIFT", word=word, hint=""))
+            self.diagnostics.append(self.token_fault(rules.MISSING, head, statement="FRAME SHIFT", word=word, hint=""))
         for place in subtrees(part):
             self.word(form, tokens(place)[0].type, subtrees(place)[0], words, tokens(place)[0])
 
     def twice(self, token: Token) -> None:
-        self.faults.append(self.token_fault(rules.TWICE, token, word=str(token)))
+        self.diagnostics.append(self.token_fault(rules.TWICE, token, word=str(token)))
 
     def token_fault(self, rule: Rule, token: Token, **fields: object) -> Diagnostic:
         start = token.column or 1
@@ -381,9 +388,9 @@ class _Reader:
             if quantity:
                 found[axis.type] = quantity
         for axis_name in "XY":
-            if axis_name not in found and not self.faults:
+            if axis_name not in found and not self.diagnostics:
                 hint = Phrase("; it needs X and Y, Z and A are free")
-                self.faults.append(
+                self.diagnostics.append(
                     self.token_fault(
                         rules.MISSING, head, statement=f"LASER DISTANCE {head.type}", word=axis_name, hint=hint
                     )
@@ -395,7 +402,7 @@ class _Reader:
     ) -> None:
         if token is not None and name not in form.words:
             hint = form.hints.get(name) or _takes(form)
-            self.faults.append(self.token_fault(rules.FOREIGN, token, word=name, statement=form.name, hint=hint))
+            self.diagnostics.append(self.token_fault(rules.FOREIGN, token, word=name, statement=form.name, hint=hint))
             return
         if name in words and token is not None:
             self.twice(token)
@@ -417,8 +424,8 @@ class _Reader:
             missing = [_either("RATIO", "AT") if "AT" in words else any_of(("RATIO", "AT"))]
             hint = Phrase("; RATIO r, or AT v for the ratio that reaches MAX at velocity v")
         for word in missing:
-            if not self.faults:
-                self.faults.append(
+            if not self.diagnostics:
+                self.diagnostics.append(
                     _at(rules.MISSING, self.line, column, end_column, statement=form.name, word=word, hint=hint)
                 )
 
@@ -450,8 +457,8 @@ class _Reader:
         times, over, system = 1.0, 1.0, 0
         if unit_text:
             unit = UNITS[unit_text.lower()]
-            if unit.kind is not word.kind and not (word.kind is Kind.POWER and unit.kind in POWER_KINDS):
-                self.faults.append(
+            if unit.kind is not word.kind and not (word.kind is QuantityKind.POWER and unit.kind in POWER_KINDS):
+                self.diagnostics.append(
                     _at(
                         rules.WRONG_UNIT,
                         self.line,

@@ -35,13 +35,13 @@ from gusjob.ir.job import (
     Op,
     Path,
     PowerNow,
+    Provenance,
     Setup,
     SetupStatement,
     SkyWrite,
     SkyWriting,
     Speeds,
     SwitchNow,
-    Trails,
     Wait,
     auto_steps,
     chords,
@@ -50,7 +50,7 @@ from gusjob.ir.job import (
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 from gusjob.kinematics.geometry import CLOSES_MM
 from gusjob.kinematics.trapezoids import running_sum
-from gusjob.kinematics.units import System, acceleration_pulse_per_ms2, velocity_pulse_per_ms
+from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 _OPS = {
     RowOp.LINE: Op.LINE,
@@ -83,7 +83,7 @@ class Told:
     setups: tuple[Statement, ...]
     sources: SourceMap
     frame_parent: Ints
-    trails: Trails | None = None
+    trails: Provenance | None = None
     lets: dict[str, list[int]] = field(default_factory=dict)
     """Lines that set each name."""
     whole: bool = True
@@ -108,7 +108,7 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         whole=told.whole,
         trails=told.trails,
     )
-    return job, reader.faults(job)
+    return job, reader.diagnostics(job)
 
 
 def last_set(is_set: Bools) -> Ints:
@@ -178,8 +178,8 @@ class _Elaboration:
         by_units = self.units_pulse()
         if written is None:
             return by_units
-        explicit = written == System.PULSE
-        return np.asarray(explicit if by_units is None else explicit | (by_units & (written == System.DEFAULT)))
+        explicit = written == UnitSystem.PULSE
+        return np.asarray(explicit if by_units is None else explicit | (by_units & (written == UnitSystem.DEFAULT)))
 
     def length(self, column: Field, axis: int) -> Floats:
         """A length column in pulse, NaN where absent."""
@@ -312,7 +312,7 @@ class _Elaboration:
             np.where(np.isnan(scale) | ~(scale > 0), 1.0, scale), self.told.frame_parent, self.machine.pulses_per_mm,
         )  # fmt: skip
 
-    def faults(self, job: Job) -> list[Diagnostic]:
+    def diagnostics(self, job: Job) -> list[Diagnostic]:
         """What only the whole job shows: channels that are none, frames without a size, arcs that a frame bends."""
         op, value = self.rows.op, self.channel()
         written = op == RowOp.CHANNEL
@@ -323,15 +323,15 @@ class _Elaboration:
         for at, count in self.once(bad):
             word = "value" if op[at] == RowOp.CHANNEL else "CHANNEL"
             fields = {"what": "CHANNEL", "value": float(value[at]), "unit": "", "range": str(CHANNEL), "hint": ""}
-            found.append(self.fault(job, rules.OUT_OF_RANGE, at, word, count, fields))
+            found.append(self.diagnostic(job, rules.OUT_OF_RANGE, at, word, count, fields))
         if not (op == RowOp.FRAME).any():
             return found
         scale = self.col(Field.RATIO)
         for at, count in self.once(np.flatnonzero((op == RowOp.FRAME) & ~(scale > 0) & ~np.isnan(scale))):
-            found.append(self.fault(job, rules.FRAME_SCALE, at, "SCALE", count, {"value": float(scale[at])}))
+            found.append(self.diagnostic(job, rules.FRAME_SCALE, at, "SCALE", count, {"value": float(scale[at])}))
         for at, off_mm in self.open_arcs:
             fields = {"end": off_mm[1], "start": off_mm[0], "limit": CLOSES_MM}
-            found.append(self.fault(job, rules.ARC_OFF, at, "", 1, fields))
+            found.append(self.diagnostic(job, rules.ARC_OFF, at, "", 1, fields))
         return found
 
     def once(self, rows: Indices) -> list[tuple[int, int]]:
@@ -339,8 +339,8 @@ class _Elaboration:
         _, first, count = np.unique(self.rows.line[rows], return_index=True, return_counts=True)
         return list(zip(rows[first].tolist(), count.tolist(), strict=True))
 
-    def fault(self, job: Job, rule: d.Rule, at: int, word: str, count: int, fields: dict[str, Any]) -> Diagnostic:
-        """A fault in a row."""
+    def diagnostic(self, job: Job, rule: d.Rule, at: int, word: str, count: int, fields: dict[str, Any]) -> Diagnostic:
+        """A diagnostic in a row."""
         span = job.locate(int(self.rows.line[at]), word)
         return Diagnostic(rule=rule, span=span, fields=fields, count=count, remarks=job.remarks(int(self.trail()[at])))
 
@@ -454,7 +454,7 @@ class _Elaboration:
         return longer
 
     def _channel_column(self, cut: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> npt.NDArray[np.int8]:
-        """Channels as they are used: a wrong one is a fault already."""
+        """Channels as they are used: a wrong one is a diagnostic already."""
         return np.asarray(np.clip(np.nan_to_num(cut(self.channel())), 0, 1), dtype=np.int8)
 
     def _arc_in_mm(self) -> Bools:
@@ -544,7 +544,7 @@ class _Elaboration:
         time, acc = statement.words.get("TIME"), statement.words.get("ACC")
         value = math.nan
         if acc is not None:
-            pulses = acc.system == System.PULSE or (acc.system == System.DEFAULT and in_pulse)
+            pulses = acc.system == UnitSystem.PULSE or (acc.system == UnitSystem.DEFAULT and in_pulse)
             value = acc.value if pulses else acceleration_pulse_per_ms2(acc.value, self.machine.pulses_per_mm[0])
         return (time.value if time else math.nan, value)
 
@@ -554,7 +554,7 @@ class _Elaboration:
         def reference(quantity: Quantity | None, axis: int) -> float:
             if quantity is None:
                 return 0.0
-            pulses = quantity.system == System.PULSE or (quantity.system == System.DEFAULT and in_pulse)
+            pulses = quantity.system == UnitSystem.PULSE or (quantity.system == UnitSystem.DEFAULT and in_pulse)
             return quantity.value if pulses else float(np.rint(quantity.value * self.scale(axis))) + 0.0
 
         places, ratios = statement.axes["REF"], statement.axes["RATIO"]

@@ -2,8 +2,8 @@
 
 The shape of a line is the line without its comment, with every run of digits made one digit: `LINE X 1.5 Y -20 ; a`
 becomes `LINE X 0.0 Y -0`. What a shape means (a Template) is learnt from its first line by the real parser; then the
-numbers of all its lines are read at once. Lines whose shape has no template (setup, faults, exponents ...) go to the
-parser one by one.
+numbers of all its lines are read at once. Lines whose shape has no template (setup, diagnostics, exponents ...) go to
+the parser one by one.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import orjson
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 
 MAX_LINE = 10_000
-"""Characters in a statement; longer lines are faults, not work."""
+"""Characters in a statement; longer lines are diagnostics, not work."""
 MAX_NUMBER = 1e15
-"""Larger numbers are faults: whole numbers are exact up to here, and no product of two of them overflows."""
-MAX_FAULTS = 1000
-"""Lines with faults that are read one by one; the rest is only counted."""
+"""Larger numbers are diagnostics: whole numbers are exact up to here, and no product of two of them overflows."""
+MAX_DIAGNOSTICS = 1000
+"""Lines with diagnostics that are read one by one; the rest is only counted."""
 
 _CHUNK = 1 << 21
 _COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
@@ -119,7 +119,7 @@ class Rows:
 Learn = Callable[[str], Template | None]
 """A line (comment stripped) to its template; None if it is to be read alone."""
 ReadLine = Callable[[int, str], Sequence[Row]]
-"""Line number from 1 and the whole line -> its rows. Notes its own faults."""
+"""Line number from 1 and the whole line -> its rows. Notes its own diagnostics."""
 
 
 def number_runs(line: bytes) -> list[tuple[int, int]] | None:

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import Run
+from gusjob.controllers.gus.calls import RunKind
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.arrays import Floats, Indices
-from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
+from gusjob.planner.report_rows import report_rows
 
 _RUN_IN, _RUN_OUT = Phrase("run-in"), Phrase("run-out")
 _SLACK_PULSE = 1.5
@@ -21,7 +21,7 @@ _SLACK_PULSE = 1.5
 
 
 def stays_in_field(state: Plan) -> Plan:
-    """The plan, with a fault for every mark whose run-in or run-out leaves the field, at its worst."""
+    """The plan, with a diagnostic for every mark whose run-in or run-out leaves the field, at its worst."""
     laid, sky, machine = state.segments, state.sky, state.machine
     if laid is None or sky is None:
         return state
@@ -34,7 +34,7 @@ def stays_in_field(state: Plan) -> Plan:
     ):
         return state
     run = sky.run[state.timed]
-    runs = np.flatnonzero(run != Run.NONE)
+    runs = np.flatnonzero(run != RunKind.NONE)
     x_low, x_high, y_low, y_high = laid.extent(runs)
     collector = Collector(state.job.name)
     for axis, lowest, highest, (low, high), scale in (
@@ -44,7 +44,7 @@ def stays_in_field(state: Plan) -> Plan:
         below, above = low - lowest / scale, highest / scale - high
         over = np.maximum(below, above)
         value = np.where(below > above, lowest / scale, highest / scale)
-        for kind, what, word in ((Run.RUN_IN, _RUN_IN, "NPREV"), (Run.RUN_OUT, _RUN_OUT, "NPOST")):
+        for kind, what, word in ((RunKind.RUN_IN, _RUN_IN, "NPREV"), (RunKind.RUN_OUT, _RUN_OUT, "NPOST")):
             fields = {"what": what, "word": word, "axis": axis, "low": low, "high": high}
             mine = np.flatnonzero((run[runs] == kind) & (over > _SLACK_PULSE / scale))
             _report(state, collector, runs[mine], over[mine], value[mine], fields)
@@ -54,7 +54,7 @@ def stays_in_field(state: Plan) -> Plan:
 def _report(
     state: Plan, collector: Collector, at: Indices, over: Floats, value: Floats, fields: dict[str, Any]
 ) -> None:
-    """One fault a line, where it is worst."""
+    """One diagnostic a line, where it is worst."""
     worst = np.argsort(-over, kind="stable")
 
     def numbers(index: int) -> dict[str, Any]:

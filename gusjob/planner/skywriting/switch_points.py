@@ -22,7 +22,7 @@ from gusjob.kinematics.trapezoids import Trapezoids, distance_run, look_ahead
 from gusjob.lint.view import CHANNELS
 from gusjob.planner.layout import layout
 from gusjob.planner.plan import Plan, rearranged
-from gusjob.planner.skywriting.switch_faults import switch_faults
+from gusjob.planner.skywriting.switch_diagnostics import switch_diagnostics
 from gusjob.planner.skywriting.timeline import Events, events_of, schedule_of
 from gusjob.planner.velocity import at_rest_before
 
@@ -141,7 +141,9 @@ def _split(state: Plan, schedule: Schedule, events: Events, points: _Points) -> 
         reached = np.minimum(look_ahead(longer.segments.length, acc, ends, at_rest_before(longer)), ends)
         ends = np.where(np.isfinite(longer.path.end[longer.timed]), ends, reached)
     return replace(
-        longer, vel_end=ends, diagnostics=(*state.diagnostics, *switch_faults(state, schedule, events, points.place))
+        longer,
+        vel_end=ends,
+        diagnostics=(*state.diagnostics, *switch_diagnostics(state, schedule, events, points.place)),
     )
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.controllers.gus.calls import Run
+from gusjob.controllers.gus.calls import RunKind
 from gusjob.ir.job import SPEED_WORDS, Op
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
@@ -118,10 +118,10 @@ class _Rows:
         """From P to S; before it to P backwards from S, or by a jump."""
         marks, at = self.marks, run.at
         first = marks.mode[at] == 1
-        self.piece(run, first, _REVERSE, Run.RUN_IN, run.x, run.y, back=True, smooth=run.leaves)
-        self.piece(run, first & run.leaves, _REVERSE_FAR, Run.RUN_IN, run.far_x, run.far_y, straight=True)
-        self.piece(run, run.leaves, _RUN_IN_FAR, Run.RUN_IN, run.x, run.y, straight=True, smooth=True)
-        self.piece(run, np.True_, _RUN_IN, Run.RUN_IN, *self.starts(at), smooth=True)
+        self.piece(run, first, _REVERSE, RunKind.RUN_IN, run.x, run.y, back=True, smooth=run.leaves)
+        self.piece(run, first & run.leaves, _REVERSE_FAR, RunKind.RUN_IN, run.far_x, run.far_y, straight=True)
+        self.piece(run, run.leaves, _RUN_IN_FAR, RunKind.RUN_IN, run.x, run.y, straight=True, smooth=True)
+        self.piece(run, np.True_, _RUN_IN, RunKind.RUN_IN, *self.starts(at), smooth=True)
         before = self.straight_before(at)
         moves = ~first & (before >= 0)
         self.moved.append((self.state.timed[before[moves]], run.far_x[moves], run.far_y[moves]))
@@ -133,10 +133,10 @@ class _Rows:
         first = marks.mode[at] == 1
         self.outs = (np.zeros(len(marks.mark)), np.zeros(len(marks.mark)))
         self.outs[0][at], self.outs[1][at] = run.x, run.y
-        self.piece(run, np.True_, _RUN_OUT, Run.RUN_OUT, run.x, run.y, smooth=run.leaves)
-        self.piece(run, run.leaves, _RUN_OUT_FAR, Run.RUN_OUT, run.far_x, run.far_y, straight=True)
-        self.piece(run, first & run.leaves, _BACK_FAR, Run.RUN_OUT, run.x, run.y, straight=True, smooth=True)
-        self.piece(run, first, _BACK, Run.RUN_OUT, *self.ends(at), back=True)
+        self.piece(run, np.True_, _RUN_OUT, RunKind.RUN_OUT, run.x, run.y, smooth=run.leaves)
+        self.piece(run, run.leaves, _RUN_OUT_FAR, RunKind.RUN_OUT, run.far_x, run.far_y, straight=True)
+        self.piece(run, first & run.leaves, _BACK_FAR, RunKind.RUN_OUT, run.x, run.y, straight=True, smooth=True)
+        self.piece(run, first, _BACK, RunKind.RUN_OUT, *self.ends(at), back=True)
         self.jump(run, ~first & self.must_return(at, out_us), _JUMP_BACK, *self.ends(at))
 
     def starts(self, at: Indices) -> tuple[Floats, Floats]:
@@ -150,7 +150,7 @@ class _Rows:
         return path.x[rows], path.y[rows]
 
     def piece(
-        self, run: Beyond, where: Bools | np.bool_, shift: float, kind: Run, x: Floats, y: Floats, *,
+        self, run: Beyond, where: Bools | np.bool_, shift: float, kind: RunKind, x: Floats, y: Floats, *,
         straight: bool = False, back: bool = False, smooth: Bools | bool = False,
     ) -> None:  # fmt: skip
         """A piece of the run of the marks in `where`, at mark speed: as they are bent, or `straight`; or `back`."""
@@ -279,7 +279,7 @@ class _Rows:
         """The pieces in front of the switches that are placed, as rows of their own."""
         self.first_pieces = self.state.timed.copy()
         for side, behind in ((places.off, _OFF_BEHIND), (places.on, 0.0)):
-            for leg, run in ((Leg.MARK, Run.RUN_IN), (Leg.RUN_OUT, Run.RUN_OUT)):
+            for leg, run in ((Leg.MARK, RunKind.RUN_IN), (Leg.RUN_OUT, RunKind.RUN_OUT)):
                 at = np.flatnonzero(places.known & (side.leg == leg))
                 if leg is Leg.MARK:
                     self.first_pieces[at] = self.count + np.arange(len(at))
@@ -305,7 +305,7 @@ class _Rows:
         rank[order] = np.arange(len(order))
         own: dict[str, npt.NDArray[Any]] = {
             "x": path.x.copy(), "y": path.y.copy(),
-            "run": np.full(n, Run.NONE, dtype=np.int8), "smooth": np.zeros(n, dtype=np.bool_),
+            "run": np.full(n, RunKind.NONE, dtype=np.int8), "smooth": np.zeros(n, dtype=np.bool_),
         }  # fmt: skip
         for rows, x, y in self.moved:
             own["x"][rows], own["y"][rows] = x, y
@@ -316,7 +316,7 @@ class _Rows:
             own["vel"], own["vel_in_mm"] = path.vel.copy(), path.vel_in_mm.copy()
             own["vel"][mark], own["vel_in_mm"][mark] = self.marks.vel[self.marks.mark], False
         # What of a mark is dark lies before its light.
-        own["run"][mark] = Run.RUN_IN
+        own["run"][mark] = RunKind.RUN_IN
         columns = {
             name: self.column(name, own[name] if name in own else getattr(path, name))[order]
             for name in {*own, *(name for change in self.changes for name in change)}

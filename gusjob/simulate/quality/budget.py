@@ -31,7 +31,7 @@ def over_budget(trace: Trace, machine: Machine) -> list[Diagnostic]:
 
 
 def _add(found: Collector, rule: Rule, lines: Lines, values: Floats, limit: float | Floats, **fields: object) -> None:
-    """A fault of each value above its limit."""
+    """A diagnostic of each value above its limit."""
     limits = np.broadcast_to(limit, values.shape)
     over = np.flatnonzero(values > limits)
     listed = over[: found.room(rule)].tolist()

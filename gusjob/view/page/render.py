@@ -18,7 +18,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from gusjob.diagnostics.model import Severity
-from gusjob.i18n.phrases import Phrase, all_of, figure, plural, printable, said
+from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 from gusjob.view.page.encode import UNITS_PER_MM, Encoded, encode
 from gusjob.view.page.words import page_language, script_words, template_text
@@ -37,7 +37,7 @@ _SHOWN = 50
 """So many diagnostics are open, the rest is behind a click."""
 _DIRECTORY_BYTES = 32_768
 _CUT = 240
-"""Characters of a source line: of a longer one what is around the fault."""
+"""Characters of a source line: of a longer one what is around the diagnostic."""
 _DIGITS = 6
 
 Figure = tuple[str, str, str]
@@ -111,8 +111,8 @@ def _shell(page: Page, found: Encoded | None) -> str:
         channels=[_channel(entry) for entry in totals["channels"]] if totals else [],
         readings=_readings(page.facts),
         remarks=_remarks(page.facts, found),
-        why_no_report=said(page.facts.get("reason") or _why_no_report(page.diagnostics)),
-        diagnostics=[_diagnostic(fault) for fault in page.diagnostics],
+        why_no_report=localized(page.facts.get("reason") or _why_no_report(page.diagnostics)),
+        diagnostics=[_diagnostic(diagnostic) for diagnostic in page.diagnostics],
         counts=_counts(page.diagnostics),
         shown=_SHOWN,
         marking=_marking(page.marking or []),
@@ -133,7 +133,9 @@ def _template() -> jinja2.Template:
 def _libraries(versions: Sequence[Mapping[str, str]]) -> str:
     """Whose libraries a page holds, each once."""
     known = dict.fromkeys((v["name"], v["version"], v["licence"]) for v in versions)
-    return said(all_of(Phrase("{name} {version} ({licence})", name=n, version=v, licence=of) for n, v, of in known))
+    return localized(
+        all_of(Phrase("{name} {version} ({licence})", name=n, version=v, licence=of) for n, v, of in known)
+    )
 
 
 def _read(name: str) -> str:
@@ -201,15 +203,15 @@ def _plain(value: object) -> object:
 
 def _figure(head: Phrase, value: float | None) -> Figure:
     """A figure below a head that ends in its unit."""
-    name, _, unit = said(head).rpartition(" ")
+    name, _, unit = localized(head).rpartition(" ")
     return name, figure(value), unit
 
 
 def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure]:
     runs = ((Phrase("run-ins mm"), "run_in_mm"), (Phrase("run-outs mm"), "run_out_mm"))
     found = [
-        (said(Phrase("segments")), f"{totals['segments']:,}", ""),
-        (said(Phrase("stages")), f"{totals['stages']:,}", ""),
+        (localized(Phrase("segments")), f"{totals['segments']:,}", ""),
+        (localized(Phrase("stages")), f"{totals['stages']:,}", ""),
         _figure(Phrase("duration ms"), totals["duration_ms"]),
         _figure(Phrase("marks mm"), totals["mark_mm"]),
         _figure(Phrase("jumps mm"), totals["jump_mm"]),
@@ -220,7 +222,7 @@ def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure
     scanner = (facts.get("notes") or {}).get("scanner")
     if scanner:
         lag = figure(scanner.get("tracking_error_us"))
-        found.append((said(Phrase("scanner")), printable(str(scanner.get("model", ""))), f"{lag} us"))
+        found.append((localized(Phrase("scanner")), printable(str(scanner.get("model", ""))), f"{lag} us"))
     return found
 
 
@@ -243,24 +245,24 @@ def _channel(entry: Mapping[str, Any]) -> _Channel:
     unit = printable(str(entry["unit"]))
     found = [
         _figure(Phrase("on ms"), entry["emission_ms"]),
-        (said(Phrase("energy")), figure(entry["power_ms"]), f"{unit}*ms"),
-        (said(Phrase("highest power")), figure(entry["power_max"]), unit),
+        (localized(Phrase("energy")), figure(entry["power_ms"]), f"{unit}*ms"),
+        (localized(Phrase("highest power")), figure(entry["power_max"]), unit),
     ]
     if entry["joules"] is not None:
         found.append(_figure(Phrase("joules J"), entry["joules"]))
     if entry["clamped_ms"]:
         found.append(_figure(Phrase("held by a limit ms"), entry["clamped_ms"]))
     if entry.get("before_motion_power_ms"):
-        before = said(Phrase("before the first motion"))
+        before = localized(Phrase("before the first motion"))
         found.append((before, figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
     found += [_figure(_OFF_OUTPUT[name], value) for name, value in (entry["off_output"] or {}).items()]
-    name = said(Phrase("Channel {channel}", channel=entry["channel"]))
+    name = localized(Phrase("Channel {channel}", channel=entry["channel"]))
     return _Channel(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
 
 
 def _readings(facts: Mapping[str, Any]) -> list[str]:
     return [
-        said(
+        localized(
             Phrase(
                 "Line {line}: GT_GetHSIOOpt reads {value} on channel {channel}.",
                 line=r["line"],
@@ -286,7 +288,7 @@ def _remarks(facts: Mapping[str, Any], found: Encoded | None) -> list[str]:
     remarks += facts.get("remarks", [])
     if facts.get("marks_left_out"):
         remarks.append(Phrase("The table of marks is left out so that the page stays small; the JSON report has it."))
-    return [said(remark) for remark in remarks]
+    return [localized(remark) for remark in remarks]
 
 
 def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -294,7 +296,7 @@ def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     return [
         {
             "channel": str(entry["channel"]),
-            "word": said(word),
+            "word": localized(word),
             "unit": printable(marking_unit(name, entry["unit"])),
             "marks": f"{entry['marks']:,}",
             "worst": figure(entry["worst"][name]),
@@ -326,19 +328,19 @@ def _counts(diagnostics: Sequence[Mapping[str, Any]]) -> str:
         ),
         (notes, plural(notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes))),
     )
-    return said(all_of(phrase for count, phrase in said_of_each if count))
+    return localized(all_of(phrase for count, phrase in said_of_each if count))
 
 
-def _diagnostic(fault: Mapping[str, Any]) -> dict[str, Any]:
-    """A diagnostic with its source line in three parts: before the fault, the fault, behind it."""
-    severity = Severity(fault["severity"])
+def _diagnostic(diagnostic: Mapping[str, Any]) -> dict[str, Any]:
+    """A diagnostic with its source line in three parts: before the diagnostic, the diagnostic, behind it."""
+    severity = Severity(diagnostic["severity"])
     return {
-        **_placed(fault),
+        **_placed(diagnostic),
         "severity": severity.value,
-        "word": severity.said,
-        "code": printable(str(fault["code"])),
-        "count": int(fault.get("count", 1)),
-        "notes": [_placed(note) for note in fault.get("notes", ())],
+        "word": severity.localized,
+        "code": printable(str(diagnostic["code"])),
+        "count": int(diagnostic.get("count", 1)),
+        "notes": [_placed(note) for note in diagnostic.get("notes", ())],
     }
 
 

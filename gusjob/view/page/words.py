@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gusjob.i18n.language import LANGUAGES, language, translated, typeset
-from gusjob.i18n.phrases import Phrase, said
+from gusjob.i18n.phrases import Phrase, localized
 
 Words = Mapping[str, Any]
 
@@ -182,12 +182,14 @@ def template_text(text: str, **fields: str | int) -> str:
 def script_words() -> Words:
     """All words of the scripts in the user's language."""
     words: dict[str, Any] = {
-        script: {name: said(phrase) for name, phrase in phrases.items()} for script, phrases in _SCRIPTS.items()
+        script: {name: localized(phrase) for name, phrase in phrases.items()} for script, phrases in _SCRIPTS.items()
     }
-    words["heads"] = {name: [said(head), said(about)] for name, (head, about) in _HEADS.items()}
-    words["headsOfChannel"] = {name: [said(head), said(about)] for name, (head, about) in _HEADS_OF_CHANNEL.items()}
-    words["ofChannel"] = [said(phrase) for phrase in _CHANNEL]
-    words["unitOfChannel"] = said(_UNIT_OF_CHANNEL)
+    words["heads"] = {name: [localized(head), localized(about)] for name, (head, about) in _HEADS.items()}
+    words["headsOfChannel"] = {
+        name: [localized(head), localized(about)] for name, (head, about) in _HEADS_OF_CHANNEL.items()
+    }
+    words["ofChannel"] = [localized(phrase) for phrase in _CHANNEL]
+    words["unitOfChannel"] = localized(_UNIT_OF_CHANNEL)
     # Where nothing is said, AG Grid says it in English itself.
-    words["grid"] = {name: text for name, phrase in _GRID.items() if (text := said(phrase)) != phrase}
+    words["grid"] = {name: text for name, phrase in _GRID.items() if (text := localized(phrase)) != phrase}
     return words

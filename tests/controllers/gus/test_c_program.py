@@ -120,8 +120,8 @@ def stream_of_file(path: Path) -> Stream:
 def calls_in(text: str) -> Stream:
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
-    stream, faults = read_listing(source)
-    assert faults == []
+    stream, diagnostics = read_listing(source)
+    assert diagnostics == []
     return stream
 
 
@@ -457,10 +457,10 @@ def test_many_stages_are_cut_into_functions(build: Build) -> None:
         ("GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0.5},1,1,0,1,{0,0,0,0,0,0,0,0}})", "line 1: GT_SetCrdPrm: profile is 0.5, "),
     ],
 )
-def test_what_c_would_cut_without_a_word_does_not_compile(calls: str, fault: str) -> None:
+def test_what_c_would_cut_without_a_word_does_not_compile(calls: str, diagnostic: str) -> None:
     errors = [line for line in "".join(c_program(calls_in(calls))).splitlines() if line.startswith("#error")]
     assert len(errors) == 1
-    assert errors[0].startswith(f"#error {fault}")
+    assert errors[0].startswith(f"#error {diagnostic}")
 
 
 def test_what_can_be_written_has_no_fault() -> None:

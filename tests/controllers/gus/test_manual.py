@@ -31,8 +31,8 @@ def own_calls(name: str) -> list[str]:
 
 @pytest.mark.parametrize("path", sorted(MANUAL.glob("*.c")), ids=lambda p: p.stem)
 def test_every_line_is_read(path: Path) -> None:
-    faults = judged(path, None).faults
-    assert [f.message for f in faults if f.severity is Severity.ERROR] == []
+    diagnostics = judged(path, None).diagnostics
+    assert [f.message for f in diagnostics if f.severity is Severity.ERROR] == []
 
 
 @pytest.mark.parametrize(
@@ -105,8 +105,8 @@ def test_calls_of_the_routines_are_read_as_they_stand(name: str) -> None:
 
     source, _ = check_text(text_of(name).encode(), "x.c")
     assert source is not None
-    stream, faults = read_listing(source)
-    assert faults == []
+    stream, diagnostics = read_listing(source)
+    assert diagnostics == []
     assert "".join(listing(stream)).splitlines() == own_calls(name)
 
 

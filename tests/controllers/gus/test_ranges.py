@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gusjob.controllers.gus import ranges
-from gusjob.controllers.gus.ranges import TABLE, PowerMode, Range, Verdict
+from gusjob.controllers.gus.ranges import TABLE, Membership, PowerMode, Range
 
 
 @pytest.mark.parametrize("allowed", TABLE, ids=lambda r: r.name)
@@ -17,17 +17,17 @@ def test_ends(allowed: Range) -> None:
         (allowed.high, allowed.high_open, math.inf),
     ):
         if math.isinf(end):
-            assert allowed.verdict(end) is Verdict.OUTSIDE
+            assert allowed.verdict(end) is Membership.OUTSIDE
             continue
-        on_end = Verdict.ON_TOLERATED_END if allowed.ends_tolerated else Verdict.OUTSIDE
-        assert allowed.verdict(end) is (on_end if is_open else Verdict.INSIDE)
-        assert allowed.verdict(math.nextafter(end, beyond)) is Verdict.OUTSIDE
-        assert allowed.verdict(math.nextafter(end, -beyond)) is Verdict.INSIDE
+        on_end = Membership.ON_TOLERATED_END if allowed.ends_tolerated else Membership.OUTSIDE
+        assert allowed.verdict(end) is (on_end if is_open else Membership.INSIDE)
+        assert allowed.verdict(math.nextafter(end, beyond)) is Membership.OUTSIDE
+        assert allowed.verdict(math.nextafter(end, -beyond)) is Membership.INSIDE
 
 
 @pytest.mark.parametrize("allowed", TABLE, ids=lambda r: r.name)
 def test_no_nan_and_no_fraction_where_the_type_is_whole(allowed: Range) -> None:
-    assert allowed.verdict(math.nan) is Verdict.OUTSIDE
+    assert allowed.verdict(math.nan) is Membership.OUTSIDE
     assert not allowed.carries(math.nan)
     assert not allowed.carries(math.inf)
     assert bool(allowed.carries(1.5)) is not allowed.whole

@@ -94,8 +94,8 @@ def test_calls_of_two_queues_are_refused() -> None:
     text = "GT_LnXY(1,10,0,50,2,0,0)\nGT_LnXY(2,10,0,50,2,0,0)\n"
     source, _ = check_text(text.encode(), "two.gts")
     assert source is not None
-    (fault,) = one_queue(read_listing(source)[0])
-    assert (fault.rule.code, fault.span.line) == ("GJ917", 2)
+    (diagnostic,) = one_queue(read_listing(source)[0])
+    assert (diagnostic.rule.code, diagnostic.span.line) == ("GJ917", 2)
     assert one_queue(stream_of(EVERYTHING)) == []
 
 
@@ -266,7 +266,7 @@ def test_a_channel_that_refuses_is_tried_three_times(gus: Bench) -> None:
     way = WayOut(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
     for refusals, channels in ((4, []), (5, [0]), (6, [0, 1])):
         gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, refusals, 7)
-        assert [fault.fields["channel"] for fault in way.light_off()] == channels
+        assert [diagnostic.fields["channel"] for diagnostic in way.light_off()] == channels
 
 
 def test_a_library_that_hangs_before_it_is_known_is_left_alone(gus: Bench) -> None:

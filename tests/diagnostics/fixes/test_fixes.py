@@ -46,7 +46,7 @@ def judged(text: str | bytes) -> Loaded:
 
 
 def mend(text: str | bytes, *codes: str) -> Mended:
-    return mended(judged(text), judge, lambda fault: not codes or fault.rule.code in codes)
+    return mended(judged(text), judge, lambda diagnostic: not codes or diagnostic.rule.code in codes)
 
 
 def after(text: str, *codes: str) -> str:
@@ -54,15 +54,15 @@ def after(text: str, *codes: str) -> str:
 
 
 def codes_of(loaded: Loaded) -> list[str]:
-    return [fault.rule.code for fault in loaded.faults]
+    return [diagnostic.rule.code for diagnostic in loaded.diagnostics]
 
 
 def serious(loaded: Loaded) -> Counter[tuple[str, int]]:
     """Errors and warnings with their lines, and how often each comes."""
     found: Counter[tuple[str, int]] = Counter()
-    for fault in loaded.faults:
-        if fault.severity is not Severity.NOTE:
-            found[fault.rule.code, fault.span.line] += fault.count
+    for diagnostic in loaded.diagnostics:
+        if diagnostic.severity is not Severity.NOTE:
+            found[diagnostic.rule.code, diagnostic.span.line] += diagnostic.count
     return found
 
 
@@ -92,7 +92,7 @@ def serious(loaded: Loaded) -> Counter[tuple[str, int]]:
 def test_light_left_on(before: str, wanted: str) -> None:
     assert "GJ401" in codes_of(judged(before))
     assert after(before) == wanted
-    assert not has_errors(mend(before).loaded.faults)
+    assert not has_errors(mend(before).loaded.diagnostics)
 
 
 def test_two_channels_are_two_faults() -> None:
@@ -156,11 +156,13 @@ def test_words_in_capitals(before: str, wanted: str) -> None:
 
 def test_small_words_are_said_once_and_counted() -> None:
     text = "WAIT\nline X 1 ; vel\nLINE x 2\nVEL 1mm/s\nLINE X 3\nline X 14\n"
-    notes = [f for f in judged(text).faults if f.rule.code == "GJ143"]
+    notes = [f for f in judged(text).diagnostics if f.rule.code == "GJ143"]
     assert [(f.span.line, f.span.column, f.span.end_column, f.count) for f in notes] == [(2, 1, 5, 3)]
     assert notes[0].fields == {"word": "line", "meant": "LINE"}
     assert "GJ143" not in codes_of(judged("LINE X (x + min(x, y)) ; line\nVEL 1mm/s\nQQ x\nwait wait\n"))
-    columns = [(f.span.column, f.span.end_column) for f in judged("LINE X 1 y 2\n").faults if f.rule.code == "GJ143"]
+    columns = [
+        (f.span.column, f.span.end_column) for f in judged("LINE X 1 y 2\n").diagnostics if f.rule.code == "GJ143"
+    ]
     assert columns == [(10, 11)]
 
 
@@ -297,7 +299,7 @@ def test_bad_ones_are_found_among_many(monkeypatch: pytest.MonkeyPatch) -> None:
         found = judge(data)
         for bad in (b"OFF 107", b"OFF 140", b"OFF 141"):
             if bad in data:
-                found.faults.append(judged("\n" * 200 + "QQ\n").faults[0])
+                found.diagnostics.append(judged("\n" * 200 + "QQ\n").diagnostics[0])
         return found
 
     text = "\n".join(lines)
@@ -349,7 +351,7 @@ def test_faults_that_others_hide_are_no_new_ones() -> None:
 def test_light_stays_on_where_something_else_is_wrong(rest: str) -> None:
     """The file may be a part, or the LASER OFF be the statement that is wrong."""
     text = LIT + "LINE X 1\n" + rest
-    assert has_errors(judged(text).faults)
+    assert has_errors(judged(text).diagnostics)
     assert after(text) == text
 
 
@@ -423,7 +425,7 @@ def test_hopeless_mends_end(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuses(data: bytes) -> Loaded:
         asked.append(1)
         found = judge(data)
-        found.faults.append(judged("\n" * 300 + "QQ\n").faults[0])
+        found.diagnostics.append(judged("\n" * 300 + "QQ\n").diagnostics[0])
         return found
 
     text = "\n".join(f"LASER DELAY ON {i + 9} OFF {i}" for i in range(200))
@@ -502,7 +504,7 @@ def test_random_jobs(seed: int) -> None:
         return
     original = text.splitlines()
     cut = len(original)
-    if not has_errors(whole.faults) and rng.random() < 0.6:  # Leave the light on.
+    if not has_errors(whole.diagnostics) and rng.random() < 0.6:  # Leave the light on.
         while cut and _OFF.fullmatch(code_of(original[cut - 1]).rstrip()):
             cut -= 1
         dark = judged("\n".join(original[:cut]) + "\n")
@@ -519,11 +521,11 @@ def test_random_jobs(seed: int) -> None:
     again = mend(done.data)
     assert (again.data, again.count) == (done.data, 0)
     # It reads as the undamaged job, but for what is announced.
-    left = {f.span.line for f in done.loaded.faults if f.rule.code == "GJ306"}
-    told = {f.span.line for f in whole.faults if f.rule.code == "GJ306"}
+    left = {f.span.line for f in done.loaded.diagnostics if f.rule.code == "GJ306"}
+    told = {f.span.line for f in whole.diagnostics if f.rule.code == "GJ306"}
     wanted = with_delays_raised(original, told - left)
-    still = {f.fields["channel"] for f in done.loaded.faults if f.rule.code == "GJ401"}
-    lit = sorted(f.fields["channel"] for f in left_lit.faults if f.rule.code == "GJ401")
+    still = {f.fields["channel"] for f in done.loaded.diagnostics if f.rule.code == "GJ401"}
+    lit = sorted(f.fields["channel"] for f in left_lit.diagnostics if f.rule.code == "GJ401")
     wanted = wanted[:cut] + [f"LASER OFF CHANNEL {channel}" for channel in lit if channel not in still]
     made = done.data.decode().replace("\r\n", "\n").split("\n")
     for got, want in zip(made[:cut], wanted[:cut], strict=True):
@@ -572,8 +574,8 @@ def test_files_lose_nothing_but_the_fault(path: Path) -> None:
     if "bad" not in path.parts:
         assert (done.count, done.data) == (0, loaded.source.data)
         return
-    read_before = not any(f.rule.code in ("GJ101", "GJ102") for f in loaded.faults)
-    if read_before and not has_errors(loaded.faults):
+    read_before = not any(f.rule.code in ("GJ101", "GJ102") for f in loaded.diagnostics)
+    if read_before and not has_errors(loaded.diagnostics):
         assert not serious(done.loaded) - serious(loaded)
         if not {"GJ306"} & set(codes_of(loaded)):
             assert calls(done.loaded) == calls(loaded)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support.tools import MACHINE, MARK, calls_of, faults_in, path_calls
+from support.tools import MACHINE, MARK, calls_of, diagnostics_in, path_calls
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Diagnostic
@@ -29,7 +29,7 @@ def xs(text: str) -> list[int]:
     return [x for x, _ in ends(text)]
 
 
-def faults(text: str, machine: Machine = MACHINE) -> list[Diagnostic]:
+def diagnostics(text: str, machine: Machine = MACHINE) -> list[Diagnostic]:
     """Everything that reading and checking find."""
     source, _ = check_text((MARK + text).encode(), "test.job")
     assert source is not None
@@ -39,7 +39,7 @@ def faults(text: str, machine: Machine = MACHINE) -> list[Diagnostic]:
 
 def codes(text: str, machine: Machine = MACHINE) -> list[tuple[int, str]]:
     """(line, code), the first line behind the head being 1."""
-    return [(f.span.line - MARK.count("\n"), f.rule.code) for f in faults(text, machine)]
+    return [(f.span.line - MARK.count("\n"), f.rule.code) for f in diagnostics(text, machine)]
 
 
 # Expressions.
@@ -438,11 +438,11 @@ def test_faults_of_blocks_and_expressions(text: str, found: list[tuple[int, str]
 
 def test_a_fault_tells_by_which_calls_and_rounds() -> None:
     text = "DEF corner(s)\nLINE X (s*100)\nEND\nREPEAT 9 AS k\nCALL corner(k/3)\nEND\n"
-    (fault,) = faults(text)
+    (diagnostic,) = diagnostics(text)
     head = MARK.count("\n")
-    assert (fault.rule.code, fault.span.line, fault.count) == ("GJ503", head + 2, 4)
+    assert (diagnostic.rule.code, diagnostic.span.line, diagnostic.count) == ("GJ503", head + 2, 4)
     # 5/3 * 100 mm is the first beyond 150 mm.
-    assert [(r.span.line - head, r.message) for r in fault.remarks[:2]] == [
+    assert [(r.span.line - head, r.message) for r in diagnostic.remarks[:2]] == [
         (5, "called here: s = 1.666666667"),
         (4, "in the round where k = 5"),
     ]
@@ -450,10 +450,10 @@ def test_a_fault_tells_by_which_calls_and_rounds() -> None:
 
 def test_a_fault_in_a_routine_of_routines() -> None:
     text = "DEF inner(b)\nLINE X (b + nowhere)\nEND\nDEF outer(a)\nCALL inner(a+1)\nEND\nCALL outer(1)\nLINE X 1\n"
-    fault = faults(text)[0]
+    diagnostic = diagnostics(text)[0]
     head = MARK.count("\n")
-    assert (fault.rule.code, fault.span.line) == ("GJ121", head + 2)
-    assert [(r.span.line - head, r.message) for r in fault.remarks[:2]] == [
+    assert (diagnostic.rule.code, diagnostic.span.line) == ("GJ121", head + 2)
+    assert [(r.span.line - head, r.message) for r in diagnostic.remarks[:2]] == [
         (5, "called here: b = 2"),
         (7, "called here: a = 1"),
     ]
@@ -472,7 +472,7 @@ def test_a_fault_in_a_routine_of_routines() -> None:
     ],
 )
 def test_one_fault_in_many_rounds_is_one(statement: str, code: str) -> None:
-    found = [f for f in faults(f"REPEAT 300000 AS i\n{statement}\nEND\nLINE X 1\n") if f.rule.code == code]
+    found = [f for f in diagnostics(f"REPEAT 300000 AS i\n{statement}\nEND\nLINE X 1\n") if f.rule.code == code]
     assert [f.count for f in found] == [300_000]
     assert found[0].span.line == MARK.count("\n") + 2
 
@@ -506,7 +506,7 @@ def test_an_include_is_read_in_place(tmp_path: Path) -> None:
 @pytest.mark.parametrize("body", ["LET a = a + 1\nWAIT\n", "WAIT\n", "LASER DELAY ON (a) OFF 9\nLET a = a + 1\n"])
 def test_too_many_setup_statements_end_in_a_word(body: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.frontend.expand.ledger.MAX_SETUPS", 3)
-    assert "GJ130" in [code for _, code in faults_in(f"LET a = 0\nREPEAT 10\n{body}END\n")]
+    assert "GJ130" in [code for _, code in diagnostics_in(f"LET a = 0\nREPEAT 10\n{body}END\n")]
 
 
 def test_names_with_leading_zeros_are_others() -> None:
@@ -522,12 +522,12 @@ def test_a_name_that_some_rounds_set_is_carried() -> None:
 
 def test_rounds_of_all_loops_together_are_bounded() -> None:
     machine = replace(MACHINE, expansion_max_statements=100)
-    assert faults_in("REPEAT 60\nEND\nDWELL 1\n", machine) == []
-    assert [code for _, code in faults_in("REPEAT 60\nEND\n" * 2, machine)] == ["GJ127"]
+    assert diagnostics_in("REPEAT 60\nEND\nDWELL 1\n", machine) == []
+    assert [code for _, code in diagnostics_in("REPEAT 60\nEND\n" * 2, machine)] == ["GJ127"]
 
 
 def test_a_routine_whose_def_cant_be_read_is_not_missed() -> None:
-    assert "GJ136" not in [code for _, code in faults_in("DEF f(\nDWELL 1\nEND\nCALL f(1)\n")]
+    assert "GJ136" not in [code for _, code in diagnostics_in("DEF f(\nDWELL 1\nEND\nCALL f(1)\n")]
 
 
 def test_what_stands_behind_a_bent_arc_stays_behind_it() -> None:

@@ -28,13 +28,13 @@ def write(path: Path, text: str) -> Path:
     return path
 
 
-def said(top: Path) -> list[tuple[str, str]]:
-    return [(f.rule.code, f.message) for f in judged(top, None).faults]
+def localized(top: Path) -> list[tuple[str, str]]:
+    return [(f.rule.code, f.message) for f in judged(top, None).diagnostics]
 
 
 @pytest.mark.parametrize("name", ["../outside.job", "parts/../../outside.job", "..\\outside.job"])
 def test_nothing_outside_the_folder_is_read(folder: Path, name: str) -> None:
-    ((code, message),) = said(write(folder / "top.job", f'INCLUDE "{name}"\n'))
+    ((code, message),) = localized(write(folder / "top.job", f'INCLUDE "{name}"\n'))
     assert code == "GJ138"
     assert "outside the job's folder" in message
 
@@ -45,14 +45,14 @@ def test_no_link_leads_outside(folder: Path) -> None:
         link.symlink_to(folder.parent / "outside.job")
     except OSError:
         pytest.skip("this system makes no links")
-    ((code, message),) = said(write(folder / "top.job", 'INCLUDE "link.job"\n'))
+    ((code, message),) = localized(write(folder / "top.job", 'INCLUDE "link.job"\n'))
     assert code == "GJ138"
     assert "outside the job's folder" in message
 
 
 @pytest.mark.parametrize("name", ["/outside.job", "C:\\outside.job", "\\\\host\\outside.job"])
 def test_only_relative_names(folder: Path, name: str) -> None:
-    ((code, message),) = said(write(folder / "top.job", f'INCLUDE "{name}"\n'))
+    ((code, message),) = localized(write(folder / "top.job", f'INCLUDE "{name}"\n'))
     assert code == "GJ138"
     assert "relative" in message
 
@@ -60,7 +60,7 @@ def test_only_relative_names(folder: Path, name: str) -> None:
 def test_a_cycle_ends(folder: Path) -> None:
     write(folder / "parts" / "a.job", 'INCLUDE "b.job"\n')
     write(folder / "parts" / "b.job", 'INCLUDE "a.job"\n')
-    assert [m for _, m in said(write(folder / "top.job", 'INCLUDE "parts/a.job"\n'))] == [
+    assert [m for _, m in localized(write(folder / "top.job", 'INCLUDE "parts/a.job"\n'))] == [
         'can\'t include "a.job": it includes itself'
     ]
 
@@ -72,7 +72,7 @@ def test_lines_are_those_of_their_files(folder: Path) -> None:
     write(folder / "parts" / "move.job", "JUMP X 5\n")
     top = write(folder / "top.job", HEAD + 'REPEAT 2\nINCLUDE "parts/mark.job"\nJUMP Y 0\nEND\nLINE X 0\n')
     loaded = judged(top, None)
-    assert loaded.faults == []
+    assert loaded.diagnostics == []
     stream = compiled(loaded)
     assert stream is not None
     trace, _ = interpret(stream, loaded.machine)

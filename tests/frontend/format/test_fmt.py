@@ -43,8 +43,8 @@ KEYWORDS = set(re.findall(r"^([A-Z0-9]+)(?:\.\d)?: /", GRAMMAR, re.MULTILINE))
 
 def done(text: str) -> str:
     """A text laid out that can be read."""
-    result, faults = formatted(text)
-    assert result is not None, [fault.message for fault in faults]
+    result, diagnostics = formatted(text)
+    assert result is not None, [diagnostic.message for diagnostic in diagnostics]
     return result
 
 
@@ -270,14 +270,14 @@ def test_what_is_too_long_stays() -> None:
 
 @pytest.mark.parametrize("text", ["LINE X 1\nQQ\n", "LINE X\n", "VEL 1e16\n", "wait\nLINE X 1 X 2\n", "a\0", "\ud800"])
 def test_what_can_not_be_read_has_errors(text: str) -> None:
-    result, faults = formatted(text)
+    result, diagnostics = formatted(text)
     assert result is None
-    assert has_errors(faults)
+    assert has_errors(diagnostics)
 
 
 def test_many_faults_are_counted() -> None:
-    _, faults = formatted("QQ\n" * 3000)
-    assert [f.rule.code for f in faults] == ["GJ102"] * 1000 + ["GJ005"]
+    _, diagnostics = formatted("QQ\n" * 3000)
+    assert [f.rule.code for f in diagnostics] == ["GJ102"] * 1000 + ["GJ005"]
 
 
 # Nothing else changes.
@@ -317,24 +317,26 @@ Calls = tuple[str, list[int], list[tuple[str, int]]]
 def compiled(source: Source, machine: Machine) -> Calls:
     """The calls, their lines, and what was found; lines counted without blank ones."""
     number = {line: i for i, line in enumerate(told(source.data.decode()))}
-    job, faults = read_job(source, machine)
-    faults += check(job, machine)
+    job, diagnostics = read_job(source, machine)
+    diagnostics += check(job, machine)
     calls, lines = "", []
-    if not has_errors(faults):
+    if not has_errors(diagnostics):
         stream, more = compile_job(job, machine)
-        faults += more
+        diagnostics += more
         calls = "".join(listing(stream))
         spans = [job.locate(line, "") for line in (*stream.buffered.line.tolist(), *(c.line for c in stream.calls))]
         lines = [-span.line if span.path else number.get(span.line, -1) for span in spans]
-    faults = [fault for fault in faults if fault.rule is not rules.SMALL]  # fmt writes capitals.
-    found = [(f.rule.code, -f.span.line if f.span.path else number.get(f.span.line, -1)) for f in faults]
+    diagnostics = [
+        diagnostic for diagnostic in diagnostics if diagnostic.rule is not rules.SMALL
+    ]  # fmt writes capitals.
+    found = [(f.rule.code, -f.span.line if f.span.path else number.get(f.span.line, -1)) for f in diagnostics]
     return calls, lines, found
 
 
 def changes_only_looks(source: Source, machine: Machine) -> Source:
     """All that must hold for a text that can be read; the text as it is laid out."""
-    data, faults = laid_out(source)
-    assert data is not None, [fault.message for fault in faults]
+    data, diagnostics = laid_out(source)
+    assert data is not None, [diagnostic.message for diagnostic in diagnostics]
     after = replace(source, data=data, _ends=None)
     assert laid_out(after) == (data, [])
     old, new = source.data.decode(), data.decode()
@@ -436,8 +438,8 @@ def scrambled(rng: Random, text: str) -> str:
 
 
 def source_of(text: str) -> Source:
-    source, faults = check_text(text.encode(), "x.job")
-    assert source is not None, faults
+    source, diagnostics = check_text(text.encode(), "x.job")
+    assert source is not None, diagnostics
     return source
 
 
@@ -473,10 +475,10 @@ def test_files_stay_what_they_are(path: Path) -> None:
     machine, _ = read_machine(found) if found else (Machine(), [])
     unread = {f.span.line for f in read_job_text(source).diagnostics}
     if unread:  # What is left without those lines must hold.
-        data, faults = laid_out(source)
+        data, diagnostics = laid_out(source)
         assert data is None
-        assert {f.span.line for f in faults} == unread
-        assert {f.path for f in faults} == {source.name}
+        assert {f.span.line for f in diagnostics} == unread
+        assert {f.path for f in diagnostics} == {source.name}
         lines = source.data.split(b"\n")
         source = replace(source, data=b"\n".join(lines[i] for i in range(len(lines)) if i + 1 not in unread))
     changes_only_looks(source, machine)
@@ -487,8 +489,8 @@ def test_files_stay_what_they_are(path: Path) -> None:
 def test_junk(pieces: list[str]) -> None:
     for joint in ("", " "):
         text = "IF " + joint.join(pieces)
-        result, faults = formatted(text)
-        assert (result is None) == bool(faults)
+        result, diagnostics = formatted(text)
+        assert (result is None) == bool(diagnostics)
         if result is not None:
             assert done(result) == result
             assert letters(result) == letters(text)
@@ -503,14 +505,14 @@ def test_a_shape_is_laid_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
         return canonical(text)
 
     monkeypatch.setattr(layout, "canonical", counted)
-    count, said = 20_000, "; " + "more than a chunk " * 6 + "."
-    lines = [f"line x{i}.5y-{i}  acc{i}mm/s2 {said}\nLASER on" for i in range(count)]
+    count, localized = 20_000, "; " + "more than a chunk " * 6 + "."
+    lines = [f"line x{i}.5y-{i}  acc{i}mm/s2 {localized}\nLASER on" for i in range(count)]
     result = done("\n".join(lines)).splitlines()
     assert len(asked) == 2
     assert [line.split(";")[0].rstrip() for line in result[::2]] == [
         f"LINE X {i}.5 Y -{i} ACC {i}mm/s2" for i in range(count)
     ]
-    assert comments("\n".join(result)) == [said] * count
+    assert comments("\n".join(result)) == [localized] * count
     assert len("\n".join(lines)) > shapes._CHUNK
 
 

@@ -40,7 +40,7 @@ def lines() -> list[str]:
     return sorted({line.split(";")[0] for text in texts if len(text) < 20_000 for line in text.splitlines()})
 
 
-def said(reader: Lark, line: str) -> str:
+def localized(reader: Lark, line: str) -> str:
     try:
         return reader.parse(line).pretty()
     except UnexpectedInput as error:
@@ -53,5 +53,5 @@ def test_tables_give_the_same_parser() -> None:
     fresh = fresh_parser(grammar_path(NAME).read_text(encoding="utf-8"))
     assert len(lines()) > 300
     for line in lines():
-        assert said(parser(NAME), line) == said(fresh, line)
+        assert localized(parser(NAME), line) == localized(fresh, line)
     assert tables_path(NAME).stat().st_size < 300_000

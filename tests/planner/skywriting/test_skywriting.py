@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from oracles import skywriting as ref
 from oracles.skywriting import Leg, Planned, Point, Sky, Step
-from support.tools import MACHINE, faults_in, job_of, run_job
+from support.tools import MACHINE, diagnostics_in, job_of, run_job
 
 from gusjob.config.machine import Machine, Scanner, ScannerModel
 from gusjob.controllers.gus.calls import Buffered, Stream
@@ -243,16 +243,16 @@ def compiled(text: str, machine: Machine = MACHINE) -> tuple[Stream, list[Diagno
     job = job_of(text, machine)
     said = check(job, machine)
     assert [f.message for f in said if f.severity is Severity.ERROR] == []
-    stream, faults = compile_job(job, machine)
-    return stream, [*said, *faults]
+    stream, diagnostics = compile_job(job, machine)
+    return stream, [*said, *diagnostics]
 
 
 def ran(stream: Stream, machine: Machine = MACHINE) -> Trace:
     """A run without a fault that a planned path must not have."""
-    trace, faults = interpret(stream, machine)
+    trace, diagnostics = interpret(stream, machine)
     assert trace is not None
-    assert [f"{f.span.line}: {f.rule.code} {f.message}" for f in faults if f.severity is Severity.ERROR] == []
-    assert [f"{f.span.line}: {f.rule.code} {f.message}" for f in faults if f.rule.code in HARD] == []
+    assert [f"{f.span.line}: {f.rule.code} {f.message}" for f in diagnostics if f.severity is Severity.ERROR] == []
+    assert [f"{f.span.line}: {f.rule.code} {f.message}" for f in diagnostics if f.rule.code in HARD] == []
     return trace
 
 
@@ -290,11 +290,11 @@ def case_of(steps: list[Step], *, pulses: bool = False, head: str = "", frame: t
     """A job that must be planned as the reference says; None where a switch finds no motion, or no mark."""
     text = ref.job_text(steps, pulses=pulses, head=head, frame=frame)
     plan = ref.planned(steps)
-    stream, said = compiled(text)
-    errors = [f for f in said if f.severity is Severity.ERROR]
+    stream, localized = compiled(text)
+    errors = [f for f in localized if f.severity is Severity.ERROR]
     assert {f.rule.code for f in errors} <= {"GJ809", "GJ810"}, [f.message for f in errors]
     ends = matched(plan.legs, moves_of(stream))
-    if errors or "GJ810" in {f.rule.code for f in said}:
+    if errors or "GJ810" in {f.rule.code for f in localized}:
         return None
     return Case(steps=steps, text=text, plan=plan, ends=ends, trace=ran(stream), gap_us=gap_us)
 
@@ -486,7 +486,7 @@ def test_a_shift_is_clipped() -> None:
     on = case.trace.channels[0].emission.start_ms[0] - case.starts(case.plan.marks[0].legs[0])
     assert on == pytest.approx(-0.110, abs=1e-9)
     text = ref.job_text(marked(head(replace(RTC5, shift=-400.0)), (15000.0, 5000.0)))
-    assert "GJ803" in {code for _, code in faults_in(text)}
+    assert "GJ803" in {code for _, code in diagnostics_in(text)}
 
 
 def test_auto() -> None:
@@ -572,8 +572,8 @@ def test_power_set_before_the_light_goes_off_waits_for_the_beam(mode: int) -> No
 def test_how_far_outside_the_field(at: Point, to: Point, what: str, axis: str, over: float) -> None:
     sky = Sky(mode=2, timelag=250.0)
     text = ref.job_text([*marked([*head(sky)[:-1], Step(op="jump", at=at)], to)])
-    _, said = compile_job(job_of(text), MACHINE)
-    found = [f for f in said if f.rule.code == "GJ808"]
+    _, localized = compile_job(job_of(text), MACHINE)
+    found = [f for f in localized if f.rule.code == "GJ808"]
     assert [(f.fields["what"], f.fields["axis"]) for f in found] == [(what, axis)]
     assert found[0].fields["over"] == pytest.approx(abs(over), abs=1.5e-3)
 
@@ -633,15 +633,15 @@ def test_another_channel_from_a_flat_corner_on(first: int) -> None:
 
 def test_light_switched_off_at_rest_does_not_stand_in_the_way() -> None:
     text = "LASER MODE DUTY CARRIER 10\nLASER POWER 50\nVEL 100\nACC 1000\nLASER ON NOW\nLINE X 5\nLASER OFF NOW\n"
-    assert "GJ801" not in {code for _, code in faults_in(text + "SKYWRITE MODE 2 TIMELAG 250us\nLINE X 8\n")}
+    assert "GJ801" not in {code for _, code in diagnostics_in(text + "SKYWRITE MODE 2 TIMELAG 250us\nLINE X 8\n")}
 
 
 def test_dry_arcs_of_unequal_axes_are_one_mark() -> None:
     """An arc that becomes chords is run in and out of once, in modes 1 and 2 too."""
     machine = Machine(pulses_per_mm=(1000.0, 800.0))
     text = "LASER MODE DUTY CARRIER 10\nLASER POWER 50\nVEL 100\nACC 1000000\nSKYWRITE MODE 2 TIMELAG 250us\nLASER ON\n"
-    stream, said = compiled(text + "ARC CCW X 2 Y 2 I 0 J 2\nLASER OFF\n", machine)
-    assert [f.rule.code for f in said if f.severity is Severity.ERROR] == []
+    stream, localized = compiled(text + "ARC CCW X 2 Y 2 I 0 J 2\nLASER OFF\n", machine)
+    assert [f.rule.code for f in localized if f.severity is Severity.ERROR] == []
     trace = ran(stream, machine)
     assert len(trace.channels[0].emission.start_ms) == 1
 
@@ -725,8 +725,8 @@ def test_each_stage_has_its_own_laser_delay() -> None:
 def test_a_run_out_in_front_of_a_rest_lasts_until_the_light_goes(lag: int, furthest: int, then: str) -> None:
     """Down in 1 ms and 500 um, back to E in 1.41 ms more: enough for 1.5 ms, not for 4."""
     text = HEAD_MM + f"SKYWRITE MODE 2 TIMELAG {lag}us NPREV 0 NPOST 0\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
-    stream, said = compiled(text + then + "\nJUMP X 0\n")
-    assert [f for f in said if f.severity is not Severity.NOTE] == []
+    stream, localized = compiled(text + then + "\nJUMP X 0\n")
+    assert [f for f in localized if f.severity is not Severity.NOTE] == []
     assert max(moves_of(stream).at) == (10000.0 + furthest, 0.0)
 
 

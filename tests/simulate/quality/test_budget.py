@@ -26,7 +26,10 @@ def broken(budget: Budget) -> list[tuple[object, ...]]:
     trace, _ = interpret(stream_of(JOB, MACHINE), MACHINE)
     assert trace is not None
     found = over_budget(trace, replace(MACHINE, budget=budget))
-    return [(fault.rule.code, fault.span.line, round(float(fault.fields["value"]), 6)) for fault in found]
+    return [
+        (diagnostic.rule.code, diagnostic.span.line, round(float(diagnostic.fields["value"]), 6))
+        for diagnostic in found
+    ]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import pytest
 from support.tools import MACHINE, MARK, Ran, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine, Scanner, ScannerModel
-from gusjob.controllers.gus.calls import Buffered, Intent, Run, Stream
+from gusjob.controllers.gus.calls import Buffered, Intent, RunKind, Stream
 from gusjob.frontend import check_text, read_listing
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
@@ -133,7 +133,7 @@ def listing_stream(text: str) -> Stream:
     return read_listing(source)[0]
 
 
-def intent_of(stream: Stream, ends: dict[int, int], runs: dict[int, Run] | None = None) -> Intent:
+def intent_of(stream: Stream, ends: dict[int, int], runs: dict[int, RunKind] | None = None) -> Intent:
     mark_end = np.full(len(stream.buffered), -1, dtype=np.intp)
     run = np.zeros(len(stream.buffered), dtype=np.int8)
     for row, motion in ends.items():
@@ -158,7 +158,7 @@ def test_the_planner_says_where_a_mark_begins_and_ends() -> None:
     stream = listing_stream(text)
     rows = np.flatnonzero(stream.buffered.kind == Buffered.LINE).tolist()
     on, off = (int(np.flatnonzero(stream.buffered.kind == kind)[0]) for kind in (Buffered.ON, Buffered.OFF))
-    intent = intent_of(stream, {on: rows[1], off: rows[2]}, {rows[0]: Run.RUN_IN, rows[4]: Run.RUN_OUT})
+    intent = intent_of(stream, {on: rows[1], off: rows[2]}, {rows[0]: RunKind.RUN_IN, rows[4]: RunKind.RUN_OUT})
     report = report_of(stream, intent, lagging("delay"))
     found = marks(report)
     assert (found["on_error_um"], found["off_error_um"], found["outside_power_ms"]) == (0, 0, 0)

@@ -420,8 +420,8 @@ def test_vendored_files_are_what_versions_json_says() -> None:
 
 
 def test_a_page_of_a_job_with_errors_has_its_diagnostics() -> None:
-    fault = diagnostics()[0] | {"severity": "error"}
-    text = html(Page(facts={"job": "a.job", "version": "1"}, tables={}, diagnostics=[fault], marking=None))
+    diagnostic = diagnostics()[0] | {"severity": "error"}
+    text = html(Page(facts={"job": "a.job", "version": "1"}, tables={}, diagnostics=[diagnostic], marking=None))
     assert "has errors" in text and "GJ503" in text and "<mark>(n*w)</mark>" in text
     assert "agGrid" not in text, "libraries that are not used are left out"
 
@@ -433,8 +433,8 @@ def test_many_diagnostics_are_folded() -> None:
 
 def test_the_fault_is_marked_in_its_line() -> None:
     def marked(**more: Any) -> tuple[str, str]:
-        fault = diagnostics()[1] | more
-        text = html(Page(facts={"job": "a", "version": "1"}, tables={}, diagnostics=[fault], marking=None))
+        diagnostic = diagnostics()[1] | more
+        text = html(Page(facts={"job": "a", "version": "1"}, tables={}, diagnostics=[diagnostic], marking=None))
         found = re.search(r"</span>([^<]*)<mark>([^<]*)</mark>([^<]*)</pre>", text)
         assert found is not None
         return found[2], found[1] + found[2] + found[3]
@@ -970,8 +970,8 @@ def hostile_page() -> Page:
     page.facts["channels"][0]["unit"] = page.facts["totals"]["channels"][0]["unit"] = HOSTILE
     assert page.marking is not None
     page.marking[0]["unit"] = HOSTILE
-    for fault in page.diagnostics:
-        fault |= {
+    for diagnostic in page.diagnostics:
+        diagnostic |= {
             "path": HOSTILE,
             "message": HOSTILE,
             "source": HOSTILE,
@@ -979,7 +979,7 @@ def hostile_page() -> Page:
             "column": 5,
             "end_column": 20,
         }
-        for note in fault.get("notes", ()):
+        for note in diagnostic.get("notes", ()):
             note |= {"path": HOSTILE, "message": HOSTILE, "source": HOSTILE}
     return page
 

@@ -39,8 +39,8 @@ from view.page.test_page import (
 from gusjob.cli import cli
 from gusjob.cli.page import too_long
 from gusjob.cli.serve import PageServer
-from gusjob.i18n.language import speak
-from gusjob.i18n.phrases import Phrase, said
+from gusjob.i18n.language import set_language
+from gusjob.i18n.phrases import Phrase, localized
 from gusjob.report.rows import SegmentKind
 from gusjob.view.page import words
 from gusjob.view.page.render import Page
@@ -53,9 +53,9 @@ STATIC = ROOT / "gusjob" / "page" / "static"
 
 @pytest.fixture(autouse=True)
 def _chinese() -> Iterator[None]:
-    speak("zh")
+    set_language("zh")
     yield
-    speak("en")
+    set_language("en")
 
 
 # What is left of English.
@@ -118,9 +118,9 @@ def check(tab: Tab, *wanted: str) -> None:
 def rich() -> Page:
     """The page that has most, with messages as they are in Chinese."""
     page = rich_page()
-    for fault in page.diagnostics:
-        fault["message"] = "此处有误"
-        for note in fault.get("notes", ()):
+    for diagnostic in page.diagnostics:
+        diagnostic["message"] = "此处有误"
+        for note in diagnostic.get("notes", ()):
             note["message"] = "在此处赋值"
     return page
 
@@ -334,11 +334,11 @@ def test_nothing_overflows(chromium: Chromium, tmp_path: Path, width: int) -> No
 
 
 def in_english(page: Page, folder: Path) -> Path:
-    speak("en")
+    set_language("en")
     try:
         return written(page, folder, "english.html")
     finally:
-        speak("zh")
+        set_language("zh")
 
 
 def test_order_filters_and_files_are_as_in_english(chromium: Chromium, tmp_path: Path) -> None:
@@ -455,14 +455,14 @@ def test_the_scripts_say_what_the_table_has() -> None:
 
 @pytest.mark.parametrize("language", ["en", "zh"])
 def test_scripts_fill_in_fields_as_phrases_do(tab: Tab, language: str) -> None:
-    speak(language)
+    set_language(language)
     tab.page.evaluate("(words) => { gusjob.words = words; }", words.script_words())
     for script, phrases in words._SCRIPTS.items():
         for name, phrase in phrases.items():
             for values in (["a", "b", "c", "d"], ["中文", "b", "中 c", "d"], ["a", "文", "c 中", "文"]):
                 fields = dict(zip(phrase.fields, values, strict=False))
                 shown = tab.page.evaluate("(asked) => gusjob.said(...asked)", [script, name, fields])
-                assert shown == said(Phrase(phrase.template, **fields)), (script, name)
+                assert shown == localized(Phrase(phrase.template, **fields)), (script, name)
 
 
 def test_the_grids_words_are_its_own() -> None:
@@ -476,12 +476,12 @@ def test_the_grids_words_are_its_own() -> None:
 def test_english_is_what_it_was() -> None:
     """Behind Chinese the same bytes; AG Grid and the template speak for themselves."""
     chinese = html(rich())
-    speak("en")
+    set_language("en")
     first = html(rich())
     assert words.script_words()["grid"] == {} and '<html lang="en">' in first and '"grid":{}' in first
-    speak("zh")
+    set_language("zh")
     assert html(rich()) == chinese != first
-    speak("en")
+    set_language("en")
     assert html(rich()) == first
     template = (STATIC / "page.html").read_text(encoding="utf-8")
     own = re.sub(r"\{\{.*?\}\}|\{%.*?%\}", "", template.partition("<body>")[2])
@@ -497,12 +497,12 @@ def test_english_is_what_it_was() -> None:
 def test_report_in_chinese(tmp_path: Path) -> None:
     path = tmp_path / "long.job"
     path.write_text("VEL 100\nACC 1000\nLINE X 200\n", encoding="utf-8")
-    speak("en")
+    set_language("en")
     texts = {}
     for language in ("zh", "en"):
         out = tmp_path / f"{language}.html"
         done = CliRunner().invoke(cli, ["report", str(path), "--lang", language, "-o", str(out)])
-        speak("en")
+        set_language("en")
         assert done.exit_code in (0, 1), done.output
         texts[language] = re.sub(r"<(script|style)>.*?</\1>", "", out.read_text(encoding="utf-8"), flags=re.DOTALL)
     assert '<html lang="zh-CN">' in texts["zh"] and '<html lang="en">' in texts["en"]

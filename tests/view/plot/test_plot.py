@@ -133,7 +133,7 @@ def texts(drawn: Figure) -> list[str]:
     return ["".join(e.itertext()).strip() for e in svg_of(drawn).iter(f"{SVG}text")]
 
 
-def said(drawn: Figure) -> str:
+def localized(drawn: Figure) -> str:
     return " ".join(texts(drawn))
 
 
@@ -190,7 +190,7 @@ def test_energy_per_mm_ends_where_few_is_above() -> None:
     """40 % at 100 mm/s are 400 %*ms/mm; the ramps' first pieces are above what 99 % of the length have."""
     seen = shot(FLAT, by=Colour.ENERGY)
     assert near(seen.at(5.2, 0), shade(0))
-    words = said(seen.figure)
+    words = localized(seen.figure)
     assert "energy per mm, %*ms/mm" in words
     # In the first eighth of a ramp's 10 ms the way is a 64th of its 0.5 mm.
     assert f"comes to {40 * 1.25 / (0.5 / 64):.4g} %*ms/mm" in words
@@ -203,7 +203,7 @@ def test_energy_in_joules() -> None:
     """30 W * 40 % / 100 mm/s = 120 mJ/mm."""
     machine = replace(MACHINE, lasers=(Laser(channel=0, rated_w=30.0),))
     drawn = figure(ONE, machine, by=Colour.ENERGY)
-    assert "energy per mm, mJ/mm" in said(drawn)
+    assert "energy per mm, mJ/mm" in localized(drawn)
     assert "120" in texts(drawn)
 
 
@@ -346,11 +346,11 @@ def test_what_has_no_room_is_told() -> None:
     text = TWO.replace("VEL 100", "LASER DELAY ON 0us OFF 2000us CHANNEL 1\nVEL 100")
     found = texts(figure(text, by=Colour.ENERGY, size_in=(5.0, 3.4)))
     assert any(re.fullmatch(r"\d remarks on this picture: make it larger\.", line) for line in found)
-    assert "make it larger" not in said(figure(text, by=Colour.ENERGY))
+    assert "make it larger" not in localized(figure(text, by=Colour.ENERGY))
 
 
 def test_totals() -> None:
-    words = said(figure(FLAT))
+    words = localized(figure(FLAT))
     assert "1 segment, 110 ms; marks 10 mm" in words
     assert "channel 0: highest 40 %, on 110 ms" in words
 
@@ -372,7 +372,7 @@ def test_light_falls_where_the_beam_is() -> None:
     assert near(seen.at(10 - left_mm, 5), rgb(INK), 60)
     assert near(seen.at(10 - left_mm + 0.01, 5), rgb(JUMP), 60)
     assert "commanded path" in texts(seen.figure)
-    assert "scanner delay 250 us" in said(seen.figure)
+    assert "scanner delay 250 us" in localized(seen.figure)
     exact = shot(text, view=View(box_mm=(9.9, 4.95, 10.01, 5.05)))
     assert near(exact.at(10 - left_mm + 0.01, 5), colour)
 
@@ -516,7 +516,7 @@ def test_light_behind_the_end_is_told() -> None:
     """LASER OFF comes 2 ms late, when all motion is over: 40 % * 2 ms."""
     drawn = figure(ONE.replace("VEL 100", "LASER DELAY ON 0us OFF 2000us\nVEL 100"))
     assert "Not drawn: 80 %*ms of light of channel 0 before the motion or behind the end of a stage." in texts(drawn)
-    assert "Not drawn" not in said(figure(ONE))
+    assert "Not drawn" not in localized(figure(ONE))
 
 
 BANDS = """LASER MODE DUTY CARRIER 10
@@ -540,7 +540,7 @@ def test_many_strokes_are_pixels_in_every_format() -> None:
     data = picture(drawn, "svg")
     assert len(data) < 500_000
     root = ElementTree.fromstring(data)
-    assert re.search(r"The path is made of pixels, in SVG and PDF too: (199,999|200,000) strokes\.", said(drawn))
+    assert re.search(r"The path is made of pixels, in SVG and PDF too: (199,999|200,000) strokes\.", localized(drawn))
     images = list(root.iter(f"{SVG}image"))
     assert len(images) == 1
     packed = base64.b64decode(images[0].attrib[HREF].partition(",")[2])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gusjob.config.machine import Abi
-from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, SIGNATURES, Arg, CType, Kind, Signature
+from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, SIGNATURES, Arg, ArgKind, CType, Signature
 from gusjob.i18n.phrases import Phrase
 
 
@@ -109,22 +109,22 @@ _CTYPES[CType.CRD_PARAMETERS] = TCrdPrm
 
 
 def _argtype(arg: Arg) -> Any:
-    return _CTYPES[arg.c] if arg.kind in (Kind.WHOLE, Kind.REAL) else ctypes.POINTER(_CTYPES[arg.c])
+    return _CTYPES[arg.c] if arg.kind in (ArgKind.WHOLE, ArgKind.REAL) else ctypes.POINTER(_CTYPES[arg.c])
 
 
 def c_value(arg: Arg, value: Any) -> Any:
     """A value as ctypes takes it: a number, or memory for what the call points to."""
     kind = _CTYPES[arg.c]
     match arg.kind:
-        case Kind.WHOLE:
+        case ArgKind.WHOLE:
             return value if arg.c is CType.TEXT else int(value)
-        case Kind.REAL:
+        case ArgKind.REAL:
             return float(value)
-        case Kind.ARRAY:
+        case ArgKind.ARRAY:
             return (kind * arg.count)(*map(int if arg.c is CType.LONG else float, value))
-        case Kind.STRUCT:
+        case ArgKind.STRUCT:
             return _crd_parameters(value)
-        case Kind.POINTER:
+        case ArgKind.POINTER:
             return (kind * arg.count)()
 
 

@@ -16,7 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.controllers.control import Control
-from gusjob.controllers.gus.calls import BUFFERED, Arg, Buffered, BufferedCalls, Call, CType, Kind, Signature, crd_start
+from gusjob.controllers.gus.calls import (
+    BUFFERED,
+    Arg,
+    ArgKind,
+    Buffered,
+    BufferedCalls,
+    Call,
+    CType,
+    Signature,
+    crd_start,
+)
 from gusjob.controllers.gus.driver.abi import Prototype
 from gusjob.controllers.gus.driver.link import FULL, BackendError, Link, TakenOver, failure, refused
 from gusjob.controllers.gus.listing import number_texts
@@ -300,7 +310,7 @@ def _columns(calls: BufferedCalls, at: Indices, prototype: Prototype) -> list[li
 
     def column(arg: Arg) -> list[int | float]:
         values = calls.column(arg.column)[at]
-        whole = arg.kind is Kind.WHOLE and arg.c is not CType.DOUBLE
+        whole = arg.kind is ArgKind.WHOLE and arg.c is not CType.DOUBLE
         found: list[int | float] = (values.astype(np.int64) if whole else values.astype(np.float64)).tolist()
         return found
 

@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from gusjob.config.machine import Abi
-from gusjob.controllers.gus.calls import Kind, Value
+from gusjob.controllers.gus.calls import ArgKind, Value
 from gusjob.controllers.gus.driver.abi import PROBE, PROBE_ARGUMENTS, PROBE_GUARD, c_value
 from gusjob.controllers.gus.driver.library import Library
 from gusjob.controllers.journal import Journal
@@ -113,9 +113,9 @@ class Link:
         prototype = self.library.prototypes[name]
         given = [c_value(arg, value) for arg, value in zip(prototype.args, values, strict=True)]
         code = self._make(name, self.library.functions[name], (*prototype.before, *given, *prototype.behind))
-        pointers = [(i, arg) for i, arg in enumerate(prototype.args) if arg.kind is Kind.POINTER]
+        pointers = [(i, arg) for i, arg in enumerate(prototype.args) if arg.kind is ArgKind.POINTER]
         found = [list(given[i]) if arg.count > 1 else given[i][0] for i, arg in pointers]
-        plain = (Kind.WHOLE, Kind.REAL)
+        plain = (ArgKind.WHOLE, ArgKind.REAL)
         shown = [g if arg.kind in plain else v for arg, g, v in zip(prototype.args, given, values, strict=True)]
         for (i, _), value in zip(pointers, found, strict=True):
             shown[i] = value

@@ -1,4 +1,4 @@
-"""Faults that only the planner sees, told at the lines of the job."""
+"""Diagnostics that only the planner sees, told at the lines of the job."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def report_rows(
     fields: Callable[[int], dict[str, Any]],
     word: str = "",
 ) -> None:
-    """One fault a line, at its first of some rows of the path, with how often it comes; `fields` of the i-th row."""
+    """One diagnostic a line, at its first of some rows of the path, with how often it comes; `fields` of the i-th
+    row."""
     path = state.path
     _, first, counts = np.unique(path.line[rows], return_index=True, return_counts=True)
     listed = collector.room(rule)

@@ -11,14 +11,14 @@ from gusjob.controllers.gus.ranges import RUN_STEP_US
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, has_errors
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Op, shown_units
+from gusjob.ir.job import Op, display_units
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.trapezoids import distance_run
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.lint.view import CHANNELS
-from gusjob.planner.faults import report_rows
 from gusjob.planner.plan import Plan
+from gusjob.planner.report_rows import report_rows
 from gusjob.planner.skywriting.timeline import Events
 
 _NO_TIME_US = 1e-6
@@ -34,7 +34,7 @@ _BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("behind the end of
 _INTO, _RAISE_NPOST = Phrase("into a DWELL"), Phrase("raise NPOST")
 
 
-def switch_faults(state: Plan, schedule: Schedule, events: Events, place: Floats) -> list[Diagnostic]:
+def switch_diagnostics(state: Plan, schedule: Schedule, events: Events, place: Floats) -> list[Diagnostic]:
     """Where a switch can't come when it should: no motion runs then, or it would come before what it follows.
 
     `place`: of every event, as the switch points have it.
@@ -53,7 +53,7 @@ def switch_faults(state: Plan, schedule: Schedule, events: Events, place: Floats
     behind_us = (time - times[schedule.stage_first[events.stage + 1]]) * US_PER_MS
     into_us = np.where(dwell, np.minimum(time - times[cell], times[cell + 1] - time), 0.0) * US_PER_MS
     crosses_us = np.where(dark_us > _NO_TIME_US, 0.0, waits_us)
-    for what, switch, faults in (
+    for what, switch, diagnostics in (
         (_ON, events.op == Op.ON, (
             (before_us, _BEFORE, Phrase("shorten LASER DELAY ON, or raise NPREV")),
             (behind_us, _BEHIND, _RAISE_NPOST),
@@ -69,7 +69,7 @@ def switch_faults(state: Plan, schedule: Schedule, events: Events, place: Floats
              Phrase("bring ON and OFF of LASER DELAY nearer to each other")),
         )),
     ):  # fmt: skip
-        for amount, where, mend in faults:
+        for amount, where, mend in diagnostics:
             columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "where": where, "mend": mend}
             columns |= {"channel": channels, "early": amount}
             _report(state, collector, rules.SKY_ROOM, rows, switch & (amount > _NO_TIME_US), **columns)
@@ -125,7 +125,7 @@ def _report_coarse(state: Plan, schedule: Schedule, events: Events, collector: C
 
 def _report_slow(state: Plan, schedule: Schedule, events: Events, collector: Collector) -> None:
     """Marks that are not at speed where their light should come or go: look-ahead slows them for a corner inside."""
-    shown, laid, (px, py) = shown_units(state.job, state.machine), state.segments, state.machine.pulses_per_mm
+    shown, laid, (px, py) = display_units(state.job, state.machine), state.segments, state.machine.pulses_per_mm
     assert laid is not None
     for what, op, before in ((Phrase("begins"), Op.ON, 1), (Phrase("ends"), Op.OFF, 0)):
         mark = events.ref[events.op == op]
@@ -140,7 +140,7 @@ def _report_slow(state: Plan, schedule: Schedule, events: Events, collector: Col
 def _report(
     state: Plan, collector: Collector, rule: Rule, rows: Indices, faulty: Bools, /, **columns: npt.NDArray[Any] | str
 ) -> None:
-    """A fault at the lines of the faulty ones of some rows, each with its own of every column."""
+    """A diagnostic at the lines of the faulty ones of some rows, each with its own of every column."""
     at = np.flatnonzero(faulty)
 
     def fields(index: int) -> dict[str, Any]:
