@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gusjob.version import __version__
+
 if TYPE_CHECKING:
     from gusjob.api import Fault, Job, JobError, Run, read, set_language
 
-__version__ = "0.1.0"
 __all__ = ["Fault", "Job", "JobError", "Run", "__version__", "read", "set_language"]
 
 

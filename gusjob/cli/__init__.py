@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from gusjob import __version__
 from gusjob.cli.language import Command, language_of_a_command, speak_as_asked
+from gusjob.version import __version__
 
 # No command multiplies matrices: numpy's pool of threads would only cost start-up.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

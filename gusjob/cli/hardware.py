@@ -14,7 +14,6 @@ from pathlib import Path
 import click
 import numpy as np
 
-from gusjob import __version__
 from gusjob.cli.common import show, stop
 from gusjob.cli.text import padded, width
 from gusjob.config.machine import Abi, Machine
@@ -36,6 +35,7 @@ from gusjob.hardware.runner import Outcome, Runner, signals
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 from gusjob.pipeline import Loaded, simulation_diagnostics
 from gusjob.simulate import Trace, interpret
+from gusjob.version import __version__
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,6 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import __version__
 from gusjob.cli.common import (
     exit_code,
     file_argument,
@@ -29,6 +28,7 @@ from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import interpreted, load
+from gusjob.version import __version__
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner

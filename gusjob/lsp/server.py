@@ -16,7 +16,6 @@ from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
 from pygls.protocol import JsonRPCNotification, LanguageServerProtocol, default_converter, lsp_method
 
-from gusjob import __version__
 from gusjob.i18n.language import language_of, set_language
 from gusjob.lsp.asked import Asked
 from gusjob.lsp.complete import complete
@@ -26,6 +25,7 @@ from gusjob.lsp.judge import Judged
 from gusjob.lsp.look import definition, hover, symbols
 from gusjob.lsp.text import Text, utf8
 from gusjob.lsp.worker import Answer, Task, Worker
+from gusjob.version import __version__
 
 T = TypeVar("T")
 

@@ -601,7 +601,7 @@ def test_a_full_disk_ends_the_run_dark(gus: Bench, monkeypatch: pytest.MonkeyPat
             made.append(_Full(path, head, at))
             return made[0]
 
-        monkeypatch.setattr("hardware.Journal", full_journal)
+        monkeypatch.setattr("support.hardware.Journal", full_journal)
         ran = gus.run(stream, machine)
         assert is_safe(gus), full_at
         if ran.codes:

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gusjob import __version__
 from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.calls import (
     BUFFERED,
@@ -28,6 +27,7 @@ from gusjob.controllers.gus.calls import (
 )
 from gusjob.controllers.gus.listing import number_texts, value_text
 from gusjob.controllers.gus.ranges import Membership, Range
+from gusjob.version import __version__
 
 _TEMPLATE = Path(__file__).with_name("c_program.c")
 _MARK = "/* @job@ */\n\n"

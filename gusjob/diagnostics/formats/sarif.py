@@ -14,11 +14,11 @@ from urllib.parse import quote
 
 import orjson
 
-from gusjob import __version__
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import language, translated
 from gusjob.i18n.phrases import Phrase, localized, printable
+from gusjob.version import __version__
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob import __version__
 from gusjob.config.machine import Machine
 from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report, SegmentKind
+from gusjob.version import __version__
 from gusjob.view.page.render import Page
 from gusjob.view.strokes import Light, Strokes, left_out
 

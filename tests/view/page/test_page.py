@@ -402,7 +402,7 @@ def test_only_the_pages_own_scripts_may_run() -> None:
 
 
 def test_nothing_in_the_static_files_ends_its_element() -> None:
-    for path in (ROOT / "gusjob" / "page" / "static").rglob("*.*"):
+    for path in (ROOT / "gusjob" / "view" / "page" / "static").rglob("*.*"):
         text = path.read_text(encoding="utf-8").lower()
         if path.suffix in (".js", ".css"):
             assert ("</style" if path.suffix == ".css" else "</script") not in text and "<!--" not in text, path
@@ -410,7 +410,7 @@ def test_nothing_in_the_static_files_ends_its_element() -> None:
 
 
 def test_vendored_files_are_what_versions_json_says() -> None:
-    folder = ROOT / "gusjob" / "page" / "static" / "vendor"
+    folder = ROOT / "gusjob" / "view" / "page" / "static" / "vendor"
     known = json.loads((folder / "versions.json").read_text(encoding="utf-8"))
     for entry in known:
         assert hashlib.sha256((folder / entry["file"]).read_bytes()).hexdigest() == entry["sha256"], entry["file"]

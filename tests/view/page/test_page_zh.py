@@ -48,7 +48,7 @@ from gusjob.view.page.render import Page
 __all__ = ["chromium"]
 """A fixture of this module."""
 
-STATIC = ROOT / "gusjob" / "page" / "static"
+STATIC = ROOT / "gusjob" / "view" / "page" / "static"
 
 
 @pytest.fixture(autouse=True)
