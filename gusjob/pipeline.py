@@ -132,7 +132,7 @@ def look_closer(loaded: Loaded) -> None:
         from gusjob.simulate import find_diagnostics
 
         simulation_diagnostics(loaded, find_diagnostics(loaded.stream, loaded.machine))
-    elif loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
+    elif loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.has_sky_writing):
         compiled(loaded)
     loaded.add(_idle_allowances(loaded))
 
@@ -174,7 +174,7 @@ def compiled(loaded: Loaded) -> Stream | None:
     """The calls of a loaded file; None if an error forbids it. Diagnostics that only the planner sees are added."""
     if loaded.stream is not None or loaded.job is None or has_errors(loaded.diagnostics):
         return None if has_errors(loaded.diagnostics) else loaded.stream
-    from gusjob.planner import compile_job
+    from gusjob.controllers.gus.lower import compile_job
 
     stream, diagnostics = compile_job(loaded.job, loaded.machine)
     loaded.add(diagnostics)
