@@ -11,7 +11,6 @@ from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream, Value, crd_start
 from gusjob.controllers.gus.ranges import STANDBY_KHZ, PowerMode
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.ir.intent import Intent
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op
 from gusjob.ir.setup import (
@@ -80,10 +79,9 @@ def lower(state: Plan) -> Stream:
             built = True
         add("GT_CrdClear", float(crd), float(fifo), at=stage.first, line=line)
         calls.append(crd_start(crd, fifo, at=stage.last, line=int(state.path.line[stage.last - 1])))
-    intent = None
-    if state.sky is not None and state.mark_end is not None:
-        intent = Intent(run=state.sky.run, mark_end=state.mark_end)
-    return Stream(name=state.job.name, buffered=_buffered(state, crd, fifo), calls=tuple(calls), intent=intent)
+    return Stream(
+        name=state.job.name, buffered=_buffered(state, crd, fifo), calls=tuple(calls), intent=state.intent
+    )
 
 
 def crd_parameters(machine: Machine) -> Value:
@@ -144,7 +142,6 @@ def _mode_calls(mode: LaserMode, channel: float) -> list[tuple[str, tuple[Value,
 
 def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
     path, laid, timed = state.path, state.segments, state.timed
-    assert laid is not None
     n = len(path)
     kind = _KIND_TABLE[path.op]
 
