@@ -30,7 +30,7 @@ _AT_SPEED = 0.02
 """Share by which a mark may miss its speed at its ends: rounding of small circles makes as much."""
 
 _ON, _OFF = Phrase("on"), Phrase("off")
-_BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("behind the end of the motion")
+_BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("after the end of the motion")
 _INTO, _RAISE_NPOST = Phrase("into a DWELL"), Phrase("raise NPOST")
 
 
@@ -86,7 +86,7 @@ def _report_outside_motion(
                 (into_us, _INTO, Phrase("raise NPOST, or shorten LASER DELAY ON")),
                 (
                     waits_us,
-                    Phrase("before what stands in front of it is done"),
+                    Phrase("before the switch or power in front of it"),
                     Phrase("raise NPREV and NPOST, or SHIFT"),
                 ),
             ),
@@ -100,7 +100,7 @@ def _report_outside_motion(
                 (
                     crosses_us,
                     Phrase("before it is switched on"),
-                    Phrase("bring ON and OFF of LASER DELAY nearer to each other"),
+                    Phrase("reduce the difference between ON and OFF of LASER DELAY"),
                 ),
             ),
         ),
