@@ -202,13 +202,13 @@ class Run:
 
     def ticks(self) -> Iterator[Columns]:
         """The run tick by tick, in pieces, as gusjob trace --format csv has it."""
-        from gusjob.columns import Words
-        from gusjob.report.rows import own_lines
-        from gusjob.simulate.outputs.samples import samples
+                from gusjob.report.rows import own_lines
+        from gusjob.simulate.outputs.tick_table import tick_table
+        from gusjob.tables.columns import CategoryColumn
 
         lines, _ = own_lines(self._trace.line, self._loaded.files)
-        for piece in samples(self._trace, self._loaded.machine, lines):
-            yield {n: np.array(c.words)[c.codes] if isinstance(c, Words) else c for n, c in piece.items()}
+        for piece in tick_table(self._trace, self._loaded.machine, lines):
+            yield {n: c.texts if isinstance(c, CategoryColumn) else c for n, c in piece.items()}
 
     def plot(self, by: Literal["power", "energy", "velocity", "order"] = "power", channel: int | None = None) -> Figure:
         """The path as a matplotlib figure, as gusjob plot draws it. Raises ImportError without matplotlib."""

@@ -14,7 +14,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job, LaserDelay, SkyWrite, auto_steps
 from gusjob.lint import check
 from gusjob.planner import compile_job
-from gusjob.simulate import ChannelTrace, Trace, interpret
+from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.tune.edit import with_statement
 from gusjob.tune.search import Band, nearest
@@ -200,7 +200,7 @@ def _sky_statement(mode: int, timelag_us: float, shift_us: float, nprev: int, np
 
 def _in_force(tuned: Tuned | str) -> Tuned | str:
     """A job with SKYWRITE, if marks are sky-written with it."""
-    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.intent is not None:
+    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.run_kind is not None:
         return tuned
     return Phrase(
         "SKYWRITE behind LASER MODE is taken back by a SKYWRITE OFF before the first mark: put it there by hand"
