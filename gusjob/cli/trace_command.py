@@ -27,12 +27,11 @@ from gusjob.cli.common import (
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.kinematics.arrays import Bools, Indices
-from gusjob.pipeline import interpreted, load
+from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
-    from gusjob.pipeline import Loaded
     from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
@@ -95,27 +94,28 @@ def command(
         need(*_EXTRA[form], to=Phrase("write {form}", form=form))
     if form in ("parquet", "npz"):
         refuse_terminal(form, output)
-    loaded = load(path, machine_path, scanner=scanner)
-    trace = interpreted(loaded)
-    if trace is not None:
-        write(_written(loaded, trace, form, first, last), output, sources=loaded.inputs)
-    show(loaded, notes=trace is None)
-    sys.exit(exit_code(loaded))
+    result = simulate_file(path, machine_path, scanner=scanner)
+    if isinstance(result, Simulated):
+        write(_written(result, form, first, last), output, sources=result.inputs)
+    show(result, notes=not isinstance(result, Simulated))
+    sys.exit(exit_code(result))
 
 
-def _written(loaded: Loaded, trace: Trace, form: str, first: _Bound | None, last: _Bound | None) -> Iterable[bytes]:
+def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | None) -> Iterable[bytes]:
     """The trace in a format."""
     from gusjob.report.rows import own_lines
 
-    lines, files = own_lines(trace.line, loaded.files)
+    trace = result.trace
+    lines, files = own_lines(trace.line, result.files)
     start_ms, end_ms = _span_ms(trace, np.where(files == 0, lines, 0), first, last)
     if form == "vcd":
         from gusjob.simulate.outputs.vcd import vcd_pieces
 
         return vcd_pieces(trace, lines, __version__, start_ms, end_ms)
     from gusjob.simulate.outputs.tick_table import tick_table
+    from gusjob.tables import export
 
-    table = tick_table(trace, loaded.machine, lines, start_ms, end_ms)
+    table = tick_table(trace, result.machine, lines, start_ms, end_ms)
     if form == "parquet":
         about = {"schema": b"gusjob-trace/1", "job": trace.name.encode(), "period_us": str(trace.period_us).encode()}
         return export.parquet_bytes(table, about)
@@ -133,7 +133,9 @@ def _span_ms(
     start_ms = 0.0 if first is None else first.time_ms
     end_ms = output_time.total_ms if last is None else min(last.time_ms, output_time.total_ms)
     if first is not None and first.line:
-        start_ms = float((trace.schedule.times_ms[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]])
+        start_ms = float(
+            (trace.schedule.times_ms[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]]
+        )
     if last is not None and last.line:
         upto = (lines > 0) & (lines <= last.line)
         end_ms = float((trace.schedule.times_ms[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])

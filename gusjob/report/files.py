@@ -11,6 +11,8 @@ import orjson
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.report.rows import REPORT_SCHEMA, Report
+from gusjob.tables.columns import CategoryColumn, Column, Columns, chunks
+from gusjob.tables.export import csv_bytes, parquet_bytes
 
 _NUMPY = orjson.OPT_SERIALIZE_NUMPY
 _NOT_IN_CSV = {"channels", "marking", "run_in_mm", "run_out_mm"}
@@ -79,15 +81,17 @@ def _columns(name: str, columns: Mapping[str, Column]) -> Iterator[bytes]:
 
 def _column(column: Column) -> bytes:
     if isinstance(column, CategoryColumn):
-        words = [orjson.dumps(word) for word in column.words]
-        return b"[" + b",".join(map(words.__getitem__, column.codes.tolist())) + b"]"
+        categories = [orjson.dumps(category) for category in column.categories]
+        return b"[" + b",".join(map(categories.__getitem__, column.codes.tolist())) + b"]"
     return orjson.dumps(np.ascontiguousarray(column), option=_NUMPY)
 
 
 def rows_of(report: Report) -> Columns:
     """The rows as a table, with words where they are meant."""
     table: Columns = dict(report.columns)
-    return table | {name: CategoryColumn(codes=report.columns[name], categories=words) for name, words in report.words.items()}
+    return table | {
+        name: CategoryColumn(codes=report.columns[name], categories=words) for name, words in report.words.items()
+    }
 
 
 def report_csv(report: Report) -> Iterator[bytes]:

@@ -79,9 +79,7 @@ def path_diagnostics(events: Events, motion: Motion, machine: Machine) -> list[D
     if not len(end):
         return []
     limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
-    jump = end[:-1] * np.hypot(
-        segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1]
-    )
+    jump = end[:-1] * np.hypot(segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1])
     jump = np.append(np.where(np.diff(schedule.stage) == 0, jump, 0.0), 0.0)
     # The ends are whole pulses: a straight line through points that are each off by half a pulse turns by so much.
     turns = np.where(segments.length > 0, _ROUNDING_PULSE / np.maximum(segments.length, 1e-9), 0.0)

@@ -44,7 +44,7 @@ class Motion:
         return np.where(moves, rise, 0.0), np.where(moves, fall, 0.0), acc, peak
 
     def starts_above_peak(self, segment: Indices) -> bool:
-        """Whether one of the segments starts above its velocity (then the velocity is not the lowest of three lines)."""
+        """Whether one of the segments starts above its velocity, which then is not the lowest of three lines."""
         profile = self.schedule.profile
         return bool((profile.start[segment] > profile.peak[segment] * (1 + REACHED)).any())
 

@@ -122,9 +122,7 @@ class HeldPower:
     def _block_value(self, stage: Indices, time: Floats) -> Floats:
         schedule = self.motion.schedule
         segment = schedule.segment_at(stage, time)
-        event = np.where(
-            time >= schedule.stage_end()[stage], self._last_event(stage), self._event_at(segment)
-        )
+        event = np.where(time >= schedule.stage_end()[stage], self._last_event(stage), self._event_at(segment))
         settings, _ = self._settings(event, stage)
         value, _ = limited(settings, settings.low, None)
         for at, sampled in self._sampled(settings, segment, stage, event, time, time):

@@ -56,8 +56,7 @@ def all_power_events(channel: ChannelEvents, events: Events, schedule: Schedule)
     if count > 1:
         # At rest: before what is buffered. While the stage moves: after what is buffered before its first segment.
         ranks = np.array([e[3] for e in immediate], dtype=np.int8)
-        rank = np.concatenate([ranks, np.full(len(buffered.low), 1, dtype=np.int8)])
-        order = np.lexsort((rank, segment, stages))
+        order = np.lexsort((np.append(ranks, np.ones(len(buffered.low), dtype=np.int8)), segment, stages))
         stages, segment = stages[order], segment[order]
         low, ratio, high = low[order], ratio[order], high[order]
     return PowerEvents(stage=stages, segment=segment, low=low, ratio=ratio, high=high)

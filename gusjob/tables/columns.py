@@ -26,7 +26,7 @@ class CategoryColumn:
     @property
     def texts(self) -> npt.NDArray[np.str_]:
         """The entries as text, (n,)."""
-        return np.array(self.categories)[self.codes]
+        return np.asarray(np.array(self.categories)[self.codes])
 
 
 Column = npt.NDArray[Any] | CategoryColumn

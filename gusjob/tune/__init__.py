@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gusjob.config.machine import Machine, ScannerModel
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.ranges import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend import Source, read_job
@@ -59,7 +60,7 @@ def run_job(source: Source, job: Job, diagnostics: list[Diagnostic], machine: Ma
         stream, more = compile_job(job, machine)
         diagnostics = [*diagnostics, *more]
         if not has_errors(more):
-            trace, more = interpret(stream, machine)
+            trace, more = simulate_stream(stream, machine)
             if trace is not None and judged:
                 marking = marking_totals(trace, marks_of(trace, machine))
             elif trace is None:

@@ -111,7 +111,9 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
     if exact:
         vel0, vel1 = trace.motion.velocity(row, start) * scale, trace.motion.velocity(row, end) * scale
     else:
-        vel0 = vel1 = np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start))[row] * scale
+        vel0 = vel1 = (
+            np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start))[row] * scale
+        )
     x0, y0 = trace.motion.position(row, start)
     x1, y1 = trace.motion.position(row, end)
     beam = None

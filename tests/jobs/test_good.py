@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.tools import ROOT
+from support.tools import ROOT, stream_in
 
-from gusjob.cli.check_command import judged
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.frontend import check_text, read_listing
-from gusjob.pipeline import compiled
-from gusjob.simulate import interpret
+from gusjob.pipeline import examine_file
 
 FOLDER = ROOT / "tests" / "good"
 GOOD = sorted(FOLDER.glob("*.job"))
@@ -28,7 +27,7 @@ def beyond_notes(diagnostics: list[Diagnostic]) -> list[str]:
 
 
 def stream_of(path: Path) -> Stream:
-    stream = compiled(judged(path, None))
+    stream = stream_in(examine_file(path, None))
     assert stream is not None
     return stream
 
@@ -41,7 +40,7 @@ def test_there_are_jobs_and_each_says_what_is_tricky() -> None:
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
 def test_checks_without_a_warning(path: Path) -> None:
-    assert beyond_notes(list(judged(path, None).diagnostics)) == []
+    assert beyond_notes(list(examine_file(path, None).diagnostics)) == []
 
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
@@ -57,6 +56,6 @@ def test_the_listing_reads_back(path: Path) -> None:
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
 def test_runs_without_a_warning(path: Path) -> None:
-    trace, diagnostics = interpret(stream_of(path), Machine())
+    trace, diagnostics = simulate_stream(stream_of(path), Machine())
     assert trace is not None
     assert beyond_notes(list(diagnostics)) == []

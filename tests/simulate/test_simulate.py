@@ -12,8 +12,8 @@ import pytest
 from support.tools import MARK, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.frontend import check_text, read_listing
-from gusjob.simulate import interpret
 
 HEAD = """GT_SetAxisMode(7,1)
 GT_LaserPowerMode(0,100,0,0)
@@ -258,9 +258,9 @@ def test_velocity_follow_over_a_million_ticks_equals_the_sum() -> None:
     # One segment of 100 s at a period of 50 us: 2 million ticks, cut into many runs.
     text = MARK + "LASER FOLLOW RATIO 0.3 MIN 5 MAX 20\nLASER ON\nLINE X 145 VEL 1.45 ACC 1\nLASER OFF\n"
     stream = stream_of(text)
-    trace, _ = interpret(stream, Machine(period_us=50))
+    trace, _ = simulate_stream(stream, Machine(period_us=50))
     assert trace is not None
-    duration = float(trace.clock.times_ms[-1])
+    duration = float(trace.schedule.times_ms[-1])
     ticks = np.arange(int(duration / 0.05) + 1) * 0.05
     ticks = ticks[ticks < duration]
     acc = 1 * 1000 / 1e6
@@ -275,13 +275,13 @@ def test_power_held_at_moments() -> None:
     text = HEAD + "GT_BufLaserPrfFollow(1,2,10,100,0,0)\n" + LINE + "GT_BufLaserPrfCmd(1,33,0,0)\nGT_BufDelay(1,5,0)\n"
     source, _ = check_text((text + "GT_CrdStart(1,0)\n").encode(), "test.gts")
     assert source is not None
-    trace, _ = interpret(read_listing(source)[0], Machine(), foreign=True)
+    trace, _ = simulate_stream(read_listing(source)[0], Machine(), is_listing=True)
     assert trace is not None
     channel = trace.channels[0]
     time = np.array([0.0, 0.2499, 0.25, 0.3, 0.5, 22.3, 22.75, 1000, 2024.9, 2025, 2030, 9999])
     # 2 * 2 pulse/ms2 * 0.25 ms = 1 % a tick; 100 % from v = 45 on, at 22.5 ms; v falls below 45 at 2002.5 ms.
     held = [10, 10, 11, 11, 12, 10 + 89, 100, 100, 11, 33, 33, 33]
-    assert trace.held_power(channel, np.zeros(len(time), dtype=np.intp), time) == pytest.approx(held)
+    assert channel.power.value(np.zeros(len(time), dtype=np.intp), time) == pytest.approx(held)
 
 
 def test_the_switch_and_the_light_with_fpk() -> None:
@@ -292,7 +292,7 @@ def test_the_switch_and_the_light_with_fpk() -> None:
     )  # fmt: skip
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
-    trace, _ = interpret(read_listing(source)[0], Machine(), foreign=True)
+    trace, _ = simulate_stream(read_listing(source)[0], Machine(), is_listing=True)
     assert trace is not None
     shine = trace.channels[0].emission
     assert [*shine.switch.start_ms, *shine.switch.end_ms] == pytest.approx([0.03, 2025.04])

@@ -78,7 +78,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Pulses:
-    """Low pulses of a + line, (n,) ms in order, none reaching into the next; `unknown`: the level is not known there."""
+    """Low pulses of a + line, (n,) ms in order, none reaching into the next; `unknown`: the level is unknown there."""
 
     start: Floats
     end: Floats
@@ -229,7 +229,7 @@ class _ChannelOutputs:
         yield _Pulses(start=fired, end=stop, unknown=np.zeros(len(fired), dtype=np.bool_))
 
     def analog(self, start: float, end: float) -> tuple[Ints, Floats]:
-        """Volts from moments on: held power while emitting, else the pre-voltage, in analog mode (M 二.2); 0 otherwise."""
+        """Volts from moments on, in analog mode: held power or, while off, the pre-voltage (M 二.2). Otherwise 0."""
         emission, at = self.emission, self.in_window(start, end, (PowerMode.ANALOG,))
         first = int(np.searchsorted(self.off.end, start))
         stop_at = int(np.searchsorted(self.off.start, end, side="right"))

@@ -86,7 +86,9 @@ def beam_path_of(trace: Trace, machine: Machine, intervals: Intervals) -> BeamPa
     whole = half + chord[node + 1]
     before = np.cumsum(whole) - whole
     nodes = np.stack([node, node + 1, node + 2])
-    return BeamPath(first=first, start=start, length=length, x=x[nodes], y=y[nodes], before=before, half=half, whole=whole)
+    return BeamPath(
+        first=first, start=start, length=length, x=x[nodes], y=y[nodes], before=before, half=half, whole=whole
+    )
 
 
 def _cut(trace: Trace, machine: Machine, intervals: Intervals) -> tuple[Indices, Floats, Floats]:

@@ -158,7 +158,9 @@ class _MarkEntries:
     found: Bools
 
 
-def _first_inside(machine: Machine, path: BeamPath, point: MarkPoints, *, backwards: bool) -> tuple[_MarkEntries, Floats]:
+def _first_inside(
+    machine: Machine, path: BeamPath, point: MarkPoints, *, backwards: bool
+) -> tuple[_MarkEntries, Floats]:
     """Find where marks that start before S enter [S, E], and at which share of the part.
 
     `backwards`: in the opposite order of time, where marks that end beyond E enter.
