@@ -15,16 +15,6 @@ from gusjob.simulate import Trace, simulate
 from gusjob.simulate.events import ChannelEvents, Events, MotionEvents, PowerEvents, StageEvents, SwitchEvents
 
 
-def model(stream: Stream, machine: Machine) -> tuple[Events, list[Diagnostic]]:
-    """Turn a stream into events.
-
-    Returns:
-        The events, and diagnostics of the calls that the controller refuses or treats in an unexpected way.
-    """
-    execution = execute(stream, has_scanner=machine.scanner is not None)
-    return _modelled(stream, execution)
-
-
 def simulate_stream(
     stream: Stream, machine: Machine, *, is_listing: bool = False, coarse: bool = False
 ) -> tuple[Trace | None, list[Diagnostic]]:
@@ -40,7 +30,7 @@ def simulate_stream(
         The trace, or None if the run is too long to be simulated; and the diagnostics.
     """
     execution = execute(stream, has_scanner=machine.scanner is not None)
-    events, diagnostics = _modelled(stream, execution)
+    events, diagnostics = events_of(stream, execution)
     trace, found = simulate(events, machine, is_listing=is_listing, coarse=coarse)
     diagnostics += found
     if trace is not None:
@@ -55,7 +45,12 @@ def find_diagnostics(stream: Stream, machine: Machine) -> list[Diagnostic]:
     return simulate_stream(stream, machine, is_listing=True, coarse=True)[1]
 
 
-def _modelled(stream: Stream, execution: Execution) -> tuple[Events, list[Diagnostic]]:
+def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagnostic]]:
+    """Turn an executed stream into events.
+
+    Returns:
+        The events, and diagnostics of the calls that the controller refuses or treats in an unexpected way.
+    """
     calls, stages = stream.buffered, execution.stages
     per_stage = [stage.rows for stage in stages]
     rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
