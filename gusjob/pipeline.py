@@ -240,9 +240,7 @@ def compile_calls(checked: Checked) -> Compiled | Checked:
         return checked
     if not isinstance(checked.content, Job):
         return _next(Compiled, checked, stream=checked.content)
-    from gusjob.planner import compile_job
-
-    stream, found = compile_job(checked.content, checked.machine)
+    stream, found = GUS.compile(checked.content, checked.machine)
     planned = _with_diagnostics(checked, found)
     return planned if has_errors(planned.diagnostics) else _next(Compiled, planned, stream=stream)
 
@@ -273,7 +271,7 @@ def examine(checked: Checked) -> Checked:
     elif not isinstance(checked.content, Job):
         _, found = GUS.simulate(checked.content, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
-    elif checked.content.has_forced_ends or checked.content.sky_writes:
+    elif checked.content.has_forced_ends or checked.content.has_sky_writing:
         checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 if TYPE_CHECKING:  # The implementations import what they need when they are called: start-up stays short.
     from gusjob.config.machine import Machine
     from gusjob.diagnostics.model import Diagnostic
-    from gusjob.planner.plan import Plan
+    from gusjob.ir.job import Job
     from gusjob.simulate import Trace
 
 StreamT = TypeVar("StreamT")
@@ -25,8 +25,8 @@ class Controller(Protocol[StreamT]):
     def formats(self) -> tuple[str, ...]:
         """Formats in which a stream can be written; the first one can be read again."""
 
-    def lower(self, plan: Plan) -> StreamT:
-        """Translate a plan into calls."""
+    def compile(self, job: Job, machine: Machine) -> tuple[StreamT, list[Diagnostic]]:
+        """Compile a checked job to calls; with them the diagnostics that only the planner can make."""
 
     def write(self, stream: StreamT, form: str) -> Iterator[bytes]:
         """Write a stream in one of the formats, in pieces that end with a line end."""

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, figure
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
+from gusjob.kinematics.chords import chord_counts
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report
@@ -158,7 +159,7 @@ def _light_edges(schedule: Schedule, channel: ChannelTrace) -> tuple[Indices, Fl
 def _chords(trace: Trace, step_rad: float) -> tuple[Indices, Floats]:
     """Arcs in equal times."""
     schedule, arc_at, arcs = trace.schedule, trace.segments.arc_at, trace.segments.arcs
-    count = np.maximum(np.ceil(np.abs(arcs.sweep) / step_rad), 1).astype(np.intp) - 1
+    count = chord_counts(arcs.sweep, step_rad) - 1
     which, part = counted(count)
     cell = arc_at[which]
     return cell, schedule.times_ms[cell] + schedule.duration_ms[cell] * ((part + 1) / (count[which] + 1))

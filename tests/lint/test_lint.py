@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from support.tools import MACHINE, MARK, diagnostics_in
 
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.frontend import check_text, read_job, read_listing
-from gusjob.planner import compile_job
 from gusjob.simulate.emission import Emission
 from gusjob.simulate.power import HeldPower, SegmentEmission
 

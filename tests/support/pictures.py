@@ -17,8 +17,8 @@ import numpy.typing as npt
 from support.tools import MACHINE, stream_of
 
 from gusjob.config.machine import Machine, parse_scanner
-from gusjob.controllers.gus.calls import RunKind
 from gusjob.controllers.gus.model import simulate_stream
+from gusjob.ir.intent import RunKind
 from gusjob.simulate import Trace
 from gusjob.simulate.quality.mark_ends import mark_ends_of
 from gusjob.simulate.quality.marks import BIN_MM

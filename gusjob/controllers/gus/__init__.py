@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from gusjob.controllers.gus.calls import Stream
     from gusjob.controllers.protocol import Controller
     from gusjob.diagnostics.model import Diagnostic
-    from gusjob.planner.plan import Plan
+    from gusjob.ir.job import Job
     from gusjob.simulate import Trace
 
 
@@ -20,11 +20,11 @@ class GusController:
     name = "GUS"
     formats = ("gts", "json", "c")
 
-    def lower(self, plan: Plan) -> Stream:
-        """Translate a plan into calls."""
-        from gusjob.controllers.gus.lower import lower
+    def compile(self, job: Job, machine: Machine) -> tuple[Stream, list[Diagnostic]]:
+        """Compile a checked job: see gusjob.controllers.gus.lower.compile_job."""
+        from gusjob.controllers.gus.lower import compile_job
 
-        return lower(plan)
+        return compile_job(job, machine)
 
     def write(self, stream: Stream, form: str) -> Iterator[bytes]:
         """Write a stream as a listing (gts), as columns (json) or as a C program (c)."""

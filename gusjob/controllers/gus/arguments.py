@@ -36,7 +36,7 @@ def argument_error(call: Call) -> str:
 def range_error(allowed: Range, name: str, value: float) -> str:
     """Describe why a value does not fit a range; '' if it does."""
     shown = f"{name} {number(value)} {allowed.unit}".rstrip()
-    if allowed.verdict(value) is Membership.OUTSIDE:
+    if allowed.classify_one(value) is Membership.OUTSIDE:
         return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
     return "" if allowed.carries(value) else Phrase("{value} is not whole", value=shown)
 
@@ -81,7 +81,7 @@ class ArgumentChecker:
     def _check(self, rows: Indices, at: Indices, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
         """Check one argument of the rows at `at`; mark bad rows."""
         values = self.calls.column(arg.column)[rows[at]]
-        verdict = allowed.judge(values)
+        verdict = allowed.classify(values)
         whole = allowed.carries(values) if allowed.whole else np.isfinite(values)
         if not verdict.any() and whole.all():
             return
