@@ -25,7 +25,7 @@ def velocity_diagnostics(path: str, motion: MotionEvents, too_fast: Bools) -> li
         rules.ACCEPTED_ODD,
         too_fast,
         call=Phrase("the segment's velocity"),
-        reason=Phrase("it is above synVelMax of GT_SetCrdPrm, and is held to that"),
+        reason=Phrase("it is above synVelMax of GT_SetCrdPrm, which limits it"),
     )
     return reporter.done()
 
@@ -46,7 +46,7 @@ def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:
             continue
         laser = channel.laser_in(first)
         if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
-            reason = Phrase("light in a duty mode without a carrier; GT_LaserOutFrq must be called (M 二.2)")
+            reason = Phrase("emission in a duty mode without a carrier; call GT_LaserOutFrq first (M 二.2)")
             fields = {"call": "GT_LaserOutFrq", "reason": reason}
             span = Span(line=int(trace.line[first]))
             found.append(Diagnostic(rule=rules.ACCEPTED_ODD, span=span, fields=fields, path=trace.name))
@@ -66,7 +66,7 @@ def _report_arcs(calls: BufferedCalls, motion: MotionEvents, reporter: SegmentRe
     # Ends and centre are whole pulses: each may be off by less than one.
     off_circle = ~by_radius & (np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE)
     for bad, reason in (
-        (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts could be any circle")),
+        (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts is ambiguous: use GT_ArcXYC")),
         (
             by_radius & (chord > 0) & (2 * np.abs(radius) < chord - _ARC_TOLERANCE_PULSE),
             Phrase("the radius is below half the chord"),

@@ -185,7 +185,7 @@ class _CallExecutor:
 
     def power_mode(self, call: Call) -> None:
         if self.running is not None:
-            reason = Phrase("the coordinate system is moving; the mode stays as it was")
+            reason = Phrase("the coordinate system is moving; the mode does not change")
             self.refuse(call.name, call.line, EXECUTION_ERROR, reason)
             return
         channel, mode = self.channel(call), PowerMode(int(self.number(call, 0)))
@@ -194,12 +194,12 @@ class _CallExecutor:
             return
         if mode.is_pwm and not self.axis_ever[channel]:
             first = f"GT_SetAxisMode({7 + channel},1)"
-            reason = Phrase("{call} comes first in the PWM modes (M 三.1)", call=first)
+            reason = Phrase("{call} must be called first in the PWM modes (M 三.1)", call=first)
             self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
             self.diagnostic(
                 rules.ACCEPTED_ODD, call.line, call=call.name,
-                reason=Phrase("GT_SetAxisMode is not to be called in analog mode (M 三.1 (3), in its comment)"),
+                reason=Phrase("GT_SetAxisMode must not be called in analog mode (M 三.1 (3), in a comment)"),
             )  # fmt: skip
         if self.lasers[channel].power_mode is not mode:
             self.act(ImmediateAction(channel=channel, power=float("nan"), line=call.line))
@@ -269,7 +269,7 @@ class _CallExecutor:
     def distance_mode(self, call: Call) -> None:
         actual = self.number(call, 1) == 1
         if self.number(call, 0) == 1 and actual and not self.has_scanner:
-            reason = Phrase("no scanner is modelled: the planned position stands in for the actual one")
+            reason = Phrase("the profile has no scanner: the planned position is used as the actual one")
             self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         self.set(
             self.channel(call),
@@ -314,14 +314,14 @@ class _CallExecutor:
             return
         dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
         if dropped:
-            reason = Phrase("{count} buffered calls are cleared, never run", count=dropped)
+            reason = Phrase("{count} buffered calls are cleared and never run", count=dropped)
             self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
 
     def start(self, call: Call) -> None:
         mask, option = int(self.number(call, 0)), int(self.number(call, 1))
         if mask not in (1, 2):
             rule, fields = (rules.CRDS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
-            reason = Phrase("mask {mask} names no coordinate system", mask=mask)
+            reason = Phrase("mask {mask} selects no coordinate system", mask=mask)
             self.diagnostic(rule, call.line, **fields, code=PARAMETER_ERROR, reason=reason)
             return
         crd = mask

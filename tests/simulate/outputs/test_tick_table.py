@@ -381,7 +381,7 @@ def test_not_for_a_terminal(tmp_path: Path, form: str) -> None:
         os.close(other)
         os.close(main)
     assert done.returncode == 2
-    assert f"{form} is not for a terminal: name a file with -o" in done.stderr
+    assert f"{form} can't be shown on a terminal: name a file with -o" in done.stderr
 
 
 @pytest.mark.parametrize(("form", "module", "extra"), [("vcd", "vcd", "trace"), ("parquet", "pyarrow", "parquet")])
