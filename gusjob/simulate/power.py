@@ -232,10 +232,10 @@ def _cut(schedule: Schedule, intervals: Intervals) -> tuple[Indices, Floats, Flo
     limit = schedule.stage_end()[stage]
     start, end = np.minimum(intervals.start_ms, limit), np.minimum(intervals.end_ms, limit)
     first = np.searchsorted(schedule.times_ms[1:], start, side="right")
-    behind = np.searchsorted(schedule.times_ms[:-1], end, side="left")
+    stop = np.searchsorted(schedule.times_ms[:-1], end, side="left")
     first = np.maximum(first, schedule.stage_first[stage])
-    behind = np.minimum(behind, schedule.stage_first[stage + 1])
-    counts = np.where(start < end, np.maximum(behind - first, 0), 0)
+    stop = np.minimum(stop, schedule.stage_first[stage + 1])
+    counts = np.where(start < end, np.maximum(stop - first, 0), 0)
     which, number = counted(counts)
     segment = first[which] + number
     cut_start = np.maximum(start[which], schedule.times_ms[segment])

@@ -22,7 +22,7 @@ from diagnostics import test_rules
 from support.catalogue import needed
 from support.tools import ROOT
 
-from gusjob.config.machine import Abi, Budget, Controller, Interlock, Laser, Machine, parse_scanner
+from gusjob.config.machine import Abi, Budget, ControllerSettings, Interlock, Laser, Machine, parse_scanner
 from gusjob.config.profile import parse_machine, read_machine
 from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, IGNORED_CALLS, SIGNATURES
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Remark, Rule
@@ -180,7 +180,7 @@ def words_of(*texts: str) -> set[str]:
 @cache
 def entries_of_the_profile() -> set[str]:
     """Keys, tables and choices of the machine profile."""
-    tables = (Machine, Laser, Controller, Interlock, Budget)
+    tables = (Machine, Laser, ControllerSettings, Interlock, Budget)
     names = {entry.name for table in tables for entry in fields(table)}
     inner = {name.removeprefix(head) for name in names for head in ("lookahead_", "expansion_")}
     return names | inner | {"laser", "interlock", "expansion", "lookahead"} | words_of(*Abi)

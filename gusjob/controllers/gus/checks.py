@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
-from gusjob.controllers.gus.executor import Execution
+from gusjob.controllers.gus.execution import Execution
 from gusjob.controllers.gus.ranges import FIFO_SLOTS, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span

@@ -19,6 +19,7 @@ from gusjob.controllers.gus.arguments import (
     range_error,
 )
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
+from gusjob.controllers.gus.execution import Execution, StageRun
 from gusjob.controllers.gus.ranges import (
     DIMENSION,
     DISTANCE_LIMIT,
@@ -29,54 +30,13 @@ from gusjob.controllers.gus.ranges import (
     Range,
 )
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
+from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.arrays import Indices
 from gusjob.simulate.events import ImmediateAction, LaserState
 
 _DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")
 _PWM, _MOVING = Phrase("the PWM modes"), Phrase("the coordinate system is moving")
-
-
-@dataclass(slots=True, kw_only=True)
-class StageRun:
-    """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
-
-    `waiting`: how many of the first parts are in the FIFO before the start. `axes`: the axes (from 0) that X and Y
-    drive.
-    """
-
-    crd: int
-    fifo: int
-    line: int
-    parts: list[Indices]
-    lasers: tuple[LaserState, LaserState]
-    at_rest: list[ImmediateAction]
-    moving: list[ImmediateAction] = field(default_factory=list)
-    vel_max_pulse_per_ms: float = float("inf")
-    axes: tuple[int, int] = (0, 1)
-    waiting: int = 0
-
-    @property
-    def rows(self) -> Indices:
-        """Buffered rows in order."""
-        return np.concatenate(self.parts) if self.parts else np.empty(0, dtype=np.intp)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Execution:
-    """Everything that the controller does with a stream.
-
-    `at_end`: immediate actions after the last stage. `lasers`: state after it. `readings`: (line, channel, value) of
-    each reading of a switch. `channels`: those that any call names.
-    """
-
-    stages: tuple[StageRun, ...]
-    at_end: tuple[ImmediateAction, ...]
-    lasers: tuple[LaserState, LaserState]
-    readings: tuple[tuple[int, int, int], ...]
-    channels: tuple[int, ...]
-    diagnostics: tuple[Diagnostic, ...]
 
 
 def execute(stream: Stream, *, has_scanner: bool = False) -> Execution:
@@ -96,6 +56,8 @@ def execute(stream: Stream, *, has_scanner: bool = False) -> Execution:
 
 @dataclass(slots=True)
 class _CallExecutor:
+    """State of the controller between two calls. `queues`: buffered rows by coordinate system and FIFO."""
+
     stream: Stream
     collector: Collector
     has_scanner: bool

@@ -7,7 +7,8 @@ import numpy as np
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream
 from gusjob.controllers.gus.checks import carrier_diagnostics, listing_diagnostics, velocity_diagnostics
-from gusjob.controllers.gus.executor import Execution, execute
+from gusjob.controllers.gus.execution import Execution
+from gusjob.controllers.gus.executor import execute
 from gusjob.controllers.gus.geometry import call_segments
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Indices

@@ -173,17 +173,17 @@ class _ChannelOutputs:
         """Emission of some modes in a window."""
         emission = self.emission
         first = int(np.searchsorted(emission.end, start - self.lead_ms))
-        stop_at = int(np.searchsorted(emission.start, end, side="right"))
+        stop = int(np.searchsorted(emission.start, end, side="right"))
         of_mode = np.array([laser.power_mode in modes for laser in self.lasers], dtype=np.bool_)
-        at = np.arange(first, max(first, stop_at))
+        at = np.arange(first, max(first, stop))
         return at[of_mode[emission.stage[at]]]
 
     def standby(self, start: float, end: float) -> _Pulses:
         """Standby pulses (M 二.2: while off, in the PWM modes)."""
         off = self.off
         first = int(np.searchsorted(off.end, start - self.lead_ms, side="right"))
-        stop_at = int(np.searchsorted(off.start, end, side="right"))
-        at = np.arange(first, max(first, stop_at))
+        stop = int(np.searchsorted(off.start, end, side="right"))
+        at = np.arange(first, max(first, stop))
         at = at[off.khz[at] > 0]
         return _carrier(off.start[at], off.end[at], off.khz[at], off.pct[at], start - self.lead_ms, end)
 
@@ -232,8 +232,8 @@ class _ChannelOutputs:
         """Volts from moments on, in analog mode: held power or, while off, the pre-voltage (M 二.2). Otherwise 0."""
         emission, at = self.emission, self.in_window(start, end, (PowerMode.ANALOG,))
         first = int(np.searchsorted(self.off.end, start))
-        stop_at = int(np.searchsorted(self.off.start, end, side="right"))
-        off = np.arange(first, max(first, stop_at))
+        stop = int(np.searchsorted(self.off.start, end, side="right"))
+        off = np.arange(first, max(first, stop))
         steps = self.steps(emission.stage[at], np.maximum(emission.start[at], start), np.minimum(emission.end[at], end))
         other = self.in_window(start, end, tuple(mode for mode in PowerMode if mode is not PowerMode.ANALOG))
         time = np.concatenate([steps.start_ms, self.off.start[off], emission.start[other]])
@@ -306,9 +306,9 @@ def changes(time: Ints, value: Floats, rest: float, start_ns: int, end_ns: int) 
 
     `rest`: the value before the first one.
     """
-    first, stop_at = np.searchsorted(time, [start_ns, end_ns], side="right")
+    first, stop = np.searchsorted(time, [start_ns, end_ns], side="right")
     before = float(value[first - 1]) if first else rest
-    time, value = time[first:stop_at], value[first:stop_at]
+    time, value = time[first:stop], value[first:stop]
     settled = np.ones(len(time), dtype=np.bool_)
     settled[:-1] = time[1:] != time[:-1]
     time, value = time[settled], value[settled]
