@@ -66,7 +66,7 @@ def _report_arcs(calls: BufferedCalls, motion: MotionEvents, reporter: SegmentRe
     # Ends and centre are whole pulses: each may be off by less than one.
     off_circle = ~by_radius & (np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE)
     for bad, reason in (
-        (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts is ambiguous: use GT_ArcXYC")),
+        (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts is ambiguous")),
         (
             by_radius & (chord > 0) & (2 * np.abs(radius) < chord - _ARC_TOLERANCE_PULSE),
             Phrase("the radius is below half the chord"),
