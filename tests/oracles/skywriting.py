@@ -232,7 +232,7 @@ def _rotated(at: Point, centre: Point, angle: float) -> Point:
 
 @dataclass(slots=True, kw_only=True)
 class Row:
-    """A motion or dwell as written. `channels_on`: channels."""
+    """A motion or dwell as written. `channels_on`: channels whose laser is on."""
 
     kind: str
     way: Way
@@ -350,7 +350,8 @@ def rows_of(steps: list[Step], max_acc: float = MAX_ACC) -> list[Row]:
                 rows.append(
                     Row(
                         kind=step.op, way=way, vel=vel, acc=acc, dwell=step.value if step.op == "dwell" else 0.0,
-                        channels_on=tuple(c for c in (0, 1) if channels_on[c]), sky=sky, written=written, stage=stage, ahead=ahead,
+                        channels_on=tuple(c for c in (0, 1) if channels_on[c]),
+                        sky=sky, written=written, stage=stage, ahead=ahead,
                         jump_vel=jump_vel, jump_acc=jump_acc, switched=switched,
                     )
                 )  # fmt: skip
