@@ -78,7 +78,7 @@ class LaserCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModalState:
-    """The modal state of a job, by channel. Laser commands are computed when they are first asked for."""
+    """The modal state of a job, by channel. Laser commands are computed when they are first needed."""
 
     job: Job
     mode_spans: tuple[tuple[ModeSpan, ...], ...]

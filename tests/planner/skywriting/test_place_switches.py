@@ -28,7 +28,7 @@ def test_a_full_circle_is_runwhole(circle: str, mode: int, start: str) -> None:
 
 @pytest.mark.parametrize("shift", [-100.0, 0.0, 100.0])
 def test_the_laser_stays_on_at_a_flat_corner(shift: float) -> None:
-    """Off and on again where the path goes on: the light stays on, as at any flat corner of mode 3."""
+    """Off and on again where the path continues: the laser stays on, as at any flat corner of mode 3."""
     sky = Sky(mode=3, timelag=250.0, shift=shift)
     steps = marked(marked(head(sky), (15000.0, 5000.0)), (25000.0, 5000.0))
     stream, _ = compiled(ref.job_text(steps))
@@ -82,7 +82,7 @@ def test_a_first_pulse_killer_that_is_off_again_delays_nothing() -> None:
 
 
 def test_each_channel_has_its_own_delays() -> None:
-    """Channel 1 is set while channel 0 is on its way: neither holds up the other."""
+    """Channel 1 is set while channel 0 waits: neither delays the other."""
     found = run_job(
         "LASER MODE DUTY CARRIER 10\nLASER MODE DUTY CARRIER 10 CHANNEL 1\nLASER DELAY ON 5 OFF 5\n"
         "LASER DELAY ON 200 OFF 210 CHANNEL 1\nLASER POWER 50\nLASER POWER 20 CHANNEL 1\nVEL 800\nACC 500000\n"

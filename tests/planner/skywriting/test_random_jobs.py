@@ -33,7 +33,7 @@ def random_case(seed: int) -> Case | None:
 
 @pytest.mark.parametrize("part", range(10))
 def test_random_jobs(part: int) -> None:
-    """Path, speeds and light of random jobs are the reference's."""
+    """Path, speeds and emission of random jobs are the oracle's."""
     refused = 0
     for seed in range(part * SEEDS // 10, (part + 1) * SEEDS // 10):
         case = random_case(seed)

@@ -28,8 +28,8 @@ def test_rtc5_switches() -> None:
 def test_rtc5_run_times(mode: int, acc: float) -> None:
     """10 us * Nprev at mark speed before S, 10 us * Npost behind E; beyond that v/a for each acceleration.
 
-    Mode 1 goes there and back: 20 us * Nprev in all, as v/a goes to nothing. It turns at P and Q, and stands at S and E
-    before and behind: the way of length d takes 2*sqrt(d/a) where nothing needs mark speed, a triangle.
+    Mode 1 goes there and back: 20 us * Nprev in all, as v/a goes to nothing. It turns at P and Q, and stops at S and E
+    before and behind: a motion of length d takes 2*sqrt(d/a) where nothing needs mark speed, a triangle.
     """
     sky = replace(RTC5, mode=mode)
     machine = Machine(lookahead_acc_pulse_per_ms2=1e-6)
@@ -67,7 +67,7 @@ def test_rtc5_corner_jump() -> None:
 
 
 def test_a_shift_is_clipped() -> None:
-    """The light is on no earlier than 10 us * Nprev before S."""
+    """The laser is on no earlier than 10 us * Nprev before S."""
     case = must(case_of(marked(head(replace(RTC5, shift=-400.0)), (15000.0, 5000.0))))
     on = case.trace.channels[0].emission.start_ms[0] - case.starts(case.plan.marks[0].legs[0])
     assert on == pytest.approx(-0.110, abs=1e-9)
