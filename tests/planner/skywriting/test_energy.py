@@ -83,7 +83,7 @@ _PATHS = {
 @pytest.mark.parametrize("mode", [1, 2, 3])
 @pytest.mark.parametrize("path", _PATHS)
 def test_marks_have_even_power_and_exact_ends(path: str, mode: int, power: str) -> None:
-    """With the pure delay that TIMELAG compensates for: ends within a pulse, 50 % at 800 mm/s everywhere, none outside."""
+    """With a pure delay of TIMELAG: ends within a pulse, 50 % at 800 mm/s everywhere, none outside."""
     lines, count = _PATHS[path]
     found = run_job(
         f"LASER MODE DUTY CARRIER 10\n{power}\nVEL 800\nACC 500000\n"
