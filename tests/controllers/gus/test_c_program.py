@@ -130,7 +130,7 @@ def plain(call: str) -> str:
 
 
 def wanted(stream: Stream, channels: str) -> list[str]:
-    """The listing's calls; the end of the last stage is waited for, then the light goes off."""
+    """The listing's calls; the end of the last stage is waited for, then the laser is switched off."""
     calls = "".join(listing(stream)).splitlines()
     calls = ["at rest" if c.startswith("GT_CrdStatus") else plain(c) for c in calls]
     moves = [c.name for c in stream.calls if c.name in ("GT_CrdStart", "GT_CrdStatus")]
@@ -323,7 +323,7 @@ def test_a_failed_laser_off_is_retried_and_reported(build: Build) -> None:
     assert once.names()[-4:] == ["GT_SetHSIOOpt", "GT_SetHSIOOpt", "GT_SetHSIOOpt", "GT_Close"]
     never = run(program, fail="GT_SetHSIOOpt:-7")
     assert never.status == 1
-    assert "THE LIGHT OF CHANNEL 1 MAY BE ON" in never.told
+    assert "THE LASER OF CHANNEL 1 MAY BE ON" in never.told
     assert never.names()[-1] == "GT_Close"
     assert "GT_Stop" in never.names()
 
