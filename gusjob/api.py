@@ -212,8 +212,8 @@ class Run:
 
     def plot(self, by: Literal["power", "energy", "velocity", "order"] = "power", channel: int | None = None) -> Figure:
         """The path as a matplotlib figure, as gusjob plot draws it. Raises ImportError without matplotlib."""
-        from gusjob.view.plot.picture import Colour, figure_of
+        from gusjob.view.plot.picture import ColorBy, figure_of
 
-        if by not in list(Colour):
-            raise ValueError(f"{by!r} is none of {', '.join(Colour)}")
-        return figure_of(self._trace, self._loaded.machine, by=Colour(by), channel=channel)
+        if by not in list(ColorBy):
+            raise ValueError(f"{by!r} is none of {', '.join(ColorBy)}")
+        return figure_of(self._trace, self._loaded.machine, by=ColorBy(by), channel=channel)

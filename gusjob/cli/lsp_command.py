@@ -38,7 +38,7 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
     if output is not None:
         raise click.UsageError(localized(Phrase("-o is for --textmate")))
     need("lsp", "pygls", to=Phrase("serve an editor"))
-    from gusjob.lsp.server import serve_pipes, serve_port
+    from gusjob.lsp.serve import serve_pipes, serve_port
 
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # A thread waits for input: it must not be waited for.
     if port is not None:

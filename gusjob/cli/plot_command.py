@@ -17,7 +17,7 @@ from gusjob.pipeline import Loaded, interpreted, load
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
     from gusjob.simulate import Trace
-    from gusjob.view.plot.picture import View
+    from gusjob.view.plot.picture import PlotArea
 
 _FORMATS = ("png", "svg", "pdf")
 _COLOURS = ("power", "energy", "velocity", "order")
@@ -124,12 +124,12 @@ def command(
         wrong = Phrase("--size and --dpi make more than {most} million pixels", most=_PIXELS // 1_000_000)
         raise click.UsageError(localized(wrong))
     need("plot", "matplotlib", to=Phrase("draw a picture"))
-    from gusjob.view.plot.picture import View
+    from gusjob.view.plot.picture import PlotArea
 
     loaded = load(path, machine_path, scanner=scanner)
     trace = interpreted(loaded)
     if trace is not None:
-        view = View(box_mm=zoom, field=field)
+        view = PlotArea(box_mm=zoom, field=field)
         write(
             [_drawn(loaded, trace, form, by, channel, view, size_in, dpi, jumps=not no_jumps)],
             output,
@@ -145,19 +145,19 @@ def _drawn(
     form: str,
     by: str,
     channel: int | None,
-    view: View,
+    view: PlotArea,
     size_in: tuple[float, float],
     dpi: int,
     *,
     jumps: bool,
 ) -> bytes:
     """The picture in a format."""
-    from gusjob.view.plot.picture import Colour, figure_of, picture
+    from gusjob.view.plot.picture import ColorBy, figure_of, picture
 
     figure = figure_of(
         trace,
         loaded.machine,
-        by=Colour(by),
+        by=ColorBy(by),
         channel=channel,
         view=view,
         jumps=jumps,

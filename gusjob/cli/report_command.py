@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from gusjob.config.machine import Scanner
     from gusjob.report.compare import Comparison
-    from gusjob.report.earlier import Earlier
+    from gusjob.report.earlier import EarlierReport
     from gusjob.report.rows import Report
     from gusjob.simulate import Trace
 
@@ -196,7 +196,7 @@ def _written(
     return report_json(report, loaded.diagnostics, summary=summary)
 
 
-def _read_earlier(path: Path, output: Path | None) -> Earlier:
+def _read_earlier(path: Path, output: Path | None) -> EarlierReport:
     """An earlier report; exits with 2 if the file holds none, or would be written over."""
     from gusjob.report.earlier import read_earlier
 

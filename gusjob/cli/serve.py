@@ -26,7 +26,7 @@ def _waiting() -> bytes:
     return _WAITING.format(html=html, text=localized(Phrase("The page is not ready yet; load it again."))).encode()
 
 
-class _Server(ThreadingHTTPServer):
+class _QuietServer(ThreadingHTTPServer):
     """Says nothing of a browser that goes away in the middle: the terminal is for the report."""
 
     daemon_threads = True
@@ -47,7 +47,7 @@ class PageServer:
         self._page = _waiting()
         self._shown = ""
         self._changed = threading.Condition()
-        self._server = _Server(("127.0.0.1", port), self._handler())
+        self._server = _QuietServer(("127.0.0.1", port), self._handler())
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property

@@ -13,7 +13,7 @@ from rich.cells import cell_len
 
 from gusjob.i18n.phrases import Phrase, figure, localized, number, plural
 from gusjob.kinematics.arrays import Floats, Indices
-from gusjob.report.earlier import ANY_UNIT, CHANNELS, COUNTS, FIGURES, POWERS, Columns, Earlier, Key, flat_totals
+from gusjob.report.earlier import ANY_UNIT, CHANNELS, COUNTS, FIGURES, POWERS, Columns, EarlierReport, Key, flat_totals
 from gusjob.report.match import matched_rows
 from gusjob.report.rows import OFF_OUTPUT, Report, SegmentKind
 
@@ -37,7 +37,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Total:
+class TotalChange:
     """A total that moved. A null is None; with it, and for words, the change has no percentage."""
 
     what: str
@@ -49,7 +49,7 @@ class Total:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moved:
+class ColumnChange:
     """One figure where it moved: `pair` numbers the matched segments, ascending. A null is NaN."""
 
     pair: Indices
@@ -59,7 +59,7 @@ class Moved:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Segments:
+class SegmentComparison:
     """Matched segments: row `old_row[i]` of the earlier columns `old` is row `new_row[i]` of this report's, `new`.
 
     `moved` is by column, `kind` among them. `appeared` are rows of this report, `vanished` of the earlier one.
@@ -73,7 +73,7 @@ class Segments:
     appeared: Indices
     vanished: Indices
     shifted: bool
-    moved: dict[str, Moved]
+    moved: dict[str, ColumnChange]
 
     @property
     def changed(self) -> Indices:
@@ -91,8 +91,8 @@ class Comparison:
     path: str
     job: str
     tolerance_pct: float
-    totals: tuple[Total, ...]
-    segments: Segments | None
+    totals: tuple[TotalChange, ...]
+    segments: SegmentComparison | None
 
     @property
     def same(self) -> bool:
@@ -101,17 +101,17 @@ class Comparison:
         return not self.totals and (rows is None or not (rows.moved or len(rows.appeared) or len(rows.vanished)))
 
 
-def compare(report: Report, earlier: Earlier, tolerance_pct: float) -> Comparison:
+def compare(report: Report, earlier: EarlierReport, tolerance_pct: float) -> Comparison:
     """What moved since the earlier report, by more than the tolerance, in percent of the larger of two figures."""
     tolerance = tolerance_pct / 100 + _ROUNDING
     old = earlier.totals
     new = flat_totals(report.totals) | {("period_us", None, None): report.period_us}
-    totals: list[Total] = []
+    totals: list[TotalChange] = []
     left_out: set[str] = set()
     for channel in CHANNELS:
         units, now = _units(old, channel), _units(new, channel)
         if units != now:
-            totals.append(Total(what="unit", channel=channel, unit=None, old=units, new=now, change_pct=None))
+            totals.append(TotalChange(what="unit", channel=channel, unit=None, old=units, new=now, change_pct=None))
             left_out |= {f"ch{channel}_{figure}" for figure in POWERS}
             old, new = _in_any_unit(old, channel), _in_any_unit(new, channel)
     segments = None
@@ -121,7 +121,7 @@ def compare(report: Report, earlier: Earlier, tolerance_pct: float) -> Compariso
         path=earlier.path,
         job=earlier.job,
         tolerance_pct=tolerance_pct,
-        totals=(*totals, *_movedflat_totals(old, new, tolerance)),
+        totals=(*totals, *_changed_totals(old, new, tolerance)),
         segments=segments,
     )
 
@@ -139,22 +139,24 @@ def _in_any_unit(totals: dict[Key, float], channel: int) -> dict[Key, float]:
     return {**{key: value for key, value in totals.items() if key not in mine}, **sums}
 
 
-def _movedflat_totals(old: dict[Key, float], new: dict[Key, float], tolerance: float) -> Iterator[Total]:
+def _changed_totals(old: dict[Key, float], new: dict[Key, float], tolerance: float) -> Iterator[TotalChange]:
     keys = [key for key in new if key in old]
     before, now = (np.array([totals[key] for key in keys]) for totals in (old, new))
     tolerances = np.array([_ROUNDING if key[0] in COUNTS else tolerance for key in keys])
-    where, change_pct = _moves(before, now, tolerances, np.array([_nothing(key[0]) for key in keys]))
+    where, change_pct = _changes_above(before, now, tolerances, np.array([_smallest_change(key[0]) for key in keys]))
     for i, pct in zip(where.tolist(), change_pct.tolist(), strict=True):
         what, channel, unit = keys[i]
         a, b, c = (None if value != value else float(value) for value in (before[i], now[i], pct))
-        yield Total(what=what, channel=channel, unit=unit, old=a, new=b, change_pct=c)
+        yield TotalChange(what=what, channel=channel, unit=unit, old=a, new=b, change_pct=c)
 
 
-def _nothing(what: str) -> float:
+def _smallest_change(what: str) -> float:
     return _NOTHING / 1e3 if what.endswith("joules") else _NOTHING
 
 
-def _moves(old: Floats, new: Floats, tolerance: Floats | float, nothing: Floats | float) -> tuple[Indices, Floats]:
+def _changes_above(
+    old: Floats, new: Floats, tolerance: Floats | float, nothing: Floats | float
+) -> tuple[Indices, Floats]:
     """Where figures moved, and by how many percent of the larger magnitude; NaN where one of them is null."""
     with np.errstate(all="ignore"):
         larger = np.maximum(np.abs(old), np.abs(new))
@@ -164,41 +166,41 @@ def _moves(old: Floats, new: Floats, tolerance: Floats | float, nothing: Floats 
     return where, change[where] * 100
 
 
-def _compare_segments(old: Columns, new: Columns, tolerance: float, left_out: set[str]) -> Segments:
+def _compare_segments(old: Columns, new: Columns, tolerance: float, left_out: set[str]) -> SegmentComparison:
     old_row, new_row, shifted = matched_rows(old, new)
-    moved: dict[str, Moved] = {}
+    moved: dict[str, ColumnChange] = {}
     kinds = np.flatnonzero(old["kind"][old_row] != new["kind"][new_row])
     if len(kinds):
         none = np.full(len(kinds), np.nan)
         before, now = old["kind"][old_row[kinds]], new["kind"][new_row[kinds]]
-        moved["kind"] = Moved(pair=kinds, old=before, new=now, change_pct=none)
+        moved["kind"] = ColumnChange(pair=kinds, old=before, new=now, change_pct=none)
     names = ["duration_ms", *(f"ch{channel}_{figure}" for channel in CHANNELS for figure in FIGURES)]
     for name in names:
         if name in left_out or not (name in old or name in new):
             continue
-        a = old[name][old_row] if name in old else _unlit(new[name][new_row])
-        b = new[name][new_row] if name in new else _unlit(a)
-        where, change_pct = _moves(a, b, tolerance, _nothing(name))
+        a = old[name][old_row] if name in old else _without_emission(new[name][new_row])
+        b = new[name][new_row] if name in new else _without_emission(a)
+        where, change_pct = _changes_above(a, b, tolerance, _smallest_change(name))
         if len(where):
-            moved[name] = Moved(pair=where, old=a[where], new=b[where], change_pct=change_pct)
-    return Segments(
+            moved[name] = ColumnChange(pair=where, old=a[where], new=b[where], change_pct=change_pct)
+    return SegmentComparison(
         old=old,
         new=new,
         old_row=old_row,
         new_row=new_row,
-        appeared=_others(new_row, len(new["line"])),
-        vanished=_others(old_row, len(old["line"])),
+        appeared=_unmatched_rows(new_row, len(new["line"])),
+        vanished=_unmatched_rows(old_row, len(old["line"])),
         shifted=shifted,
         moved=moved,
     )
 
 
-def _unlit(other: Floats) -> Floats:
+def _without_emission(other: Floats) -> Floats:
     """A figure of a channel that one report does not have, beside the other report's: no light, or unknown as there."""
     return np.where(np.isnan(other), np.nan, 0.0)
 
 
-def _others(rows: Indices, count: int) -> Indices:
+def _unmatched_rows(rows: Indices, count: int) -> Indices:
     left = np.ones(count, dtype=np.bool_)
     left[rows] = False
     return np.flatnonzero(left)
@@ -233,7 +235,7 @@ def against_json(comparison: Comparison) -> orjson.Fragment:
     )
 
 
-def _segments_object(segments: Segments) -> dict[str, Any]:
+def _segments_object(segments: SegmentComparison) -> dict[str, Any]:
     old_line, new_line = segments.old["line"], segments.new["line"]
     moved = {
         name: {
@@ -312,7 +314,7 @@ def totals_rows(comparison: Comparison) -> list[list[str]]:
     ]
 
 
-def _total_name(total: Total) -> Phrase:
+def _total_name(total: TotalChange) -> Phrase:
     word = _WORDS[total.what]
     return word if total.channel is None else Phrase("channel {channel} {what}", channel=total.channel, what=word)
 
@@ -323,7 +325,7 @@ def _total_figure(what: str, value: float | str | None) -> str:
     return number(value) if what in COUNTS and isinstance(value, float) else figure(value)
 
 
-def segment_rows(segments: Segments, most: int = MAX_ROWS) -> Iterator[list[str]]:
+def segment_rows(segments: SegmentComparison, most: int = MAX_ROWS) -> Iterator[list[str]]:
     """A head and a row for each of the first segments that moved, are new or vanished; a last row counts the others.
 
     In the user's language.
@@ -358,7 +360,7 @@ def _head(name: str) -> str:
     return Phrase("ch{channel}_{what}", channel=name[2], what=_WORDS[name[4:]])
 
 
-def _shown(moved: dict[str, Moved]) -> dict[str, Moved]:
+def _shown(moved: dict[str, ColumnChange]) -> dict[str, ColumnChange]:
     """What gets a column of its own: the three powers of a channel get one where they are one."""
     shown = {name: what for name, what in moved.items() if name != "kind"}
     for channel in CHANNELS:
@@ -369,7 +371,7 @@ def _shown(moved: dict[str, Moved]) -> dict[str, Moved]:
     return shown
 
 
-def _equal(one: Moved, other: Moved) -> bool:
+def _equal(one: ColumnChange, other: ColumnChange) -> bool:
     return (
         np.array_equal(one.pair, other.pair)
         and np.array_equal(one.old, other.old, equal_nan=True)
@@ -377,7 +379,7 @@ def _equal(one: Moved, other: Moved) -> bool:
     )
 
 
-def _changed_row(segments: Segments, pair: int, shown: Iterable[Moved]) -> list[str]:
+def _changed_row(segments: SegmentComparison, pair: int, shown: Iterable[ColumnChange]) -> list[str]:
     row, old_row = segments.new_row[pair], segments.old_row[pair]
     cells = [
         str(row + 1),

@@ -36,7 +36,7 @@ _OFF_OUTPUT = ("standby_khz", "standby_pct", "prevoltage_v")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Earlier:
+class EarlierReport:
     """What an earlier report says, checked. `columns` as in a Report, NaN for null; None if it has totals only."""
 
     path: str
@@ -53,12 +53,12 @@ class _NotAReportError(Exception):
         self.reason = reason
 
 
-def read_earlier(path: Path) -> tuple[Earlier | None, str]:
+def read_earlier(path: Path) -> tuple[EarlierReport | None, str]:
     """The report in a JSON file; None and the reason where there is none."""
     try:
         with path.open("rb") as file:
             data = file.read(MAX_EARLIER_MB * 1_000_000 + 1)
-        return _earlier(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
+        return _parse(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
     except OSError as error:
         why = reason_of(error)
         return None, Phrase("can't read this file: {why}", why=why)
@@ -68,7 +68,7 @@ def read_earlier(path: Path) -> tuple[Earlier | None, str]:
         return None, Phrase("can't read this file: no such name")
 
 
-def _earlier(path: str, data: bytes) -> Earlier:
+def _parse(path: str, data: bytes) -> EarlierReport:
     if len(data) > MAX_EARLIER_MB * 1_000_000:
         raise _NotAReportError(Phrase("this file is too large; gusjob reads up to {most} MB", most=MAX_EARLIER_MB))
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -88,7 +88,7 @@ def _earlier(path: str, data: bytes) -> Earlier:
         raise _NotAReportError(reason)
     totals = flat_totals(_typed(found, "totals", dict)) | {("period_us", None, None): _figure(found, "period_us")}
     columns = _columns(_typed(found, "segments", dict)) if "segments" in found else None
-    return Earlier(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)
+    return EarlierReport(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)
 
 
 _JSON_WORDS: dict[type, str] = {

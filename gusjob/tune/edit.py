@@ -19,9 +19,9 @@ def with_statement(
     there on. Where that is not to be done without guessing, the reason.
     """
     name = "SKYWRITE" if kind is SkyWrite else "LASER DELAY"
-    found = [s for s in job.setups if isinstance(s.what, kind) and _speaks_of(s, channel)]
+    found = [s for s in job.setups if isinstance(s.what, kind) and _applies_to(s, channel)]
     own = [s for s in found if not job.locate(s.line, "").path]
-    spans, lines = _spans(job, own), {s.line for s in own}
+    spans, lines = _statement_spans(job, own), {s.line for s in own}
     if kind is LaserDelay and any(s.channel != channel for s in job.setups if s.line in lines):
         return Phrase(
             "{name} in line {line} speaks of more than one channel: write one for each", name=name, line=spans[0].line
@@ -59,13 +59,13 @@ def _line_of(job: Job, setup: Setup) -> int:
     return setup.line
 
 
-def _speaks_of(setup: Setup, channel: int) -> bool:
+def _applies_to(setup: Setup, channel: int) -> bool:
     if isinstance(setup.what, SkyWrite):
         return setup.what.settings is not None
     return setup.channel == channel
 
 
-def _spans(job: Job, setups: list[Setup]) -> list[Span]:
+def _statement_spans(job: Job, setups: list[Setup]) -> list[Span]:
     """Where statements stand, each once however often a loop comes by."""
     return [job.locate(line, "") for line in dict.fromkeys(s.line for s in setups)]
 

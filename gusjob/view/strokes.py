@@ -49,7 +49,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
+class EmissionStrokes:
     """One channel in strokes, (n,): light or none, mean power while there is light (else 0), in the mode's unit.
 
     `joules_per_unit_ms` (n,): what turns power * ms into joules; NaN where the rated power is unknown. `unit` (n,):
@@ -80,17 +80,17 @@ class Strokes:
     vel1: Floats
     path: Line
     beam: Line | None
-    lights: tuple[Light, ...]
+    emissions: tuple[EmissionStrokes, ...]
     exact: bool
 
     @property
-    def burnt(self) -> Line:
+    def actual(self) -> Line:
         """Where light falls."""
         return self.path if self.beam is None else self.beam
 
-    def per_mm(self, light: Light) -> Floats:
+    def per_mm(self, light: EmissionStrokes) -> Floats:
         """Power integral per mm of the beam's way under light, unit*ms/mm; NaN where nothing shines or moves."""
-        length = self.burnt.length_mm
+        length = self.actual.length_mm
         found = np.full(len(length), np.nan)
         np.divide(light.power * self.duration_ms, length, out=found, where=light.on & (length > 0))
         return found
@@ -100,7 +100,7 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
     """The strokes of a run."""
     clock = trace.clock
     cuts, exact = _cuts(trace, machine, fine_strokes)
-    row, start = _in_order(clock, cuts)
+    row, start = _stroke_starts(clock, cuts)
     end = np.append(start[1:], clock.times_ms[-1:])
     goes_on = np.append(row[1:] == row[:-1], False) if len(row) else np.zeros(0, dtype=np.bool_)
     end = np.where(goes_on, end, clock.times_ms[1:][row])
@@ -126,7 +126,7 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
         vel1=vel1,
         path=Line(x0=x0 / px, y0=y0 / py, x1=x1 / px, y1=y1 / py),
         beam=beam,
-        lights=tuple(_light(trace, machine, channel, spans) for channel in trace.channels),
+        emissions=tuple(_emission_strokes(trace, machine, channel, spans) for channel in trace.channels),
         exact=exact,
     )
 
@@ -134,16 +134,22 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
 def _cuts(trace: Trace, machine: Machine, fine_strokes: int) -> tuple[list[tuple[Indices, Floats]], bool]:
     """(timed call, moment) of the cuts behind each segment's start, and whether they are fine."""
     clock = trace.clock
-    cuts = [_light_edges(clock, channel) for channel in trace.channels]
+    cuts = [_switch_times(clock, channel) for channel in trace.channels]
     number = np.arange(len(clock.row))
     risen, falls = clock.phases()
-    fine = [*cuts, _chords(clock, _CHORD_RAD), (number, risen), (number, falls), *_ticks(trace, machine, fine_strokes)]
+    fine = [
+        *cuts,
+        _chord_times(clock, _CHORD_RAD),
+        (number, risen),
+        (number, falls),
+        *_tick_times(trace, machine, fine_strokes),
+    ]
     if sum(len(cell) for cell, _ in fine) + len(number) <= fine_strokes:
         return fine, True
-    return [*cuts, _chords(clock, _COARSE_CHORD_RAD)], False
+    return [*cuts, _chord_times(clock, _COARSE_CHORD_RAD)], False
 
 
-def _light_edges(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]:
+def _switch_times(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]:
     """Where light comes and goes while its stage moves."""
     shine = channel.emission
     stage = np.concatenate([shine.stage, shine.stage])
@@ -152,7 +158,7 @@ def _light_edges(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]:
     return clock.segment_at(stage[inside], time[inside]), time[inside]
 
 
-def _chords(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
+def _chord_times(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
     """Arcs in equal times."""
     laid = clock.laid
     count = np.maximum(np.ceil(np.abs(laid.arcs.sweep) / step_rad), 1).astype(np.intp) - 1
@@ -161,7 +167,7 @@ def _chords(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
     return cell, clock.times_ms[cell] + clock.duration_ms[cell] * ((part + 1) / (count[which] + 1))
 
 
-def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
+def _tick_times(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
     """Ticks of the stages in which something is to be seen between them; too many: as many as are too many."""
     clock = trace.clock
     stages = np.arange(len(clock.stage_first) - 1)
@@ -179,7 +185,7 @@ def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Flo
     return found
 
 
-def _in_order(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
+def _stroke_starts(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
     """Start of each stroke: (timed call, ms). Every timed call has one, however short it is."""
     starts = clock.times_ms[:-1]
     number = np.arange(len(starts))
@@ -196,7 +202,7 @@ def _in_order(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices
     return cell[apart], time[apart]
 
 
-def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) -> Light:
+def _emission_strokes(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) -> EmissionStrokes:
     """A channel's light in strokes, none of which has an edge of that light inside."""
     shine, shift = channel.emission, timeline_of(trace).shift_ms
     begin = shine.start_ms + shift[shine.stage]
@@ -208,7 +214,7 @@ def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) 
     power = np.zeros(len(on))
     part = Spans(stage=spans.stage[lit], start_ms=spans.start_ms[lit], end_ms=spans.end_ms[lit])
     power[lit] = trace.power_ms(channel, part) / (part.end_ms - part.start_ms)
-    return Light(
+    return EmissionStrokes(
         channel=channel.channel,
         on=on,
         power=power,
@@ -222,7 +228,7 @@ _SAME = 1e-6
 """Part of the light that rounding may lose."""
 
 
-def left_out(report: Report, strokes: Strokes, light: Light) -> Iterator[Phrase]:
+def undrawn_emission(report: Report, strokes: Strokes, light: EmissionStrokes) -> Iterator[Phrase]:
     """What is to be said of light that belongs to no stroke."""
     energy = light.power * strokes.duration_ms
     entries = [entry for entry in report.totals["channels"] if entry["channel"] == light.channel]

@@ -16,8 +16,8 @@ from support.tools import MARK, run_job
 
 from gusjob.cli import cli
 from gusjob.report import compare as compare_room
-from gusjob.report.compare import Comparison, Segments, compare
-from gusjob.report.earlier import Earlier, flat_totals, read_earlier
+from gusjob.report.compare import Comparison, SegmentComparison, compare
+from gusjob.report.earlier import EarlierReport, flat_totals, read_earlier
 from gusjob.report.rows import Report, SegmentKind
 
 TEXT = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLINE Y 10\nLASER POWER 20\nLINE X 0\nLASER OFF\n"
@@ -70,7 +70,7 @@ def report_of(found: dict[str, Any]) -> Report:
     return Report(job="b.job", period_us=found["period_us"], totals=found["totals"], columns=columns, notes={})
 
 
-def read(tmp_path: Path, found: Any) -> tuple[Earlier | None, str]:
+def read(tmp_path: Path, found: Any) -> tuple[EarlierReport | None, str]:
     path = tmp_path / "old.json"
     path.write_bytes(found if isinstance(found, bytes) else json.dumps(found).encode())
     return read_earlier(path)
@@ -88,7 +88,7 @@ def against(tmp_path: Path) -> Any:
     return compared
 
 
-def rows_of(comparison: Comparison) -> Segments:
+def rows_of(comparison: Comparison) -> SegmentComparison:
     assert comparison.segments is not None
     return comparison.segments
 
@@ -534,7 +534,7 @@ def test_a_million_segments() -> None:
     began = perf_counter()
     there = compare(
         Report(job="", period_us=250, totals=text.totals, columns=new, notes={}),
-        Earlier(path="", job="", totals=totals, columns=base),
+        EarlierReport(path="", job="", totals=totals, columns=base),
         1.0,
     )
     assert perf_counter() - began < 20

@@ -14,7 +14,7 @@ from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report, SegmentKind
 from gusjob.version import __version__
 from gusjob.view.page.render import Page
-from gusjob.view.strokes import Light, Strokes, left_out
+from gusjob.view.strokes import EmissionStrokes, Strokes, undrawn_emission
 
 PAGE_SCHEMA = "gusjob-page/1"
 MAX_SEGMENTS = 2_000_000
@@ -40,10 +40,10 @@ def page_of(
         "field_mm": {"x": list(machine.field_x_mm), "y": list(machine.field_y_mm)},
         "start_mm": _start(strokes.path.x0, strokes.path.y0),
         "kinds": [kind.word for kind in SegmentKind],
-        "channels": [_channel_facts(light) for light in strokes.lights],
+        "channels": [_channel_facts(light) for light in strokes.emissions],
         "exact": strokes.exact,
         "units_per_mm": _units_per_mm(strokes, machine),
-        "remarks": [text for light in strokes.lights for text in left_out(report, strokes, light)],
+        "remarks": [text for light in strokes.emissions for text in undrawn_emission(report, strokes, light)],
     }
     if strokes.beam is not None:
         facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
@@ -77,7 +77,7 @@ def _strokes_table(strokes: Strokes) -> Table:
     }
     if strokes.beam is not None:
         table |= {"beam_x_mm": strokes.beam.x1, "beam_y_mm": strokes.beam.y1}
-    for light in strokes.lights:
+    for light in strokes.emissions:
         name = f"ch{light.channel}_"
         table |= {f"{name}on": light.on.astype(np.int8), f"{name}power": light.power}
         if len(light.units) > 1:
@@ -85,7 +85,7 @@ def _strokes_table(strokes: Strokes) -> Table:
     return table
 
 
-def _channel_facts(light: Light) -> dict[str, Any]:
+def _channel_facts(light: EmissionStrokes) -> dict[str, Any]:
     watts = np.unique(light.joules_per_unit_ms) * MS_PER_S
     facts: dict[str, Any] = {
         "channel": light.channel,

@@ -42,7 +42,7 @@ _ALIKE = 2e-6
 """A computed column may differ by so much of a figure: less than the sixth digit."""
 
 
-class Entry(TypedDict):
+class ColumnEntry(TypedDict):
     """One column in the directory. `same`: the place of the entry whose stored bytes are this column's too, or -1.
 
     `delta`: differences are stored; `scale`: stored is value times scale, 0 for figures stored as they are.
@@ -66,7 +66,7 @@ class Entry(TypedDict):
 class Encoded:
     """`packed`: the gzip stream in pieces, in the directory's order. `digits`: how many of each figure are right."""
 
-    directory: list[Entry]
+    directory: list[ColumnEntry]
     packed: list[bytes]
     bits: int
     digits: int
@@ -94,8 +94,8 @@ def encode(tables: Tables, budget_bytes: int, units_per_mm: float = UNITS_PER_MM
 
     `units_per_mm`: of coordinates, which must fit into 32 bits.
     """
-    rules = _rules(tables)
-    bits = _enough(tables, budget_bytes, rules, units_per_mm)
+    rules = _computed_columns(tables)
+    bits = _choose_bits(tables, budget_bytes, rules, units_per_mm)
     while True:
         found = _encode(tables, bits, rules, units_per_mm)
         lower = [b for b in MANTISSA_BITS if b < bits]
@@ -172,7 +172,7 @@ def _all_columns(tables: Tables) -> Iterator[tuple[str, str, Column]]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Rule:
+class _ComputedColumn:
     """How a column follows from columns of its table. `factor`: 0 if it is yet to be found."""
 
     how: str
@@ -189,13 +189,13 @@ class _Rule:
         return found
 
 
-def _rule_of(columns: Mapping[str, Column], name: str) -> _Rule | None:
+def _computed_column(columns: Mapping[str, Column], name: str) -> _ComputedColumn | None:
     """How a column of rows can be computed; None: not at all, or not so that it is the same."""
     head = name.partition("_")[0]
     rules = {
-        "vel_mean_mm_s": _Rule(how="quotient", of=("length_mm", "duration_ms"), factor=1e3),
-        f"{head}_power_ms": _Rule(how="product", of=(f"{head}_power_mean", f"{head}_emission_ms")),
-        f"{head}_joules": _Rule(how="product", of=(f"{head}_power_ms",), factor=0.0),
+        "vel_mean_mm_s": _ComputedColumn(how="quotient", of=("length_mm", "duration_ms"), factor=1e3),
+        f"{head}_power_ms": _ComputedColumn(how="product", of=(f"{head}_power_mean", f"{head}_emission_ms")),
+        f"{head}_joules": _ComputedColumn(how="product", of=(f"{head}_power_ms",), factor=0.0),
     }
     rule = rules.get(name)
     if rule is None or not all(part in columns for part in rule.of) or not len(columns[name]):
@@ -206,18 +206,20 @@ def _rule_of(columns: Mapping[str, Column], name: str) -> _Rule | None:
         largest = int(np.argmax(power))
         if not power[largest] > 0 or np.isnan(column[largest]):
             return None
-        rule = _Rule(how=rule.how, of=rule.of, factor=float(column[largest] / power[largest]))
+        rule = _ComputedColumn(how=rule.how, of=rule.of, factor=float(column[largest] / power[largest]))
     return rule if np.allclose(rule.values(columns), column, rtol=_ALIKE, atol=0, equal_nan=True) else None
 
 
-def _rules(tables: Tables) -> dict[tuple[str, str], _Rule]:
+def _computed_columns(tables: Tables) -> dict[tuple[str, str], _ComputedColumn]:
     rows = tables.get("rows", {})
-    found = {("rows", name): _rule_of(rows, name) for name in rows if name not in DROPPED}
+    found = {("rows", name): _computed_column(rows, name) for name in rows if name not in DROPPED}
     return {place: rule for place, rule in found.items() if rule is not None}
 
 
-def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> Encoded:
-    directory: list[Entry] = []
+def _encode(
+    tables: Tables, bits: int, rules: Mapping[tuple[str, str], _ComputedColumn], units_per_mm: float
+) -> Encoded:
+    directory: list[ColumnEntry] = []
     packed: list[bytes] = []
     seen: dict[int, list[int]] = {}
     kept: dict[int, tuple[str, str]] = {}
@@ -225,7 +227,7 @@ def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], u
     for table, name, column in _all_columns(tables):
         rule = rules.get((table, name))
         if rule is not None:
-            directory.append(_computed(table, name, len(column), rule))
+            directory.append(_computed_entry(table, name, len(column), rule))
             continue
         values, scale = stored(table, name, column, bits, units_per_mm)
         entry = _entry(table, name, values, scale)
@@ -248,8 +250,8 @@ def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], u
     return Encoded(directory=directory, packed=[p for p in packed if p], bits=bits, digits=_DIGITS[bits])
 
 
-def _entry(table: str, name: str, values: Column, scale: float) -> Entry:
-    return Entry(
+def _entry(table: str, name: str, values: Column, scale: float) -> ColumnEntry:
+    return ColumnEntry(
         table=table,
         name=name,
         type=f"{values.dtype.kind}{values.dtype.itemsize * 8}",
@@ -263,14 +265,16 @@ def _entry(table: str, name: str, values: Column, scale: float) -> Entry:
     )
 
 
-def _computed(table: str, name: str, count: int, rule: _Rule) -> Entry:
-    return Entry(
+def _computed_entry(table: str, name: str, count: int, rule: _ComputedColumn) -> ColumnEntry:
+    return ColumnEntry(
         table=table, name=name, type="f32", count=count, delta=False, scale=0, same=-1,
         how=rule.how, of=list(rule.of), factor=rule.factor,
     )  # fmt: skip
 
 
-def _enough(tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> int:
+def _choose_bits(
+    tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _ComputedColumn], units_per_mm: float
+) -> int:
     """The most bits with which a sample of the columns says that all fit."""
     raw = sum(column.nbytes for _, _, column in _all_columns(tables))
     if raw <= _SAMPLED:
@@ -281,7 +285,9 @@ def _enough(tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _
     return MANTISSA_BITS[-1]
 
 
-def _estimate(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> float:
+def _estimate(
+    tables: Tables, bits: int, rules: Mapping[tuple[str, str], _ComputedColumn], units_per_mm: float
+) -> float:
     """Length of the base64 text, by parts of each column."""
     total, seen = 0.0, set()
     for table, name, column in _all_columns(tables):
@@ -304,7 +310,7 @@ def _sample(column: Column) -> Column:
     return np.concatenate([column[i * len(column) // _PARTS :][:run] for i in range(_PARTS)])
 
 
-def decode(directory: list[Entry], packed: bytes) -> dict[str, dict[str, Column]]:
+def decode(directory: list[ColumnEntry], packed: bytes) -> dict[str, dict[str, Column]]:
     """The columns as the page will have them; scaled ones as mm. For tests, and as the format's plainest statement."""
     data = memoryview(zlib.decompress(packed, 16 + zlib.MAX_WBITS))
     tables: dict[str, dict[str, Column]] = {}
@@ -312,7 +318,7 @@ def decode(directory: list[Entry], packed: bytes) -> dict[str, dict[str, Column]
     at = 0
     for entry in directory:
         if entry["how"]:
-            rule = _Rule(how=entry["how"], of=tuple(entry["of"]), factor=entry["factor"])
+            rule = _ComputedColumn(how=entry["how"], of=tuple(entry["of"]), factor=entry["factor"])
             raw = rule.values(tables[entry["table"]]).astype(np.float32)
         elif entry["same"] >= 0:
             raw = raws[entry["same"]]

@@ -21,7 +21,7 @@ from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 from gusjob.view.page.encode import UNITS_PER_MM, Encoded, encode
-from gusjob.view.page.words import page_language, script_words, template_text
+from gusjob.view.page.texts import page_language, script_words, template_text
 
 MAX_BYTES = 30_000_000
 """A page may be as large: a browser opens it in seconds, and most mail servers' shares still take it."""
@@ -108,7 +108,7 @@ def _shell(page: Page, found: Encoded | None) -> str:
         watched=bool(page.watched),
         has_marks="marks" in page.tables and bool(page.tables["marks"]),
         summary=_summary(page.facts, totals) if totals else [],
-        channels=[_channel(entry) for entry in totals["channels"]] if totals else [],
+        channels=[_channel_summary(entry) for entry in totals["channels"]] if totals else [],
         readings=_readings(page.facts),
         remarks=_remarks(page.facts, found),
         why_no_report=localized(page.facts.get("reason") or _why_no_report(page.diagnostics)),
@@ -227,7 +227,7 @@ def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Channel:
+class _ChannelSummary:
     name: str
     figures: list[Figure]
     lit_at_end: bool
@@ -240,7 +240,7 @@ _OFF_OUTPUT = {
 }
 
 
-def _channel(entry: Mapping[str, Any]) -> _Channel:
+def _channel_summary(entry: Mapping[str, Any]) -> _ChannelSummary:
     """The figures of a channel and power unit."""
     unit = printable(str(entry["unit"]))
     found = [
@@ -257,7 +257,7 @@ def _channel(entry: Mapping[str, Any]) -> _Channel:
         found.append((before, figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
     found += [_figure(_OFF_OUTPUT[name], value) for name, value in (entry["off_output"] or {}).items()]
     name = localized(Phrase("Channel {channel}", channel=entry["channel"]))
-    return _Channel(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
+    return _ChannelSummary(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
 
 
 def _readings(facts: Mapping[str, Any]) -> list[str]:
@@ -335,16 +335,16 @@ def _diagnostic(diagnostic: Mapping[str, Any]) -> dict[str, Any]:
     """A diagnostic with its source line in three parts: before the diagnostic, the diagnostic, behind it."""
     severity = Severity(diagnostic["severity"])
     return {
-        **_placed(diagnostic),
+        **_diagnostic_location(diagnostic),
         "severity": severity.value,
         "word": severity.localized,
         "code": printable(str(diagnostic["code"])),
         "count": int(diagnostic.get("count", 1)),
-        "notes": [_placed(note) for note in diagnostic.get("notes", ())],
+        "notes": [_diagnostic_location(note) for note in diagnostic.get("notes", ())],
     }
 
 
-def _placed(place: Mapping[str, Any]) -> dict[str, Any]:
+def _diagnostic_location(place: Mapping[str, Any]) -> dict[str, Any]:
     source = printable(str(place.get("source") or "").rstrip("\r\n"))
     start = min(max(int(place["column"]) - 1, 0), len(source))
     end = int(place["end_column"]) - 1 if place["end_line"] == place["line"] else len(source)

@@ -13,9 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
 from gusjob.i18n.phrases import figure as figure_text
-from gusjob.view.plot.lettering import FAINT, INK, line_in, put, width_in
-from gusjob.view.plot.pens import PT_PER_INCH, Sight, colours, norm
-from gusjob.view.plot.shades import Shade
+from gusjob.view.plot.color_scale import ColoredPath
+from gusjob.view.plot.lines import PT_PER_INCH, Viewport, color_map, norm
+from gusjob.view.plot.text import FAINT, INK, line_in, put_text, width_in
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.8, 0.25, 0.12, 0.12
 _BAR = 1.1
@@ -34,7 +34,7 @@ _LOOKED_AT = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
+class PanelBox:
     """Where a panel's axes stand, inches from the lower left corner; `right_in`: where its room ends.
 
     `fits`: whether there is room for it at all.
@@ -76,7 +76,7 @@ class Layout:
         """Upper edge of the sentences."""
         return _BOTTOM + len(self.notes) * line_in(8)
 
-    def cells(self) -> list[Cell]:
+    def cells(self) -> list[PanelBox]:
         """The panels, row by row."""
         rows = -(-self.panels // self.columns)
         below = self.notes_in + 0.08 + len(self._legend_rows()) * _LEGEND_ROW
@@ -89,7 +89,7 @@ class Layout:
             row, column = divmod(number, self.columns)
             bottom = below + (rows - 1 - row) * height + _TICKS
             found.append(
-                Cell(
+                PanelBox(
                     x_in=column * width + _LEFT,
                     y_in=bottom,
                     width_in=max(width - _LEFT - (_BAR if self.bars else 0.0) - _RIGHT, _LEAST),
@@ -100,14 +100,14 @@ class Layout:
             )
         return found
 
-    def sight(self, box: tuple[float, float, float, float], dpi: int) -> Sight:
+    def sight(self, box: tuple[float, float, float, float], dpi: int) -> Viewport:
         """What axes of this layout show so that a box is in sight, mm."""
         cell = self.cells()[0]
         x0, y0, x1, y1 = box
         in_per_mm = min(cell.width_in / (x1 - x0), cell.height_in / (y1 - y0))
         x, y = (x0 + x1) / 2, (y0 + y1) / 2
         wide, high = cell.width_in / in_per_mm / 2, cell.height_in / in_per_mm / 2
-        return Sight(
+        return Viewport(
             x0=x - wide,
             y0=y - high,
             x1=x + wide,
@@ -146,7 +146,7 @@ class Layout:
         return rows
 
 
-def set_axes(figure: Figure, cell: Cell, sight: Sight, size_in: tuple[float, float]) -> Axes:
+def set_axes(figure: Figure, cell: PanelBox, sight: Viewport, size_in: tuple[float, float]) -> Axes:
     """Axes in mm, or in um where less than one mm is in sight."""
     wide, high = size_in
     axes = figure.add_axes((cell.x_in / wide, cell.y_in / high, cell.width_in / wide, cell.height_in / high))
@@ -162,13 +162,15 @@ def set_axes(figure: Figure, cell: Cell, sight: Sight, size_in: tuple[float, flo
     for axis, inches in ((axes.xaxis, cell.width_in / 0.9), (axes.yaxis, cell.height_in / 0.45)):
         axis.set_major_locator(MaxNLocator(nbins=max(min(int(inches), 12), 2), steps=[1, 2, 5, 10]))
         axis.set_major_formatter(FuncFormatter(lambda value, _: figure_text(round(value * factor, 9), 10)))
-    put(figure, cell.x_in, cell.y_in - 0.42, f"X, {unit}", 8.5, color=INK)
-    put(figure, cell.x_in - 0.6, cell.y_in + cell.height_in / 2, f"Y, {unit}", 8.5, color=INK, rotation=90, va="center")
+    put_text(figure, cell.x_in, cell.y_in - 0.42, f"X, {unit}", 8.5, color=INK)
+    put_text(
+        figure, cell.x_in - 0.6, cell.y_in + cell.height_in / 2, f"Y, {unit}", 8.5, color=INK, rotation=90, va="center"
+    )
     _scale_bar(figure, cell, sight, factor, unit)
     return axes
 
 
-def _scale_bar(figure: Figure, cell: Cell, sight: Sight, factor: float, unit: str) -> None:
+def _scale_bar(figure: Figure, cell: PanelBox, sight: Viewport, factor: float, unit: str) -> None:
     """A bar of a round length below the axes, on the right."""
     most = cell.width_in / 4 * PT_PER_INCH / sight.pt_per_mm * factor
     power = 10.0 ** math.floor(math.log10(most))
@@ -178,18 +180,18 @@ def _scale_bar(figure: Figure, cell: Cell, sight: Sight, factor: float, unit: st
     bar = Line2D([left, left, left, right, right, right], [y + 0.04, y - 0.04, y, y, y - 0.04, y + 0.04])
     bar.set(transform=figure.dpi_scale_trans, color=INK, linewidth=1.2, solid_capstyle="butt", gid="scale-bar")
     figure.add_artist(bar)
-    put(figure, left - 0.08, y - 0.04, f"{figure_text(length)} {unit}", 8, color=INK, ha="right")
+    put_text(figure, left - 0.08, y - 0.04, f"{figure_text(length)} {unit}", 8, color=INK, ha="right")
 
 
-def colour_bar(figure: Figure, cell: Cell, shade: Shade, size_in: tuple[float, float]) -> None:
+def color_bar(figure: Figure, cell: PanelBox, shade: ColoredPath, size_in: tuple[float, float]) -> None:
     """The range of the colours, its ends in figures; an arrow where there is more."""
     if shade.high != shade.high:
         return
     wide, high = size_in
     place = (cell.x_in + cell.width_in + 0.14, cell.y_in, 0.15, cell.height_in)
     axes = figure.add_axes((place[0] / wide, place[1] / high, place[2] / wide, place[3] / high), label="colours")
-    mappable = ScalarMappable(norm(shade), colours(shade))
-    bar = figure.colorbar(mappable, cax=axes, extend="max" if shade.beyond else "neither", extendfrac=0.05)
+    mappable = ScalarMappable(norm(shade), color_map(shade))
+    bar = figure.colorbar(mappable, cax=axes, extend="max" if shade.exceeds_range else "neither", extendfrac=0.05)
     if bar.solids is not None:
         bar.solids.set_edgecolor("face")
         bar.solids.set_rasterized(False)
@@ -204,12 +206,12 @@ def colour_bar(figure: Figure, cell: Cell, shade: Shade, size_in: tuple[float, f
     if width_in(label, 8.5) > cell.height_in + _TICKS:
         label = f"{shade.word},\n{shade.unit}"
     middle = cell.y_in + cell.height_in / 2
-    put(figure, beside, middle, label, 8.5, color=INK, rotation=90, va="center", multialignment="center")
+    put_text(figure, beside, middle, label, 8.5, color=INK, rotation=90, va="center", multialignment="center")
 
 
-def _bar_ticks(shade: Shade, height_in: float) -> list[float]:
+def _bar_ticks(shade: ColoredPath, height_in: float) -> list[float]:
     """Both ends, and round values between them; or all values if they are few."""
-    if shade.single:
+    if shade.is_constant:
         return [shade.high]
     room = (shade.high - shade.low) * 0.22 / height_in
     values = np.unique(shade.value[:: max(len(shade.value) // _LOOKED_AT, 1)]).tolist()

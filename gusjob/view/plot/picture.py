@@ -23,15 +23,25 @@ from gusjob.controllers.gus.calls import RunKind
 from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.report.rows import Report, make_report
 from gusjob.simulate import Trace
-from gusjob.view.plot import pens
-from gusjob.view.plot.frame import Cell, Layout, colour_bar, set_axes
-from gusjob.view.plot.lettering import INK, line_in, put, shortened, showable, style, wrapped
-from gusjob.view.plot.pens import DARK, MARKERS, Sight
-from gusjob.view.plot.shades import Colour, Shade, dark_of, shades_of, switch_points
-from gusjob.view.plot.words import channel_totals, head, notes
+from gusjob.view.plot.captions import channel_totals, head, notes
+from gusjob.view.plot.color_scale import ColorBy, ColoredPath, colored_paths, switch_points, uncolored_strokes
+from gusjob.view.plot.frame import Layout, PanelBox, color_bar, set_axes
+from gusjob.view.plot.lines import (
+    LINE_STYLES,
+    MARKERS,
+    Viewport,
+    dot_pt,
+    draw_colored,
+    draw_line,
+    draw_points,
+    selected_lines,
+    too_close,
+    width_pt,
+)
+from gusjob.view.plot.text import INK, line_in, put_text, shortened, showable, style, wrapped
 from gusjob.view.strokes import Strokes, strokes_of
 
-__all__ = ["Colour", "View", "figure_of", "picture"]
+__all__ = ["ColorBy", "PlotArea", "figure_of", "picture"]
 
 SIZE_IN = (297 / 25.4, 210 / 25.4)
 """A4, landscape."""
@@ -50,7 +60,7 @@ _DOT = "#2a788e"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class PlotArea:
     """What is to be seen: the whole path, or a box (x0, y0, x1, y1 in mm), or the machine's whole field.
 
     More is shown in the direction in which the picture has more room.
@@ -60,16 +70,16 @@ class View:
     field: bool = False
 
 
-_PATH = View()
+_PATH = PlotArea()
 
 
 def figure_of(
     trace: Trace,
     machine: Machine,
     *,
-    by: Colour = Colour.POWER,
+    by: ColorBy = ColorBy.POWER,
     channel: int | None = None,
-    view: View = _PATH,
+    view: PlotArea = _PATH,
     jumps: bool = True,
     size_in: tuple[float, float] = SIZE_IN,
     dpi: int = DPI,
@@ -83,8 +93,8 @@ def figure_of(
     """
     strokes = strokes_of(trace, machine)
     report = make_report(trace, machine, marking=False)
-    shades = shades_of(strokes, by, channel)
-    box = _box(strokes, shades, machine, view, jumps=jumps)
+    shades = colored_paths(strokes, by, channel)
+    box = _area_box(strokes, shades, machine, view, jumps=jumps)
     with style():
         figure = Figure(figsize=size_in, dpi=dpi, facecolor="white")
         totals = head(report, shades)
@@ -114,7 +124,7 @@ def figure_of(
             drawings = [replace(d, sight=layout.sight(box, dpi)) for d in drawings]
         for cell, drawing in zip(layout.cells(), drawings, strict=True):
             drawing.draw(figure, cell, layout, jumps=jumps)
-        _letter(figure, layout, report, shades)
+        _draw_texts(figure, layout, report, shades)
     return figure
 
 
@@ -138,41 +148,41 @@ class _Drawing:
     strokes: Strokes
     machine: Machine
     trace: Trace
-    shade: Shade | None
-    sight: Sight
+    shade: ColoredPath | None
+    sight: Viewport
 
-    def draw(self, figure: Figure, cell: Cell, layout: Layout, *, jumps: bool) -> None:
+    def draw(self, figure: Figure, cell: PanelBox, layout: Layout, *, jumps: bool) -> None:
         """All of it, from what lies below to what lies on top."""
         axes = set_axes(figure, cell, self.sight, layout.size_in)
         self._field(axes)
         raster = self.rasterized(jumps=jumps)
         many = self._count(jumps=jumps) > DASHED
         for word, mask in self._dark(jumps=jumps).items():
-            look = dict(DARK[word])
+            look = dict(LINE_STYLES[word])
             if many:
                 look.pop("dashes", None)
                 look |= {"linewidth": 0.25, "solid_capstyle": "butt"}
-            line = pens.part(self.strokes.path, np.flatnonzero(mask))
-            look["linewidth"] = min(look["linewidth"], pens.width_pt(line, self.sight))
-            zorder = 2.0 + 0.1 * list(DARK)[::-1].index(word)
-            pens.draw(axes, line, self.sight, zorder=zorder, rasterized=raster, **look)
+            line = selected_lines(self.strokes.path, np.flatnonzero(mask))
+            look["linewidth"] = min(look["linewidth"], width_pt(line, self.sight))
+            zorder = 2.0 + 0.1 * list(LINE_STYLES)[::-1].index(word)
+            draw_line(axes, line, self.sight, zorder=zorder, rasterized=raster, **look)
         if self.shade is None:
             return
         seen = self.sight.of(self.shade.line)
-        moves = pens.part(self.shade.line, np.flatnonzero(seen & ~self.shade.stands))
-        dot = pens.dot_pt(self.shade, seen, self.sight)
-        width = pens.width_pt(moves, self.sight)
-        pens.draw_light(axes, self.shade, self.sight, seen, width, dot, rasterized=raster)
+        moves = selected_lines(self.shade.line, np.flatnonzero(seen & ~self.shade.at_rest))
+        dot = dot_pt(self.shade, seen, self.sight)
+        width = width_pt(moves, self.sight)
+        draw_colored(axes, self.shade, self.sight, seen, width, dot, rasterized=raster)
         if not self._left_out():
             for word, points in self._switches().items():
-                pens.draw_points(axes, points, zorder=4.0, rasterized=False, markeredgecolor=INK, **MARKERS[word])
-        colour_bar(figure, cell, self.shade, layout.size_in)
+                draw_points(axes, points, zorder=4.0, rasterized=False, markeredgecolor=INK, **MARKERS[word])
+        color_bar(figure, cell, self.shade, layout.size_in)
 
     def words(self, *, jumps: bool) -> list[str]:
         """What the legend has to tell."""
         found = [word for word, mask in self._dark(jumps=jumps).items() if mask.any()]
         if self.shade is not None:
-            if (self.sight.of(self.shade.line) & self.shade.stands).any():
+            if (self.sight.of(self.shade.line) & self.shade.at_rest).any():
                 found.append("light at rest")
             if not self._left_out():
                 found += [word for word, points in self._switches().items() if len(points)]
@@ -196,7 +206,7 @@ class _Drawing:
 
     def _dark(self, *, jumps: bool) -> dict[str, Bools]:
         """Strokes in sight that are not coloured, by what they are."""
-        dark, other = dark_of(self.strokes, self.shade)
+        dark, other = uncolored_strokes(self.strokes, self.shade)
         run = np.full(len(dark), RunKind.NONE) if self.trace.intent is None else self._intent()
         seen = self.sight.of(self.strokes.path)
         found = {"commanded path": ~dark & ~other & seen} if self.strokes.beam is not None else {}
@@ -231,7 +241,7 @@ class _Drawing:
         found = self._switches()
         if sum(map(len, found.values())) > SWITCHES:
             return True
-        return any(pens.too_close(points, self.sight, MARKERS[word]["markersize"]) for word, points in found.items())
+        return any(too_close(points, self.sight, MARKERS[word]["markersize"]) for word, points in found.items())
 
     def _field(self, axes: Axes) -> None:
         """The limits of the machine's field."""
@@ -248,8 +258,8 @@ class _Drawing:
         return across or upright
 
 
-def _box(
-    strokes: Strokes, shades: Sequence[Shade], machine: Machine, view: View, *, jumps: bool
+def _area_box(
+    strokes: Strokes, shades: Sequence[ColoredPath], machine: Machine, view: PlotArea, *, jumps: bool
 ) -> tuple[float, float, float, float]:
     """What must be seen, mm, without a margin where it was asked for by numbers."""
     if view.box_mm is not None:
@@ -268,31 +278,31 @@ def _box(
     return x0 - edge, y0 - edge, x1 + edge, y1 + edge
 
 
-def _letter(figure: Figure, layout: Layout, report: Report, shades: Sequence[Shade]) -> None:
+def _draw_texts(figure: Figure, layout: Layout, report: Report, shades: Sequence[ColoredPath]) -> None:
     """Title, totals, legend and sentences."""
     x, y = layout.left_in, layout.size_in[1] - 0.12 - line_in(12)
     name = shortened(showable(report.job) or "job", 12, layout.text_in, "bold")
-    put(figure, x, y + 0.04, name, 12, color=INK, weight="bold")
+    put_text(figure, x, y + 0.04, name, 12, color=INK, weight="bold")
     for number, line in enumerate(layout.head):
-        put(figure, x, y - (number + 1) * line_in(8.5), line, 8.5)
+        put_text(figure, x, y - (number + 1) * line_in(8.5), line, 8.5)
     if len(shades) > 1:
         for cell, shade in zip(layout.cells(), shades, strict=True):
             text = shortened(channel_totals(report, shade), 8.5, cell.right_in - cell.x_in, "bold")
-            put(figure, cell.x_in, cell.y_in + cell.height_in + 0.07, text, 8.5, color=INK, weight="bold")
+            put_text(figure, cell.x_in, cell.y_in + cell.height_in + 0.07, text, 8.5, color=INK, weight="bold")
     for number, line in enumerate(layout.notes):
-        put(figure, x, layout.notes_in - (number + 1) * line_in(8) + 0.03, line, 8)
+        put_text(figure, x, layout.notes_in - (number + 1) * line_in(8) + 0.03, line, 8)
     for word, (at_x, at_y) in layout.legend_places():
-        figure.add_artist(_sample(figure, word, at_x, at_y))
-        put(figure, at_x + 0.42, at_y - 0.035, word, 8)
+        figure.add_artist(_legend_sample(figure, word, at_x, at_y))
+        put_text(figure, at_x + 0.42, at_y - 0.035, word, 8)
 
 
-def _sample(figure: Figure, word: str, x_in: float, y_in: float) -> Line2D:
+def _legend_sample(figure: Figure, word: str, x_in: float, y_in: float) -> Line2D:
     """A legend's line or marker."""
     look: dict[str, Any] = {"linestyle": "none", "markeredgecolor": INK, **MARKERS.get(word, {})}
     if word == "light at rest":
         look = {"linestyle": "none", "marker": "o", "color": _DOT, "markersize": 7, "markeredgewidth": 0}
     elif word not in MARKERS:
-        look = {"color": INK, "linewidth": 0.8, "dashes": _FIELD[1]} if word == "field" else dict(DARK[word])
+        look = {"color": INK, "linewidth": 0.8, "dashes": _FIELD[1]} if word == "field" else dict(LINE_STYLES[word])
         look["linestyle"] = (0, look.pop("dashes")) if "dashes" in look else "-"
     x = [x_in + 0.2] if "marker" in look else [x_in, x_in + 0.36]
     return Line2D(x, [y_in] * len(x), transform=figure.dpi_scale_trans, **look)

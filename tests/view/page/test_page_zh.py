@@ -42,7 +42,7 @@ from gusjob.cli.serve import PageServer
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized
 from gusjob.report.rows import SegmentKind
-from gusjob.view.page import words
+from gusjob.view.page import texts as page_texts
 from gusjob.view.page.render import Page
 
 __all__ = ["chromium"]
@@ -448,7 +448,7 @@ def test_the_scripts_say_what_the_table_has() -> None:
             script, *names = re.findall(r'"([\w-]+)"', call)
             assert names, call
             used |= {(script, name) for name in names}
-    table = {(script, name) for script, phrases in words._SCRIPTS.items() for name in phrases}
+    table = {(script, name) for script, phrases in page_texts._SCRIPTS.items() for name in phrases}
     assert table - used == {("kinds", kind.word) for kind in SegmentKind}
     assert used < table
 
@@ -456,8 +456,8 @@ def test_the_scripts_say_what_the_table_has() -> None:
 @pytest.mark.parametrize("language", ["en", "zh"])
 def test_scripts_fill_in_fields_as_phrases_do(tab: Tab, language: str) -> None:
     set_language(language)
-    tab.page.evaluate("(words) => { gusjob.words = words; }", words.script_words())
-    for script, phrases in words._SCRIPTS.items():
+    tab.page.evaluate("(words) => { gusjob.words = words; }", page_texts.script_words())
+    for script, phrases in page_texts._SCRIPTS.items():
         for name, phrase in phrases.items():
             for values in (["a", "b", "c", "d"], ["中文", "b", "中 c", "d"], ["a", "文", "c 中", "文"]):
                 fields = dict(zip(phrase.fields, values, strict=False))
@@ -467,7 +467,7 @@ def test_scripts_fill_in_fields_as_phrases_do(tab: Tab, language: str) -> None:
 
 def test_the_grids_words_are_its_own() -> None:
     source = (STATIC / "vendor" / "ag-grid-community.min.noStyle.js").read_text(encoding="utf-8")
-    for name, phrase in words._GRID.items():
+    for name, phrase in page_texts._GRID.items():
         assert re.search(rf"\b{name}\b", source), name
         if name not in ("ariaRowSelect", "ariaRowDeselect"):  # Made of parts.
             assert phrase.partition("$")[0] in source, name
@@ -478,7 +478,7 @@ def test_english_is_what_it_was() -> None:
     chinese = html(rich())
     set_language("en")
     first = html(rich())
-    assert words.script_words()["grid"] == {} and '<html lang="en">' in first and '"grid":{}' in first
+    assert page_texts.script_words()["grid"] == {} and '<html lang="en">' in first and '"grid":{}' in first
     set_language("zh")
     assert html(rich()) == chinese != first
     set_language("en")

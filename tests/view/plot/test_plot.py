@@ -30,7 +30,7 @@ from gusjob.cli import cli
 from gusjob.cli.plot_command import _COLOURS
 from gusjob.config.machine import Laser, Machine, parse_scanner
 from gusjob.simulate import Trace, interpret
-from gusjob.view.plot.picture import Colour, View, figure_of, picture
+from gusjob.view.plot.picture import ColorBy, PlotArea, figure_of, picture
 
 SVG = "{http://www.w3.org/2000/svg}"
 HREF = "{http://www.w3.org/1999/xlink}href"
@@ -167,7 +167,7 @@ def test_the_highest_lies_on_top() -> None:
 
 def test_velocity_along_a_ramp() -> None:
     """From rest with 10000 mm/s2 to 100 mm/s in 0.5 mm, in eight pieces of equal time."""
-    seen = shot(FLAT, by=Colour.VELOCITY, view=View(box_mm=(0, -0.2, 0.6, 0.2)))
+    seen = shot(FLAT, by=ColorBy.VELOCITY, view=PlotArea(box_mm=(0, -0.2, 0.6, 0.2)))
     low, high = 100 / 16, 100.0
     for piece in (3, 5, 7):
         place = ((piece + 0.5) / 8) ** 2 * 0.5
@@ -179,7 +179,7 @@ def test_velocity_along_a_ramp() -> None:
 
 def test_time() -> None:
     """At constant speed the colour goes with the way; the mark takes 110 ms, of which 10 ms are ramps."""
-    seen = shot(FLAT, by=Colour.ORDER)
+    seen = shot(FLAT, by=ColorBy.ORDER)
     for x in (2.6, 5.1, 7.4):
         number = (x / 100 * 1e3 + 5) / 110 * 64
         assert any(near(seen.at(x, 0), shade(int(number) + off)) for off in (-1, 0, 1)), x
@@ -188,21 +188,21 @@ def test_time() -> None:
 
 def test_energy_per_mm_ends_where_few_is_above() -> None:
     """40 % at 100 mm/s are 400 %*ms/mm; the ramps' first pieces are above what 99 % of the length have."""
-    seen = shot(FLAT, by=Colour.ENERGY)
+    seen = shot(FLAT, by=ColorBy.ENERGY)
     assert near(seen.at(5.2, 0), shade(0))
     words = localized(seen.figure)
     assert "energy per mm, %*ms/mm" in words
     # In the first eighth of a ramp's 10 ms the way is a 64th of its 0.5 mm.
     assert f"comes to {40 * 1.25 / (0.5 / 64):.4g} %*ms/mm" in words
     assert "400" in texts(seen.figure)
-    close = shot(FLAT, by=Colour.ENERGY, view=View(box_mm=(-0.005, -0.01, 0.015, 0.01)))
+    close = shot(FLAT, by=ColorBy.ENERGY, view=PlotArea(box_mm=(-0.005, -0.01, 0.015, 0.01)))
     assert near(close.at(0.006, 0), rgb(OVER))
 
 
 def test_energy_in_joules() -> None:
     """30 W * 40 % / 100 mm/s = 120 mJ/mm."""
     machine = replace(MACHINE, lasers=(Laser(channel=0, rated_w=30.0),))
-    drawn = figure(ONE, machine, by=Colour.ENERGY)
+    drawn = figure(ONE, machine, by=ColorBy.ENERGY)
     assert "energy per mm, mJ/mm" in localized(drawn)
     assert "120" in texts(drawn)
 
@@ -268,7 +268,7 @@ def test_switch_points_too_close_are_counted() -> None:
     found = texts(figure(MARK + "LASER POWER 40\n" + row))
     assert "light on" not in found
     assert any(text.startswith("600 switch points are left out") for text in found)
-    near_by = texts(figure(MARK + "LASER POWER 40\n" + row, view=View(box_mm=(0, 0, 3, 2))))
+    near_by = texts(figure(MARK + "LASER POWER 40\n" + row, view=PlotArea(box_mm=(0, 0, 3, 2))))
     assert "light on" in near_by and "left out" not in " ".join(near_by)
 
 
@@ -318,7 +318,7 @@ def test_small_paths_are_read_in_um() -> None:
 
 
 def test_the_field() -> None:
-    seen = shot(ONE, view=View(field=True), dpi=200)
+    seen = shot(ONE, view=PlotArea(field=True), dpi=200)
     for start, end in (((-150, -140), (-150, 140)), ((-140, 150), (140, 150))):
         dark = [near(pixel, rgb(INK), 90) for pixel in seen.along(start, end)]
         assert 0.3 < np.mean(dark) < 0.95
@@ -327,11 +327,11 @@ def test_the_field() -> None:
 
 
 def test_zoom() -> None:
-    drawn = figure(STEPS, view=View(box_mm=(2, 3, 4, 5)))
+    drawn = figure(STEPS, view=PlotArea(box_mm=(2, 3, 4, 5)))
     (x0, x1), (y0, y1) = drawn.axes[0].get_xlim(), drawn.axes[0].get_ylim()
     assert ((x0 + x1) / 2, (y0 + y1) / 2) == pytest.approx((3, 4))
     assert min(x1 - x0, y1 - y0) == pytest.approx(2)
-    seen = shot(STEPS, view=View(box_mm=(2, 3, 4, 5)))
+    seen = shot(STEPS, view=PlotArea(box_mm=(2, 3, 4, 5)))
     assert near(seen.at(3.1, 4), shade(32))
 
 
@@ -344,9 +344,9 @@ def test_size_and_dpi() -> None:
 def test_what_has_no_room_is_told() -> None:
     """Two panels with energies above the range, and light behind the end, on a picture of 5 x 3.4 inches."""
     text = TWO.replace("VEL 100", "LASER DELAY ON 0us OFF 2000us CHANNEL 1\nVEL 100")
-    found = texts(figure(text, by=Colour.ENERGY, size_in=(5.0, 3.4)))
+    found = texts(figure(text, by=ColorBy.ENERGY, size_in=(5.0, 3.4)))
     assert any(re.fullmatch(r"\d remarks on this picture: make it larger\.", line) for line in found)
-    assert "make it larger" not in localized(figure(text, by=Colour.ENERGY))
+    assert "make it larger" not in localized(figure(text, by=ColorBy.ENERGY))
 
 
 def test_totals() -> None:
@@ -365,7 +365,7 @@ def test_light_falls_where_the_beam_is() -> None:
     machine = replace(MACHINE, scanner=scanner)
     text = "LASER MODE DUTY CARRIER 20\nVEL 1000\nACC 1000000\n" + ONE.removeprefix(MARK)
     left_mm = 1e6 * (DELAY_US * 1e-6) ** 2 / 2
-    seen = shot(text, machine, view=View(box_mm=(9.9, 4.95, 10.01, 5.05)), dpi=300)
+    seen = shot(text, machine, view=PlotArea(box_mm=(9.9, 4.95, 10.01, 5.05)), dpi=300)
     full = matplotlib.colormaps["viridis"](0.3, bytes=True)
     colour = int(full[0]), int(full[1]), int(full[2])
     assert near(seen.at(10 - left_mm - 0.006, 5), colour)
@@ -373,7 +373,7 @@ def test_light_falls_where_the_beam_is() -> None:
     assert near(seen.at(10 - left_mm + 0.01, 5), rgb(JUMP), 60)
     assert "commanded path" in texts(seen.figure)
     assert "scanner delay 250 us" in localized(seen.figure)
-    exact = shot(text, view=View(box_mm=(9.9, 4.95, 10.01, 5.05)))
+    exact = shot(text, view=PlotArea(box_mm=(9.9, 4.95, 10.01, 5.05)))
     assert near(exact.at(10 - left_mm + 0.01, 5), colour)
 
 
@@ -410,9 +410,9 @@ def test_a_panel_for_each_unit() -> None:
     text = ONE + "WAIT\nLASER MODE ANALOG\nLASER POWER 6\nJUMP X 0 Y 8\nLASER ON\nLINE X 10\nLASER OFF\n"
     found = texts(figure(text))
     assert {"power, %", "power, V"} <= set(found)
-    assert texts(figure(text, by=Colour.VELOCITY)).count("velocity, mm/s") == 1
+    assert texts(figure(text, by=ColorBy.VELOCITY)).count("velocity, mm/s") == 1
     machine = replace(MACHINE, lasers=(Laser(channel=0, rated_w=10.0),))
-    assert texts(figure(text, machine, by=Colour.ENERGY)).count("energy per mm, mJ/mm") == 1
+    assert texts(figure(text, machine, by=ColorBy.ENERGY)).count("energy per mm, mJ/mm") == 1
 
 
 # Texts.
@@ -473,7 +473,7 @@ def test_chinese_names(chinese_font: None) -> None:
 
 
 def test_what_no_font_has_is_written_as_its_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gusjob.view.plot.lettering._OTHERS", ())
+    monkeypatch.setattr("gusjob.view.plot.text._OTHERS", ())
     assert "\\u4e2d\\u6587.job" in named("中文.job")
 
 
@@ -504,12 +504,12 @@ def test_no_light() -> None:
     assert "There is no light on this path." in texts(drawn)
 
 
-@pytest.mark.parametrize("by", list(Colour))
-def test_light_at_rest_alone(by: Colour) -> None:
+@pytest.mark.parametrize("by", list(ColorBy))
+def test_light_at_rest_alone(by: ColorBy) -> None:
     drawn = figure("LASER MODE DUTY CARRIER 10\nLASER POWER 25 NOW\nLASER ON NOW\nDWELL 1s\nLASER OFF NOW\n", by=by)
     found = texts(drawn)
     assert "light at rest" in found
-    assert ("The beam stands wherever there is light: energy per mm has no value." in found) is (by is Colour.ENERGY)
+    assert ("The beam stands wherever there is light: energy per mm has no value." in found) is (by is ColorBy.ENERGY)
 
 
 def test_light_behind_the_end_is_told() -> None:
@@ -686,4 +686,4 @@ def test_help_needs_no_matplotlib() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    assert tuple(Colour) == _COLOURS
+    assert tuple(ColorBy) == _COLOURS

@@ -8,13 +8,13 @@ import numpy as np
 
 from gusjob.i18n.phrases import figure as figure_text
 from gusjob.report.rows import Report
-from gusjob.view.plot.shades import Shade
-from gusjob.view.strokes import FINE_STROKES, Strokes, left_out
+from gusjob.view.plot.color_scale import ColoredPath
+from gusjob.view.strokes import FINE_STROKES, Strokes, undrawn_emission
 
 _WAYS = (("mark_mm", "marks"), ("jump_mm", "jumps"), ("run_in_mm", "run-ins"), ("run_out_mm", "run-outs"))
 
 
-def head(report: Report, shades: Sequence[Shade]) -> list[str]:
+def head(report: Report, shades: Sequence[ColoredPath]) -> list[str]:
     """The totals; those of a channel stand above its panel if there are several."""
     totals, scanner = report.totals, report.notes["scanner"]
     ways = ", ".join(
@@ -26,7 +26,7 @@ def head(report: Report, shades: Sequence[Shade]) -> list[str]:
     return [f"{segments}; {ways}{beam}", *(channel_totals(report, shade) for shade in shades[: len(shades) == 1])]
 
 
-def channel_totals(report: Report, shade: Shade) -> str:
+def channel_totals(report: Report, shade: ColoredPath) -> str:
     """Totals of a panel's channel."""
     said = []
     for entry in report.totals["channels"]:
@@ -38,7 +38,7 @@ def channel_totals(report: Report, shade: Shade) -> str:
     return f"channel {shade.channel}: {'; '.join(said)}"
 
 
-def notes(report: Report, strokes: Strokes, shades: Sequence[Shade], channel: int | None) -> list[str]:
+def notes(report: Report, strokes: Strokes, shades: Sequence[ColoredPath], channel: int | None) -> list[str]:
     """What is to be said of the whole picture."""
     if not len(report):
         return ["No motion: there is no path to draw."]
@@ -47,19 +47,24 @@ def notes(report: Report, strokes: Strokes, shades: Sequence[Shade], channel: in
     )
     said += [text for shade in shades for text in _above(shade)]
     drawn = {shade.channel for shade in shades}
-    said += [text for light in strokes.lights if light.channel in drawn for text in left_out(report, strokes, light)]
+    said += [
+        text
+        for light in strokes.emissions
+        if light.channel in drawn
+        for text in undrawn_emission(report, strokes, light)
+    ]
     if not strokes.exact:
         said.append(f"More than {FINE_STROKES:,} strokes: velocity is each segment's highest, power its mean.")
     return said
 
 
-def _above(shade: Shade) -> Iterator[str]:
+def _above(shade: ColoredPath) -> Iterator[str]:
     """What lies above the range of the colours."""
-    if shade.beyond and np.isfinite(shade.highest):
-        rest = ", and where the beam stands it has no value" if shade.stands.any() else ""
+    if shade.exceeds_range and np.isfinite(shade.highest):
+        rest = ", and where the beam stands it has no value" if shade.at_rest.any() else ""
         yield (
             f"99 % of the length has at most {figure_text(shade.high, 4)} {shade.unit}. Red is above: "
             f"{shade.word} comes to {figure_text(shade.highest, 4)} {shade.unit}{rest}."
         )
-    elif shade.beyond:
+    elif shade.exceeds_range:
         yield f"The beam stands wherever there is light: {shade.word} has no value."

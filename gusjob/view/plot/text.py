@@ -33,13 +33,13 @@ def style() -> Iterator[None]:
     plain = {key: value for key, value in matplotlib.rcParamsDefault.items() if not key.startswith(_NOT_STYLE)}
     with matplotlib.rc_context(plain):
         matplotlib.rcParams.update(
-            {"font.family": families(), "font.size": 8.0, "svg.hashsalt": "gusjob", "svg.fonttype": "none",
+            {"font.family": font_families(), "font.size": 8.0, "svg.hashsalt": "gusjob", "svg.fonttype": "none",
              "pdf.fonttype": 42, "text.parse_math": False}
         )  # fmt: skip
         yield
 
 
-def families() -> list[str]:
+def font_families() -> list[str]:
     """The fonts that are there, in the order in which they are asked for a character."""
     there = set(fontManager.get_font_names())
     return [_FAMILY, *(name for name in _OTHERS if name in there)]
@@ -50,13 +50,13 @@ def showable(text: str) -> str:
     clean = printable(text)
     if clean.isascii():
         return clean
-    covered = {code for name in families() for code in get_font(fontManager.findfont(name)).get_charmap()}
+    covered = {code for name in font_families() for code in get_font(fontManager.findfont(name)).get_charmap()}
     return "".join(c if ord(c) in covered else c.encode("ascii", "backslashreplace").decode() for c in clean)
 
 
 def width_in(text: str, size_pt: float, weight: str = "normal") -> float:
     """Width of a text, inches."""
-    font = FontProperties(family=families(), size=size_pt, weight=weight)
+    font = FontProperties(family=font_families(), size=size_pt, weight=weight)
     return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0]) / _PT_PER_INCH
 
 
@@ -84,10 +84,10 @@ def _cut(text: str, kept: int) -> str:
     return text if kept >= len(text) else f"{text[: (kept + 1) // 2]}...{text[len(text) - kept // 2 :]}"
 
 
-def put(figure: Figure, x_in: float, y_in: float, text: str, size_pt: float, **more: Any) -> None:
+def put_text(figure: Figure, x_in: float, y_in: float, text: str, size_pt: float, **more: Any) -> None:
     """A text with its lower left corner at a place, inches."""
     figure.text(
-        x_in, y_in, text, transform=figure.dpi_scale_trans, fontsize=size_pt, family=families(), parse_math=False,
+        x_in, y_in, text, transform=figure.dpi_scale_trans, fontsize=size_pt, family=font_families(), parse_math=False,
         **{"color": FAINT, "va": "baseline", "ha": "left", **more},
     )  # fmt: skip
 
