@@ -127,7 +127,7 @@ def command(
         pieces = _written(loaded, trace, report, comparison, form=form, summary=summary)
         write(pieces, output, sources=loaded.inputs, for_people=form == "table")
     if form in _WITHOUT_COMPARISON and comparison is not None:
-        from gusjob.report.compare import comparison_text
+        from gusjob.report.compare_text import comparison_text
 
         click.echo(comparison_text(comparison), err=True, nl=False)
     if form not in ("json", "markdown") or report is None:
@@ -179,7 +179,7 @@ def _written(
 
         tables = [report_table(report, summary=summary)]
         if comparison is not None:
-            from gusjob.report.compare import comparison_text
+            from gusjob.report.compare_text import comparison_text
 
             tables.append(comparison_text(comparison))
         return ["\n\n".join(text.rstrip("\n") for text in tables).encode() + b"\n"]
@@ -190,7 +190,7 @@ def _written(
     if form == "csv":
         return summary_csv(report) if summary else report_csv(report)
     if comparison is not None:
-        from gusjob.report.compare import against_json
+        from gusjob.report.compare_json import against_json
 
         report = replace(report, notes={**report.notes, "against": against_json(comparison)})
     return report_json(report, loaded.diagnostics, summary=summary)

@@ -147,9 +147,15 @@ def _symbol(form: str, line: int, statement: Statement | None, source: Source) -
     elif form == "def":
         parameters = names[1:]
     symbol = Symbol(
-        form=form, line=line, end_line=line, name=name, span=whole, text=name if form == "include" else text.strip(),
-        statement=statement, parameters=parameters,
-    )  # fmt: skip
+        form=form,
+        line=line,
+        end_line=line,
+        name=name,
+        span=whole,
+        text=name if form == "include" else text.strip(),
+        statement=statement,
+        parameters=parameters,
+    )
     if name and form != "include":
         symbol.span = named_span(symbol, text, name, last=form == "repeat") or whole
     return symbol

@@ -196,10 +196,10 @@ def test_it_always_fits_into_a_comment() -> None:
 def test_what_does_not_fit_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.report.markdown.MAX_CHARACTERS", 700)
     whole = report_markdown(None, [], name="x")
-    assert "do not fit" not in whole
+    assert "left out" not in whole
     diagnostic = Diagnostic(rule=RULES["GJ112"], span=Span(line=3), fields={"call": "QQ", "hint": ""}, path="x.job")
     text = report_markdown(None, [diagnostic] * 25, name="x")
     listed = text.count("- error")
     assert len(text) <= 700
     assert 0 < listed < 25
-    assert text.endswith(f"\n\n{25 - listed} more lines do not fit into a comment.\n")
+    assert text.endswith(f"\n\n{25 - listed} more lines are left out to fit into a comment.\n")
