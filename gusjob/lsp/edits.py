@@ -17,7 +17,7 @@ from gusjob.lsp.diagnostics import replacement
 from gusjob.lsp.query import Query, position_key
 from gusjob.lsp.text import Text, utf8
 from gusjob.lsp.workspace import Workspace
-from gusjob.pipeline import Loaded, load, look_closer
+from gusjob.pipeline import Checked, FileResult, examine, load
 
 _BOM = b"\xef\xbb\xbf"
 
@@ -106,7 +106,7 @@ class _FixFinder:
 
     query: Query
     tried: int = 0
-    loaded: Loaded | None = None
+    before: FileResult | None = None
 
     def action(self, diagnostic: Diagnostic) -> list[lsp.CodeAction]:
         """Return the fix of `gusjob check --fix` for a diagnostic, if there is one."""
@@ -115,11 +115,13 @@ class _FixFinder:
         if diagnostic.rule.code not in MENDS or not own or self.tried >= MAX_FIXES:
             return []
         self.tried += 1
-        if self.loaded is None:
-            self.loaded = self.load(task.text.data)
-            look_closer(self.loaded)
+        if self.before is None:
+            loaded = self.load(task.text.data)
+            self.before = examine(loaded) if isinstance(loaded, Checked) else loaded
+        if not isinstance(self.before, Checked):
+            return []
         key = key_of(diagnostic)
-        fixed = mended(self.loaded, self.load, lambda other: key_of(other) == key)
+        fixed = mended(self.before, self.load, lambda other: key_of(other) == key)
         if not fixed.count:
             return []
         bom = _BOM * task.text.data.startswith(_BOM)
@@ -127,7 +129,7 @@ class _FixFinder:
         title = localized(Phrase("Fix: {title}", title=Phrase(diagnostic.rule.title)))
         return [lsp.CodeAction(title=title, kind=lsp.CodeActionKind.QuickFix, edit=edit, is_preferred=True)]
 
-    def load(self, data: bytes) -> Loaded:
+    def load(self, data: bytes) -> FileResult:
         """Load a text in place of the editor's, with all other open texts."""
         task = self.query.task
         assert task.path is not None
