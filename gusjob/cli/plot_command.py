@@ -127,9 +127,9 @@ def command(
 
     result = simulate_file(path, machine_path, scanner=scanner)
     if isinstance(result, Simulated):
-        view = PlotArea(box_mm=zoom, field=field)
+        area = PlotArea(box_mm=zoom, field=field)
         write(
-            [_drawn(result, form, by, channel, view, size_in, dpi, jumps=not no_jumps)],
+            [_drawn(result, form, by, channel, area, size_in, dpi, jumps=not no_jumps)],
             output,
             sources=result.inputs,
         )
@@ -142,7 +142,7 @@ def _drawn(
     form: str,
     by: str,
     channel: int | None,
-    view: PlotArea,
+    area: PlotArea,
     size_in: tuple[float, float],
     dpi: int,
     *,
@@ -156,7 +156,7 @@ def _drawn(
         result.machine,
         by=ColorBy(by),
         channel=channel,
-        view=view,
+        area=area,
         jumps=jumps,
         size_in=size_in,
         dpi=dpi,

@@ -40,10 +40,10 @@ def page_of(
         "field_mm": {"x": list(machine.field_x_mm), "y": list(machine.field_y_mm)},
         "start_mm": _start(strokes.path.x0, strokes.path.y0),
         "kinds": [kind.word for kind in SegmentKind],
-        "channels": [_channel_facts(light) for light in strokes.emissions],
+        "channels": [_channel_facts(emission) for emission in strokes.emissions],
         "exact": strokes.exact,
         "units_per_mm": _units_per_mm(strokes, machine),
-        "remarks": [text for light in strokes.emissions for text in undrawn_emission(report, strokes, light)],
+        "remarks": [text for emission in strokes.emissions for text in undrawn_emission(report, strokes, emission)],
     }
     if strokes.beam is not None:
         facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
@@ -77,23 +77,23 @@ def _strokes_table(strokes: Strokes) -> Table:
     }
     if strokes.beam is not None:
         table |= {"beam_x_mm": strokes.beam.x1, "beam_y_mm": strokes.beam.y1}
-    for light in strokes.emissions:
-        name = f"ch{light.channel}_"
-        table |= {f"{name}on": light.on.astype(np.int8), f"{name}power": light.power}
-        if len(light.units) > 1:
-            table[f"{name}unit"] = light.unit
+    for emission in strokes.emissions:
+        name = f"ch{emission.channel}_"
+        table |= {f"{name}on": emission.on.astype(np.int8), f"{name}power": emission.power}
+        if len(emission.units) > 1:
+            table[f"{name}unit"] = emission.unit
     return table
 
 
-def _channel_facts(light: EmissionStrokes) -> dict[str, Any]:
-    watts = np.unique(light.joules_per_unit_ms) * MS_PER_S
+def _channel_facts(emission: EmissionStrokes) -> dict[str, Any]:
+    watts = np.unique(emission.joules_per_unit_ms) * MS_PER_S
     facts: dict[str, Any] = {
-        "channel": light.channel,
-        "unit": light.units[0],
+        "channel": emission.channel,
+        "unit": emission.units[0],
         "watts_per_unit": float(watts[0]) if len(watts) == 1 and not np.isnan(watts[0]) else None,
     }
-    if len(light.units) > 1:
-        facts["units"] = list(light.units)
+    if len(emission.units) > 1:
+        facts["units"] = list(emission.units)
     return facts
 
 

@@ -267,9 +267,17 @@ def _entry(table: str, name: str, values: Column, scale: float) -> ColumnEntry:
 
 def _computed_entry(table: str, name: str, count: int, rule: _ComputedColumn) -> ColumnEntry:
     return ColumnEntry(
-        table=table, name=name, type="f32", count=count, delta=False, scale=0, same=-1,
-        how=rule.how, of=list(rule.of), factor=rule.factor,
-    )  # fmt: skip
+        table=table,
+        name=name,
+        type="f32",
+        count=count,
+        delta=False,
+        scale=0,
+        same=-1,
+        how=rule.how,
+        of=list(rule.of),
+        factor=rule.factor,
+    )
 
 
 def _choose_bits(

@@ -1,4 +1,4 @@
-"""Texts of pictures: fonts that have the characters, lines that fit, figures, the legend's place."""
+"""Text in pictures: fonts, widths, line breaks."""
 
 from __future__ import annotations
 
@@ -17,36 +17,54 @@ INK, FAINT = "#1f2328", "#57606a"
 LINE_SPACING = 1.35
 _FAMILY = "DejaVu Sans"
 _OTHERS = (
-    "Noto Sans CJK SC", "Noto Sans SC", "Source Han Sans SC", "Source Han Sans CN", "Microsoft YaHei", "PingFang SC",
-    "Hiragino Sans GB", "SimHei", "SimSun", "WenQuanYi Zen Hei", "WenQuanYi Micro Hei", "Droid Sans Fallback",
-    "Noto Sans CJK JP", "Noto Sans CJK TC", "Arial Unicode MS",
-)  # fmt: skip
-"""Fonts for what the first one lacks, Chinese above all, where they are installed."""
+    "Noto Sans CJK SC",
+    "Noto Sans SC",
+    "Source Han Sans SC",
+    "Source Han Sans CN",
+    "Microsoft YaHei",
+    "PingFang SC",
+    "Hiragino Sans GB",
+    "SimHei",
+    "SimSun",
+    "WenQuanYi Zen Hei",
+    "WenQuanYi Micro Hei",
+    "Droid Sans Fallback",
+    "Noto Sans CJK JP",
+    "Noto Sans CJK TC",
+    "Arial Unicode MS",
+)
+"""Fonts for characters that the first one lacks, mostly Chinese, if they are installed."""
 _NOT_STYLE = ("backend", "date", "docstring", "interactive", "savefig.directory", "timezone", "tk", "toolbar", "webagg")
-"""Settings of a session, not of a picture."""
+"""Settings of a session, not of a picture; they stay as they are."""
 _PT_PER_INCH = 72.0
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """matplotlib as it comes, whatever a user's settings say, and the same bytes for the same picture."""
+    """Use matplotlib's defaults instead of the user's settings, and make output reproducible."""
     plain = {key: value for key, value in matplotlib.rcParamsDefault.items() if not key.startswith(_NOT_STYLE)}
     with matplotlib.rc_context(plain):
         matplotlib.rcParams.update(
-            {"font.family": font_families(), "font.size": 8.0, "svg.hashsalt": "gusjob", "svg.fonttype": "none",
-             "pdf.fonttype": 42, "text.parse_math": False}
-        )  # fmt: skip
+            {
+                "font.family": font_families(),
+                "font.size": 8.0,
+                "svg.hashsalt": "gusjob",
+                "svg.fonttype": "none",
+                "pdf.fonttype": 42,
+                "text.parse_math": False,
+            }
+        )
         yield
 
 
 def font_families() -> list[str]:
-    """The fonts that are there, in the order in which they are asked for a character."""
+    """Return the installed fonts in order of preference."""
     there = set(fontManager.get_font_names())
     return [_FAMILY, *(name for name in _OTHERS if name in there)]
 
 
 def showable(text: str) -> str:
-    """A user's text; what no font has is written as its number."""
+    """Escape the characters of a user's text that no font has."""
     clean = printable(text)
     if clean.isascii():
         return clean
@@ -55,27 +73,27 @@ def showable(text: str) -> str:
 
 
 def width_in(text: str, size_pt: float, weight: str = "normal") -> float:
-    """Width of a text, inches."""
+    """Return the width of a text, inches."""
     font = FontProperties(family=font_families(), size=size_pt, weight=weight)
     return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0]) / _PT_PER_INCH
 
 
-def wrapped(text: str, size_pt: float, room_in: float) -> list[str]:
-    """A text in lines that fit."""
+def wrapped(text: str, size_pt: float, max_width_in: float) -> list[str]:
+    """Break a text into lines that fit."""
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and width_in(longer, size_pt) <= room_in:
+        if lines and width_in(longer, size_pt) <= max_width_in:
             lines[-1] = longer
         else:
             lines.append(word)
     return lines
 
 
-def shortened(text: str, size_pt: float, room_in: float, weight: str) -> str:
-    """A text that fits, without its middle if need be."""
+def shortened(text: str, size_pt: float, max_width_in: float, weight: str) -> str:
+    """Shorten a text in its middle so that it fits."""
     kept = len(text)
-    while kept > 2 and width_in(_cut(text, kept), size_pt, weight) > room_in:
+    while kept > 2 and width_in(_cut(text, kept), size_pt, weight) > max_width_in:
         kept = min(kept - 1, int(kept * 0.9))
     return _cut(text, kept)
 
@@ -85,13 +103,19 @@ def _cut(text: str, kept: int) -> str:
 
 
 def put_text(figure: Figure, x_in: float, y_in: float, text: str, size_pt: float, **more: Any) -> None:
-    """A text with its lower left corner at a place, inches."""
+    """Write a text with its lower left corner at a position, inches."""
     figure.text(
-        x_in, y_in, text, transform=figure.dpi_scale_trans, fontsize=size_pt, family=font_families(), parse_math=False,
+        x_in,
+        y_in,
+        text,
+        transform=figure.dpi_scale_trans,
+        fontsize=size_pt,
+        family=font_families(),
+        parse_math=False,
         **{"color": FAINT, "va": "baseline", "ha": "left", **more},
-    )  # fmt: skip
+    )
 
 
 def line_in(size_pt: float) -> float:
-    """Height of a line of text, inches."""
+    """Return the height of a line of text, inches."""
     return size_pt * LINE_SPACING / _PT_PER_INCH
