@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, figure
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
+from gusjob.kinematics.chords import chord_counts
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report, scale_mm
 from gusjob.simulate import ChannelTrace, Trace
@@ -173,7 +174,7 @@ def _switch_times(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]
 def _chord_times(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
     """Return times that cut arcs into chords of equal duration."""
     segments = clock.laid
-    count = np.maximum(np.ceil(np.abs(segments.arcs.sweep) / step_rad), 1).astype(np.intp) - 1
+    count = chord_counts(segments.arcs.sweep, step_rad) - 1
     arc, part = counted(count)
     call = segments.arc_at[arc]
     return call, clock.times_ms[call] + clock.duration_ms[call] * ((part + 1) / (count[arc] + 1))

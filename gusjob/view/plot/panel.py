@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import RunKind
+from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.simulate import Trace
 from gusjob.view.plot.color_scale import ColoredPath, switch_points, uncolored_strokes
