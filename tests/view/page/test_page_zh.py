@@ -14,27 +14,24 @@ import pytest
 pytest.importorskip("jinja2", reason="jinja2 is not installed")
 
 from click.testing import CliRunner
-from i18n.test_chinese import CHINESE
 from support.browser import Chromium, Tab, chromium, rest
-from support.tools import ROOT
-from view.page.test_page import (
+from support.chinese import CHINESE
+from support.page_actions import click_path, click_time, order, selected
+from support.pages import (
     IMAGE,
     JUMP,
     SCRIPT,
-    click_path,
-    click_time,
     columns_of,
     diagnostics,
     field_of_marks,
     hostile_page,
     html,
-    order,
     page_of,
     rich_page,
-    selected,
     square,
     written,
 )
+from support.tools import ROOT
 
 from gusjob.cli import cli
 from gusjob.cli.page import too_long
@@ -456,7 +453,7 @@ def test_the_scripts_say_what_the_table_has() -> None:
 @pytest.mark.parametrize("language", ["en", "zh"])
 def test_scripts_fill_in_fields_as_phrases_do(tab: Tab, language: str) -> None:
     set_language(language)
-    tab.page.evaluate("(words) => { gusjob.words = words; }", page_texts.script_words())
+    tab.page.evaluate("(words) => { gusjob.words = words; }", page_texts.script_texts())
     for script, phrases in page_texts._SCRIPTS.items():
         for name, phrase in phrases.items():
             for values in (["a", "b", "c", "d"], ["中文", "b", "中 c", "d"], ["a", "文", "c 中", "文"]):
@@ -478,7 +475,7 @@ def test_english_is_what_it_was() -> None:
     chinese = html(rich())
     set_language("en")
     first = html(rich())
-    assert page_texts.script_words()["grid"] == {} and '<html lang="en">' in first and '"grid":{}' in first
+    assert page_texts.script_texts()["grid"] == {} and '<html lang="en">' in first and '"grid":{}' in first
     set_language("zh")
     assert html(rich()) == chinese != first
     set_language("en")
