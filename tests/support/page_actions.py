@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from support.browser import Tab, rest
 
-PIXEL = """([x, y]) => {
+PIXELS = """(points) => points.map(([x, y]) => {
   const { map, layer } = gusjob.path.view;
   const at = map.project([y, x], map.getZoom());
   const tile = Object.values(layer._tiles).find((t) => t.coords.z === map.getZoom()
@@ -21,17 +22,22 @@ PIXEL = """([x, y]) => {
   let best = [0, 0, 0, 0];
   for (let i = 0; i < data.length; i += 4) if (data[i + 3] > best[3]) best = [...data.slice(i, i + 4)];
   return best;
-}"""
+})"""
 
 
-def pixel(tab: Tab, x: float, y: float) -> list[int]:
-    """The strongest colour within a pixel of a place in mm."""
-    found: list[int] = tab.page.evaluate(PIXEL, [x, y])
+def pixels(tab: Tab, points: Iterable[tuple[float, float]]) -> list[list[int]]:
+    """The strongest color within a pixel of each point, mm."""
+    found: list[list[int]] = tab.page.evaluate(PIXELS, [[float(x), float(y)] for x, y in points])
     return found
 
 
+def pixel(tab: Tab, x: float, y: float) -> list[int]:
+    """The strongest color within a pixel of a point, mm."""
+    return pixels(tab, [(x, y)])[0]
+
+
 def click_path(tab: Tab, x: float, y: float) -> None:
-    """Click at a place in mm, when the map has come to rest: on its way the place is somewhere else."""
+    """Click at a point in mm after the map has stopped moving."""
     tab.page.locator("#map").scroll_into_view_if_needed()
     tab.drawn()
     at = tab.page.evaluate(
@@ -55,7 +61,7 @@ def click_time(tab: Tab, ms: float) -> None:
 
 
 def selected(tab: Tab) -> dict[str, Any]:
-    """What each view says is selected."""
+    """The selection as each view shows it."""
     rest(tab.page, 150)
     found: dict[str, Any] = tab.page.evaluate(
         """() => ({ row: gusjob.selected, hash: location.hash,
@@ -70,10 +76,10 @@ def selected(tab: Tab) -> dict[str, Any]:
 
 
 def order(tab: Tab, sort: list[tuple[str, str]], filters: dict[str, Any]) -> list[int]:
-    """Rows that the grid has after its order and filters are set."""
+    """The rows of the grid after its order and filters are set."""
     tab.page.evaluate(
         """([sort, filters]) => { const { api } = gusjob.table.grids.segments;
-        const state = sort.map(([colId, way], sortIndex) => ({ colId, sort: way, sortIndex }));
+        const state = sort.map(([colId, sort], sortIndex) => ({ colId, sort, sortIndex }));
         api.applyColumnState({ state, defaultState: { sort: null } });
         api.setFilterModel(filters); }""",
         [sort, filters],

@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("jinja2", reason="jinja2 is not installed")
 
 from support.browser import Chromium, Tab, chromium, rest
-from support.page_actions import click_path, click_time, order, pixel, selected
+from support.page_actions import click_path, click_time, order, pixel, pixels, selected
 from support.pages import (
     DWELL,
     HOSTILE,
@@ -56,32 +56,52 @@ def check_selected(tab: Tab, row: int) -> None:
     assert title.startswith(f"Segment {row + 1} of ")
 
 
-@pytest.fixture
-def square_tab(chromium: Chromium, tmp_path: Path) -> Iterator[Tab]:
-    with chromium.open(written(page_of(columns_of(square())), tmp_path)) as tab:
-        yield tab.ready()
-        assert tab.complaints == [] and tab.requests == []
+@pytest.fixture(scope="module")
+def open_square(chromium: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    with chromium.open(written(page_of(columns_of(square())), tmp_path_factory.mktemp("square"))) as tab:
+        yield tab.ready().keep_state()
+
+
+@pytest.fixture(scope="module")
+def open_rich(chromium: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    with chromium.open(written(rich_page(), tmp_path_factory.mktemp("rich"))) as tab:
+        yield tab.ready().keep_state()
 
 
 @pytest.fixture
-def rich_tab(chromium: Chromium, tmp_path: Path) -> Iterator[Tab]:
+def square_tab(open_square: Tab) -> Iterator[Tab]:
+    """The page of a square as it was opened: opening it for each test would take a second."""
+    yield open_square.reset()
+    assert open_square.complaints == [] and open_square.requests == []
+
+
+@pytest.fixture
+def rich_tab(open_rich: Tab) -> Iterator[Tab]:
+    """The page with both channels, all kinds and marks as it was opened."""
+    yield open_rich.reset()
+    assert open_rich.complaints == [] and open_rich.requests == []
+
+
+@pytest.fixture
+def fresh_tab(chromium: Chromium, tmp_path: Path) -> Iterator[Tab]:
+    """The same page, opened anew: the browser remembers where Tab went."""
     with chromium.open(written(rich_page(), tmp_path)) as tab:
         yield tab.ready()
         assert tab.complaints == [] and tab.requests == []
 
 
-def test_light_is_drawn_where_it_was(square_tab: Tab) -> None:
+def test_emission_is_drawn_where_it_was(square_tab: Tab) -> None:
     sides = {10: (50, 0), 20: (60, 10), 30: (50, 20), 40: (40, 10)}
-    seen = {power: tuple(pixel(square_tab, *at)) for power, at in sides.items()}
+    seen = dict(zip(sides, map(tuple, pixels(square_tab, sides.values())), strict=True))
     assert all(color[3] > 200 for color in seen.values()) and len(set(seen.values())) == 4
     darkness = [sum(color[:3]) for color in seen.values()]
     assert darkness == sorted(darkness, reverse=True), "on white the highest power is the darkest"
     assert pixel(square_tab, 50, 10)[3] == 0 and pixel(square_tab, 20, 5)[3] == 0
-    jump = [pixel(square_tab, x, 0) for x in np.arange(5, 35, 0.25)]
+    jump = pixels(square_tab, [(x, 0) for x in np.arange(5, 35, 0.25)])
     assert {color[3] > 0 for color in jump} == {True, False}, "a jump is dashed"
     square_tab.page.uncheck("#show-jumps")
     square_tab.drawn()
-    assert all(pixel(square_tab, x, 0)[3] == 0 for x in np.arange(5, 35, 0.5))
+    assert all(color[3] == 0 for color in pixels(square_tab, [(x, 0) for x in np.arange(5, 35, 0.5)]))
     assert pixel(square_tab, 50, 0)[3] > 200
 
 
@@ -279,7 +299,7 @@ def test_order_and_filters_give_the_rows_that_numpy_gives(chromium: Chromium, tm
         assert order(tab, [("length_mm", "desc")], words) == marks[np.argsort(-length[marks], kind="stable")].tolist()
         assert tab.page.inner_text("#segments-count") == "1,500 of 3,000 rows"
         tab.page.evaluate("gusjob.select(0, 'hash')")
-        assert "leaves the selected segment out" in tab.page.inner_text("#segments-panel")
+        assert "hides the selected segment" in tab.page.inner_text("#segments-panel")
         tab.page.click("#segments-clear")
         rest(tab.page, 300)
         assert tab.page.inner_text("#segments-count") == "3,000 of 3,000 rows"
@@ -328,7 +348,7 @@ def test_a_mark_selects_its_first_segment(rich_tab: Tab) -> None:
     assert rich_tab.page.is_visible("#segments-grid") and rich_tab.page.is_hidden("#marks-grid")
 
 
-def test_light_is_drawn_where_the_beam_is(rich_tab: Tab) -> None:
+def test_emission_is_drawn_where_the_beam_is(rich_tab: Tab) -> None:
     page = rich_tab.page
     page.evaluate("gusjob.path.view.map.setView([15, 15], 20, { animate: false })")
     rich_tab.drawn()
@@ -342,7 +362,7 @@ def test_light_is_drawn_where_the_beam_is(rich_tab: Tab) -> None:
     assert selected(rich_tab)["row"] == 25
 
 
-def test_channels_switches_and_kinds_are_told_apart(rich_tab: Tab) -> None:
+def test_channels_switches_and_kinds_look_different(rich_tab: Tab) -> None:
     page = rich_tab.page
     ring, line = (30 - 15 - 0.3, 15.0), (-15.0, 0.0)
     first = pixel(rich_tab, *line)
@@ -353,10 +373,10 @@ def test_channels_switches_and_kinds_are_told_apart(rich_tab: Tab) -> None:
     assert other[3] > 200 and other != first and pixel(rich_tab, *ring)[3] > 200
     at = (-30.3, 12.0)
     around = [(at[0] + dx, at[1] + dy) for dx in np.arange(-1, 1, 0.1) for dy in np.arange(-1, 1, 0.1)]
-    before = sum(pixel(rich_tab, *p)[3] > 0 for p in around)
+    before = sum(color[3] > 0 for color in pixels(rich_tab, around))
     page.check("#show-switches")
     rich_tab.drawn()
-    assert sum(pixel(rich_tab, *p)[3] > 0 for p in around) > before, "a circle where the light comes on"
+    assert sum(color[3] > 0 for color in pixels(rich_tab, around)) > before, "a circle where emission begins"
     keys = page.inner_text(".legend").split()
     assert {"jump", "run-in", "run-out", "command", "on", "off"} <= set(keys)
 
@@ -381,7 +401,7 @@ def test_zoom_by_keyboard_and_buttons(square_tab: Tab) -> None:
     assert page.evaluate(zoom) == before
 
 
-def test_hover_tells_line_kind_power_and_velocity(square_tab: Tab) -> None:
+def test_hover_shows_line_kind_power_and_velocity(square_tab: Tab) -> None:
     page = square_tab.page
     page.locator("#map").scroll_into_view_if_needed()
     at = page.evaluate(
@@ -433,8 +453,8 @@ def test_no_horizontal_scrolling(chromium: Chromium, tmp_path: Path, width: int)
         assert tab.complaints == []
 
 
-def test_all_can_be_reached_by_keyboard(rich_tab: Tab) -> None:
-    page = rich_tab.page
+def test_all_can_be_reached_by_keyboard(fresh_tab: Tab) -> None:
+    page = fresh_tab.page
     page.evaluate("document.body.focus()")
     seen: list[str] = []
     for _ in range(150):
@@ -460,7 +480,7 @@ def test_all_can_be_reached_by_keyboard(rich_tab: Tab) -> None:
     for _ in range(4):
         page.keyboard.press("ArrowDown")
     rest(page, 200)
-    assert selected(rich_tab)["row"] is not None, "down from the head into the rows, without a mouse"
+    assert selected(fresh_tab)["row"] is not None, "down from the head into the rows, without a mouse"
     assert page.get_attribute("#details-title", "aria-live") == "polite"
 
 
@@ -522,12 +542,12 @@ def test_a_page_without_tables(chromium: Chromium, tmp_path: Path) -> None:
         assert tab.complaints == [] and tab.requests == []
 
 
-def test_without_light(chromium: Chromium, tmp_path: Path) -> None:
+def test_without_emission(chromium: Chromium, tmp_path: Path) -> None:
     steps = [{"line": 1, "kind": JUMP, "x": 5.0, "vel": 10.0}, {"line": 2, "kind": DWELL, "ms": 3.0}]
     for channels in (0, 1):
         page_ = page_of(columns_of(steps, channels), units=("%",)[:channels])
         with chromium.open(written(page_, tmp_path)) as tab:
-            assert tab.ready().page.inner_text("#legend-name") == "no light"
+            assert tab.ready().page.inner_text("#legend-name") == "no emission"
             click_path(tab, 2.5, 0)
             check_selected(tab, 0)
             assert tab.complaints == []
@@ -551,13 +571,13 @@ def test_a_channel_whose_unit_changes(chromium: Chromium, tmp_path: Path) -> Non
 
 def test_without_scripts_the_figures_are_there(chromium: Chromium, tmp_path: Path) -> None:
     with chromium.open(written(rich_page(), tmp_path), scripts=False) as tab:
-        said = tab.page.inner_text("main")
+        text = tab.page.inner_text("main")
         for words in ("Without JavaScript", "274.243", "GJ503", "is left ON", "Marking quality", "on error"):
-            assert words in said, words
+            assert words in text, words
         assert tab.page.is_hidden("#map") and tab.page.is_hidden("#theme")
 
 
-def test_an_old_browser_is_told_what_it_lacks(chromium: Chromium, tmp_path: Path) -> None:
+def test_an_old_browser_shows_what_it_lacks(chromium: Chromium, tmp_path: Path) -> None:
     with chromium.open(written(rich_page(), tmp_path), before="delete window.DecompressionStream") as tab:
         assert "DecompressionStream" in tab.page.inner_text("#status") and tab.complaints == []
 
@@ -601,7 +621,7 @@ def test_figures_read_alike_on_both_sides(square_tab: Tab) -> None:
     ]  # fmt: skip
 
 
-def test_rounding_is_told(chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounding_is_noted(chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page_ = page_of(field_of_marks(60_000))
     whole = len(b"".join(render(page_)))
     monkeypatch.setattr("gusjob.view.page.render.MAX_BYTES", whole - 400_000)
@@ -666,7 +686,7 @@ class Watched(BaseHTTPRequestHandler):
         return
 
 
-def test_a_watched_page_is_loaded_anew_and_stays_where_it_was(chromium: Chromium) -> None:
+def test_a_watched_page_is_reloaded_and_keeps_its_view(chromium: Chromium) -> None:
     Watched.page = b"".join(render(page_of(columns_of(square()), watched="/events")))
     server = ThreadingHTTPServer(("127.0.0.1", 0), Watched)
     server.daemon_threads = True
@@ -674,7 +694,7 @@ def test_a_watched_page_is_loaded_anew_and_stays_where_it_was(chromium: Chromium
     try:
         with chromium.open(f"http://127.0.0.1:{server.server_port}/") as tab:
             page = tab.ready().page
-            page.wait_for_function("document.getElementById('watched').textContent === 'follows the job'")
+            page.wait_for_function("document.getElementById('watched').textContent === 'updates with the job'")
             page.evaluate("gusjob.path.view.map.setView([10, 50], 22, { animate: false })")
             page.evaluate("gusjob.time.zoomTo(100, 300)")
             page.select_option("#color-by", "velocity")
