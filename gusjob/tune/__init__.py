@@ -8,6 +8,7 @@ from typing import Any
 
 from gusjob.config.machine import Machine, ScannerModel
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.ranges import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend import Source, read_job
@@ -15,12 +16,12 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job
 from gusjob.ir.setup import LaserDelay, SkyWrite, auto_steps
 from gusjob.lint import check
-from gusjob.simulate import ChannelTrace, Trace, interpret
+from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.tune.edit import with_statement
 from gusjob.tune.search import Band, nearest_delays
 
-CLOSED_FORM, SEARCH = Phrase("closed form"), Phrase("search on the interpreter")
+CLOSED_FORM, SEARCH = Phrase("closed form"), Phrase("search in the simulator")
 
 _RUN_INS = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """Run-ins that are tried, in tracking errors, as long as the ends come nearer; the first is AUTO's."""
@@ -62,7 +63,7 @@ def run_job(
         stream, more = compile_job(job, machine)
         diagnostics = [*diagnostics, *more]
         if not has_errors(more):
-            trace, more = interpret(stream, machine)
+            trace, more = simulate_stream(stream, machine)
             if trace is not None and judged:
                 marking = marking_totals(trace, marks_of(trace, machine))
             elif trace is None:
@@ -76,7 +77,7 @@ def run_job(
 def tune_delays(run: TuneRun, machine: Machine, channel: int) -> TuneResult | str:
     """LASER DELAY of a channel; where there is nothing to tune, the reason."""
     if run.job.has_sky_writing:
-        return Phrase("this job is sky-written, which makes up for LASER DELAY: tune SKYWRITE (--skywrite)")
+        return Phrase("this job uses sky writing, which replaces LASER DELAY; tune it with --skywrite")
     at_once = _without_delays(run, machine, channel)
     if isinstance(at_once, str):
         return at_once
@@ -88,7 +89,7 @@ def tune_delays(run: TuneRun, machine: Machine, channel: int) -> TuneResult | st
     lag_us = machine.scanner.tracking_error_us
     if lag_us > SWITCH_DELAY_US.high:
         return Phrase(
-            "the scanner {scanner} lags more than a delay can be, {most} us",
+            "the lag of scanner {scanner} exceeds the largest delay, {most} us",
             scanner=str(machine.scanner),
             most=SWITCH_DELAY_US.high,
         )
@@ -152,10 +153,10 @@ def tune_sky_writing(run: TuneRun, machine: Machine, channel: int, mode: int | N
     assert machine.scanner is not None
     if not round(machine.scanner.tracking_error_us):
         scanner = str(machine.scanner)
-        return Phrase("the scanner {scanner} does not lag: there is nothing to make up for", scanner=scanner)
+        return Phrase("the scanner {scanner} has no lag; there is nothing to tune", scanner=scanner)
     if machine.scanner.tracking_error_us > TIMELAG_US.high:
         return Phrase(
-            "the scanner {scanner} lags more than a TIMELAG can be, {most} us",
+            "the lag of scanner {scanner} exceeds the largest TIMELAG, {most} us",
             scanner=str(machine.scanner),
             most=TIMELAG_US.high,
         )
@@ -188,9 +189,7 @@ def tune_sky_writing(run: TuneRun, machine: Machine, channel: int, mode: int | N
                 tuned.run.trace, machine, shining, slack_pulse=0, most_us=min(2 * lag_us, TIMELAG_US.high)
             )
         if found is None:
-            return Phrase(
-                "no mark of channel {channel} is left with {statement}", channel=channel, statement=tuned.statement
-            )
+            return Phrase("with {statement} channel {channel} has no mark", channel=channel, statement=tuned.statement)
         on, off = found
         if least_mm - on.miss_mm < _WORTH_PULSE / min(machine.pulses_per_mm):
             break
@@ -206,10 +205,10 @@ def _sky_statement(mode: int, timelag_us: float, shift_us: float, nprev: int, np
 
 def _check_in_effect(tuned: TuneResult | str) -> TuneResult | str:
     """A job with SKYWRITE, if marks are sky-written with it."""
-    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.intent is not None:
+    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.run_kind is not None:
         return tuned
     return Phrase(
-        "SKYWRITE behind LASER MODE is taken back by a SKYWRITE OFF before the first mark: put it there by hand"
+        "a SKYWRITE OFF before the first mark cancels a SKYWRITE after LASER MODE; write it after that by hand"
     )
 
 
@@ -233,7 +232,7 @@ def _emitting_channel(run: TuneRun, channel: int) -> ChannelTrace | str:
     """The channel's trace, if it ever shines."""
     channels = run.trace.channels if run.trace is not None else ()
     found = next((c for c in channels if c.channel == channel and len(c.emission.stage)), None)
-    return found or Phrase("channel {channel} marks nothing in this job", channel=channel)
+    return found or Phrase("channel {channel} has no mark in this job", channel=channel)
 
 
 def _first_pulse_killer_us(shining: ChannelTrace) -> tuple[float, float]:

@@ -25,18 +25,18 @@ def with_statement(
     spans, lines = _statement_spans(job, own), {s.line for s in own}
     if kind is LaserDelay and any(s.channel != channel for s in job.setups if s.line in lines):
         return Phrase(
-            "{name} in line {line} speaks of more than one channel: write one for each", name=name, line=spans[0].line
+            "{name} in line {line} sets more than one channel; write one for each", name=name, line=spans[0].line
         )
     if len(spans) > 1:
         return Phrase(
-            "the job has more than one {name}, in lines {lines}: which of them is meant is yours to say",
+            "the job has more than one {name}, in lines {lines}; keep one of them",
             name=name,
             lines=all_of(str(span.line) for span in spans),
         )
     if own and found[-1] not in own:
         path = job.locate(found[-1].line, "").path
         return Phrase(
-            "{path}, an included file, sets {name} again behind line {line}: one of them has to go",
+            "the included file {path} sets {name} again after line {line}; remove one of them",
             path=path,
             name=name,
             line=spans[0].line,
@@ -46,7 +46,7 @@ def with_statement(
     modes = [s for s in job.setups if isinstance(s.statement, LaserMode) and s.channel == channel]
     if not modes:
         return Phrase(
-            "the job has no LASER MODE for channel {channel} behind which {name} could stand",
+            "the job has no LASER MODE for channel {channel}, after which {name} could be written",
             channel=channel,
             name=name,
         )

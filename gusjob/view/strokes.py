@@ -17,13 +17,14 @@ from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, figure
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
 from gusjob.kinematics.chords import chord_counts
+from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import MS_PER_S
-from gusjob.report.rows import Report, scale_mm
+from gusjob.report.rows import Report
 from gusjob.simulate import ChannelTrace, Trace
-from gusjob.simulate.clock import Clock
-from gusjob.simulate.outputs.steps import follows, ticks_in
-from gusjob.simulate.outputs.timeline import timeline_of
-from gusjob.simulate.spans import Spans
+from gusjob.simulate.intervals import Intervals
+from gusjob.simulate.lengths import mm_per_pulse
+from gusjob.simulate.outputs.output_time import output_time_of
+from gusjob.simulate.outputs.steps import ticks_in
 
 FINE_STROKES = 300_000
 """Runs of more strokes are cut at segments and at changes of emission only."""
@@ -111,26 +112,28 @@ class Strokes:
 
 def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES) -> Strokes:
     """Cut the path of a run into strokes."""
-    clock = trace.clock
+    schedule = trace.schedule
     cuts, exact = _cuts(trace, machine, fine_strokes)
-    row, start = _stroke_starts(clock, cuts)
-    end = np.append(start[1:], clock.times_ms[-1:])
+    row, start = _stroke_starts(schedule, cuts)
+    end = np.append(start[1:], schedule.times_ms[-1:])
     continues = np.append(row[1:] == row[:-1], False) if len(row) else np.zeros(0, dtype=np.bool_)
-    end = np.where(continues, end, clock.times_ms[1:][row])
-    stage = clock.stage[row]
+    end = np.where(continues, end, schedule.times_ms[1:][row])
+    stage = schedule.stage[row]
     px, py = machine.pulses_per_mm
-    scale = scale_mm(trace, machine)[row] * MS_PER_S
+    scale = mm_per_pulse(trace.segments, machine)[row] * MS_PER_S
     if exact:
         vel0, vel1 = trace.motion.velocity(row, start) * scale, trace.motion.velocity(row, end) * scale
     else:
-        vel0 = vel1 = np.where(clock.dwell, 0.0, np.maximum(clock.profile.peak, clock.profile.start))[row] * scale
+        vel0 = vel1 = (
+            np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start))[row] * scale
+        )
     x0, y0 = trace.motion.position(row, start)
     x1, y1 = trace.motion.position(row, end)
     beam = None
     if machine.scanner is not None:
         (bx0, by0), (bx1, by1) = trace.beam.position(stage, start), trace.beam.position(stage, end)
         beam = Line(x0=bx0 / px, y0=by0 / py, x1=bx1 / px, y1=by1 / py)
-    spans = Spans(stage=stage, start_ms=start, end_ms=end)
+    spans = Intervals(stage=stage, start_ms=start, end_ms=end)
     return Strokes(
         row=row,
         start_ms=start,
@@ -146,70 +149,66 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
 
 def _cuts(trace: Trace, machine: Machine, fine_strokes: int) -> tuple[list[tuple[Indices, Floats]], bool]:
     """Return the cuts after each segment's start as (timed call, ms), and whether they are fine."""
-    clock = trace.clock
-    cuts = [_switch_times(clock, channel) for channel in trace.channels]
-    index = np.arange(len(clock.row))
-    rise_end, fall_start = clock.phases()
+    schedule = trace.schedule
+    cuts = [_switch_times(schedule, channel) for channel in trace.channels]
+    index = np.arange(len(trace))
+    rise_end, fall_start = schedule.phases()
     fine = [
         *cuts,
-        _chord_times(clock, _CHORD_RAD),
+        _chord_times(trace, _CHORD_RAD),
         (index, rise_end),
         (index, fall_start),
         *_tick_times(trace, machine, fine_strokes),
     ]
     if sum(len(call) for call, _ in fine) + len(index) <= fine_strokes:
         return fine, True
-    return [*cuts, _chord_times(clock, _COARSE_CHORD_RAD)], False
+    return [*cuts, _chord_times(trace, _COARSE_CHORD_RAD)], False
 
 
-def _switch_times(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]:
+def _switch_times(schedule: Schedule, channel: ChannelTrace) -> tuple[Indices, Floats]:
     """Return the times at which emission begins and ends during its stage's motion."""
     intervals = channel.emission
     stage = np.concatenate([intervals.stage, intervals.stage])
     time = np.concatenate([intervals.start_ms, intervals.end_ms])
-    inside = (time >= clock.stage_start()[stage]) & (time < clock.stage_end()[stage])
-    return clock.segment_at(stage[inside], time[inside]), time[inside]
+    inside = (time >= schedule.stage_start()[stage]) & (time < schedule.stage_end()[stage])
+    return schedule.segment_at(stage[inside], time[inside]), time[inside]
 
 
-def _chord_times(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
+def _chord_times(trace: Trace, step_rad: float) -> tuple[Indices, Floats]:
     """Return times that cut arcs into chords of equal duration."""
-    segments = clock.laid
+    schedule, segments = trace.schedule, trace.segments
     count = chord_counts(segments.arcs.sweep, step_rad) - 1
     arc, part = counted(count)
     call = segments.arc_at[arc]
-    return call, clock.times_ms[call] + clock.duration_ms[call] * ((part + 1) / (count[arc] + 1))
+    return call, schedule.times_ms[call] + schedule.duration_ms[call] * ((part + 1) / (count[arc] + 1))
 
 
 def _tick_times(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
     """Return the ticks at which the beam or a following power changes; more than `most` zeros if there are too many."""
-    clock = trace.clock
-    stages = np.arange(len(clock.stage_first) - 1)
-    whole = Spans(stage=stages, start_ms=clock.stage_start(), end_ms=clock.stage_end())
-    spans = [
-        Spans(stage=c.emission.stage, start_ms=c.emission.start_ms, end_ms=c.emission.end_ms)
-        for c in trace.channels
-        if follows(c)
-    ]
+    schedule = trace.schedule
+    stages = np.arange(len(schedule.stage_first) - 1)
+    whole = Intervals(stage=stages, start_ms=schedule.stage_start(), end_ms=schedule.stage_end())
+    spans = [c.emission.intervals for c in trace.channels if c.power.follows]
     found = []
     for of in [whole] if machine.scanner is not None else spans:
         if (of.end_ms - of.start_ms).sum() / trace.period_ms > most:
             return [(np.zeros(most + 1, dtype=np.intp), np.zeros(most + 1))]
         which, time = ticks_in(trace, of)
-        inside = time < clock.stage_end()[of.stage[which]]
+        inside = time < schedule.stage_end()[of.stage[which]]
         stage, time = of.stage[which[inside]], time[inside]
-        found.append((clock.segment_at(stage, time), time))
+        found.append((schedule.segment_at(stage, time), time))
     return found
 
 
-def _stroke_starts(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
+def _stroke_starts(schedule: Schedule, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
     """Return the start of each stroke, (timed call, ms). Every timed call has at least one stroke."""
-    starts = clock.times_ms[:-1]
+    starts = schedule.times_ms[:-1]
     index = np.arange(len(starts))
     call = np.concatenate([index, *(call for call, _ in cuts)])
     time = np.concatenate([starts, *(time for _, time in cuts)])
     first = np.zeros(len(call), dtype=np.bool_)
     first[: len(index)] = True
-    real = first | ((time > starts[call] + _SAME_MS) & (time < clock.times_ms[1:][call] - _SAME_MS))
+    real = first | ((time > starts[call] + _SAME_MS) & (time < schedule.times_ms[1:][call] - _SAME_MS))
     call, time, first = call[real], time[real], first[real]
     order = np.lexsort((time, call))
     call, time, first = call[order], time[order], first[order]
@@ -218,9 +217,9 @@ def _stroke_starts(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[In
     return call[distinct], time[distinct]
 
 
-def _emission_strokes(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) -> EmissionStrokes:
+def _emission_strokes(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals) -> EmissionStrokes:
     """Return a channel's emission in strokes; emission begins or ends inside none of them."""
-    intervals, shift = channel.emission, timeline_of(trace).shift_ms
+    intervals, shift = channel.emission, output_time_of(trace).shift_ms
     starts = intervals.start_ms + shift[intervals.stage]
     middles = (spans.start_ms + spans.end_ms) / 2 + shift[spans.stage]
     index = np.searchsorted(starts, middles, side="right") - 1
@@ -228,8 +227,8 @@ def _emission_strokes(trace: Trace, machine: Machine, channel: ChannelTrace, spa
     on = (middles < ends[index]) & (np.append(intervals.stage, -1)[index] == spans.stage)
     emitting = np.flatnonzero(on & (spans.end_ms > spans.start_ms))
     power = np.zeros(len(on))
-    part = Spans(stage=spans.stage[emitting], start_ms=spans.start_ms[emitting], end_ms=spans.end_ms[emitting])
-    power[emitting] = trace.power_ms(channel, part) / (part.end_ms - part.start_ms)
+    part = Intervals(stage=spans.stage[emitting], start_ms=spans.start_ms[emitting], end_ms=spans.end_ms[emitting])
+    power[emitting] = channel.power.integral(part) / (part.end_ms - part.start_ms)
     return EmissionStrokes(
         channel=channel.channel,
         on=on,

@@ -108,19 +108,19 @@ class Panel:
     def _uncolored(self) -> dict[str, Bools]:
         """Return the visible strokes that are not colored, by line style."""
         off, other = uncolored_strokes(self.strokes, self.colored)
-        run = np.full(len(off), RunKind.NONE) if self.trace.intent is None else self._intent()
+        run = np.full(len(off), RunKind.NONE) if self.trace.run_kind is None else self._run_kinds()
         seen = self.viewport.of(self.strokes.path)
         found = {"commanded path": ~off & ~other & seen} if self.strokes.beam is not None else {}
         found["other emission"] = other & seen
         if self.jumps:
-            off = off & seen & (self.strokes.duration_ms > 0) & ~self.trace.clock.dwell[self.strokes.row]
+            off = off & seen & (self.strokes.duration_ms > 0) & ~self.trace.schedule.dwell[self.strokes.row]
             found["jump"] = off & (run != RunKind.RUN_IN) & (run != RunKind.RUN_OUT)
             found["run-in"], found["run-out"] = off & (run == RunKind.RUN_IN), off & (run == RunKind.RUN_OUT)
         return found
 
-    def _intent(self) -> npt.NDArray[Any]:
-        assert self.trace.intent is not None
-        return np.asarray(self.trace.intent.run[self.trace.clock.row[self.strokes.row]])
+    def _run_kinds(self) -> npt.NDArray[Any]:
+        assert self.trace.run_kind is not None
+        return np.asarray(self.trace.run_kind[self.strokes.row])
 
     def _count(self) -> int:
         """Return the number of visible strokes."""
