@@ -1,6 +1,6 @@
-"""The words that the page's scripts say, in the user's language. Those of the template stand in page.html.
+"""The texts of the page's scripts, localized. Those of the template are in page.html.
 
-A field stands for itself here: the scripts fill it in (said() in data.js).
+Fields stay in the texts; the scripts fill them in (localized() in data.js).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 from gusjob.i18n.language import LANGUAGES, language, translated, typeset
 from gusjob.i18n.phrases import Phrase, localized
 
-Words = Mapping[str, Any]
+Texts = Mapping[str, Any]
 
 
 _SCRIPTS = {
@@ -37,14 +37,14 @@ _SCRIPTS = {
     "path": {
         "place": Phrase("{place}: {kind} (segment {segment})", place="{place}", kind="{kind}", segment="{segment}"),
         "from-to": Phrase("{low} to {high}", low="{low}", high="{high}"),
-        "lit": Phrase("{velocity} mm/s, {light}", velocity="{velocity}", light="{light}"),
-        "dark": Phrase("{velocity} mm/s, dark", velocity="{velocity}"),
+        "on": Phrase("{velocity} mm/s, {emission}", velocity="{velocity}", emission="{emission}"),
+        "off": Phrase("{velocity} mm/s, laser off", velocity="{velocity}"),
         "legend": Phrase("{what}, {unit}", what="{what}", unit="{unit}"),
         "legend-channel": Phrase(
             "{what}, channel {channel}, {unit}", what="{what}", channel="{channel}", unit="{unit}"
         ),
         "channel": Phrase("channel {channel}, {unit}", channel="{channel}", unit="{unit}"),
-        "no-light": Phrase("no light"),
+        "no-emission": Phrase("no emission"),
         "everywhere": Phrase("{value} everywhere", value="{value}"),
         "zoom-in": Phrase("Zoom in"),
         "zoom-out": Phrase("Zoom out"),
@@ -68,26 +68,26 @@ _SCRIPTS = {
             kind="{kind}",
             place="{place}",
         ),
-        "no-line": Phrase("no segment from line {line} on", line="{line}"),
+        "no-line": Phrase("no segment at or after line {line}", line="{line}"),
         "next-line": Phrase("line {line} has no segment: the next is line {next}", line="{line}", next="{next}"),
-        "follows": Phrase("follows the job"),
-        "follows-no-more": Phrase("no longer follows the job: is gusjob still running?"),
+        "follows": Phrase("updates with the job"),
+        "follows-no-more": Phrase("no longer updates with the job: is gusjob still running?"),
         "old-browser": Phrase(
-            "This browser can't unpack the page's data (it lacks DecompressionStream): path, curves and table are left "
-            "out. A browser from 2023 or later shows them."
+            "This browser can't read the page's data (it lacks DecompressionStream): path, curves and tables are not "
+            "shown. Use a browser from 2023 or later."
         ),
         "reading": Phrase("Reading the data: {share} %", share="{share}"),
         "drawing": Phrase("Drawing"),
         "failed": Phrase("The data can't be shown: {why}", why="{why}"),
     },
 }
-"""By script, and by what the script calls them."""
+"""By script and key."""
 
 _HEADS = {
     "segment": (Phrase("segment"), Phrase("number of the segment, from 1")),
     "line": (Phrase("line"), Phrase("line of the job")),
     "file": (Phrase("file"), Phrase("file of the line")),
-    "kind": (Phrase("kind"), Phrase("what the segment is")),
+    "kind": (Phrase("kind"), Phrase("kind of the segment")),
     "stage": (Phrase("stage"), Phrase("stage of the job")),
     "x_mm": (Phrase("x mm"), Phrase("x of the end")),
     "y_mm": (Phrase("y mm"), Phrase("y of the end")),
@@ -97,26 +97,26 @@ _HEADS = {
     "vel_mean_mm_s": (Phrase("mm/s"), Phrase("mean velocity")),
     "vel_max_mm_s": (Phrase("max mm/s"), Phrase("highest velocity")),
     "channel": (Phrase("ch"), Phrase("laser channel")),
-    "on_error_um": (Phrase("on error um"), Phrase("light comes late (+) or early (-)")),
-    "off_error_um": (Phrase("off error um"), Phrase("light goes late (+) or early (-)")),
-    "on_miss_um": (Phrase("on miss um"), Phrase("distance of the beam from the meant start")),
-    "off_miss_um": (Phrase("off miss um"), Phrase("distance of the beam from the meant end")),
+    "on_error_um": (Phrase("on error um"), Phrase("emission begins late (+) or early (-)")),
+    "off_error_um": (Phrase("off error um"), Phrase("emission ends late (+) or early (-)")),
+    "on_miss_um": (Phrase("on miss um"), Phrase("distance of the beam from the intended start")),
+    "off_miss_um": (Phrase("off miss um"), Phrase("distance of the beam from the intended end")),
     "outside_power_ms": (Phrase("outside"), Phrase("power integral emitted before the start and after the end")),
     "power_per_mm_mid": (Phrase("per mm"), Phrase("power integral per mm, middle")),
     "power_per_mm_peak": (Phrase("peak"), Phrase("highest power integral per mm")),
-    "power_per_mm_rms_pct": (Phrase("rms %"), Phrase("evenness of the power integral per mm")),
-    "corner_miss_um": (Phrase("corner um"), Phrase("largest miss at a corner")),
+    "power_per_mm_rms_pct": (Phrase("rms %"), Phrase("RMS deviation of the power integral per mm")),
+    "corner_miss_um": (Phrase("corner um"), Phrase("largest distance of the beam from a corner")),
 }
-"""Columns: a short head, and what they are."""
+"""Columns: short head and description."""
 
 _HEADS_OF_CHANNEL = {
-    "emission_ms": (Phrase("on ms"), Phrase("time with light")),
+    "emission_ms": (Phrase("on ms"), Phrase("emission time")),
     "power_min": (Phrase("min {unit}", unit="{unit}"), Phrase("lowest power")),
     "power_mean": (Phrase("mean {unit}", unit="{unit}"), Phrase("mean power")),
     "power_max": (Phrase("max {unit}", unit="{unit}"), Phrase("highest power")),
     "power_ms": (Phrase("{unit}*ms", unit="{unit}"), Phrase("power integral")),
     "joules": (Phrase("J"), Phrase("energy")),
-    "clamped_ms": (Phrase("held ms"), Phrase("time held by a limit")),
+    "clamped_ms": (Phrase("clamped ms"), Phrase("time for which a limit clamps the power")),
 }
 _CHANNEL = (
     Phrase("ch{channel} {what}", channel="{channel}", what="{what}"),
@@ -166,30 +166,30 @@ _GRID = {
     "minValueValidation": Phrase("Must be greater than or equal to ${variable}", variable="{variable}"),
     "maxValueValidation": Phrase("Must be less than or equal to ${variable}", variable="{variable}"),
 }
-"""What AG Grid says where it can be seen or heard here, by its own keys; the English is its own too."""
+"""Texts of AG Grid that are used here, by its keys; the English texts are its own."""
 
 
 def page_language() -> str:
-    """The page's language, as browsers name it."""
+    """Return the page's language as an HTML language tag."""
     return LANGUAGES[language()].replace("_", "-") or "en"
 
 
 def template_text(text: str, **fields: str | int) -> str:
-    """A text of the template in the user's language, with its fields filled in."""
+    """Localize a text of the template and fill in its fields."""
     return typeset(translated(text), fields).format_map(fields)
 
 
-def script_words() -> Words:
-    """All words of the scripts in the user's language."""
-    words: dict[str, Any] = {
+def script_texts() -> Texts:
+    """Return all texts of the scripts, localized."""
+    texts: dict[str, Any] = {
         script: {name: localized(phrase) for name, phrase in phrases.items()} for script, phrases in _SCRIPTS.items()
     }
-    words["heads"] = {name: [localized(head), localized(about)] for name, (head, about) in _HEADS.items()}
-    words["headsOfChannel"] = {
+    texts["heads"] = {name: [localized(head), localized(about)] for name, (head, about) in _HEADS.items()}
+    texts["headsOfChannel"] = {
         name: [localized(head), localized(about)] for name, (head, about) in _HEADS_OF_CHANNEL.items()
     }
-    words["ofChannel"] = [localized(phrase) for phrase in _CHANNEL]
-    words["unitOfChannel"] = localized(_UNIT_OF_CHANNEL)
-    # Where nothing is said, AG Grid says it in English itself.
-    words["grid"] = {name: text for name, phrase in _GRID.items() if (text := localized(phrase)) != phrase}
-    return words
+    texts["ofChannel"] = [localized(phrase) for phrase in _CHANNEL]
+    texts["unitOfChannel"] = localized(_UNIT_OF_CHANNEL)
+    # AG Grid uses its English texts where a key is missing.
+    texts["grid"] = {name: text for name, phrase in _GRID.items() if (text := localized(phrase)) != phrase}
+    return texts

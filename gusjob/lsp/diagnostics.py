@@ -1,4 +1,4 @@
-"""What is wrong with a text, as `gusjob check` finds it, and where an editor is to show it."""
+"""The diagnostics of a text, as `gusjob check` finds them, and their locations for the editor."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lsprotocol.types import (
-    Diagnostic as Shown,
+    Diagnostic as LspDiagnostic,
 )
 from lsprotocol.types import (
     DiagnosticRelatedInformation,
@@ -24,13 +24,13 @@ from gusjob.diagnostics.select import NOTHING_ASKED
 from gusjob.frontend import check_text
 from gusjob.frontend.parse.statements import COMPARED
 from gusjob.i18n.phrases import Phrase, localized, printable
-from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.text import Text
+from gusjob.lsp.workspace import Workspace, uri_of
 from gusjob.pipeline import Checked, Parsed, Rejected, check, examine, load, parse_source, selected
 
 SOURCE = "gusjob"
 MAX_SHOWN = 500
-"""So many diagnostics of a file are sent. An editor that is sent all of ten thousand does nothing else for a second."""
+"""Maximum number of diagnostics that are sent for a file: an editor needs a second to show ten thousand."""
 
 _SEVERITIES = {
     Severity.ERROR: DiagnosticSeverity.Error,
@@ -41,36 +41,45 @@ _UNUSED = {rules.NEVER_READ.code, rules.NEVER_CALLED.code}
 
 
 @dataclass(slots=True)
-class Judged:
-    """All diagnostics of a text. `files`: resolved paths of what it includes."""
+class Diagnosis:
+    """All diagnostics of a text.
+
+    Attributes:
+        top: Name of the text.
+        diagnostics: Those of the text, its included files and its machine profile.
+        workspace: The files that were read.
+        profile: The machine profile.
+        bad_profile: Whether the profile has errors; then the text is not checked.
+        files: Resolved paths of the included files.
+    """
 
     top: str
     diagnostics: list[Diagnostic]
-    desk: Desk
+    workspace: Workspace
     profile: Path | None = None
     bad_profile: bool = False
     files: frozenset[str] = field(default_factory=frozenset)
 
 
-def judge(name: str, path: Path | None, data: bytes, desk: Desk) -> Judged:
-    """Judge a text that may not be saved yet. `path` is where it would be; None: nowhere."""
+def diagnose(name: str, path: Path | None, data: bytes, workspace: Workspace) -> Diagnosis:
+    """Check a text that may not be saved yet. `path`: its file; None if it has none."""
     if path is None:
-        return Judged(top=name, diagnostics=_homeless(name, data), desk=desk)
-    loaded = load(desk.path(path), None)
-    desk.watch_for_profile(path)
+        return Diagnosis(top=name, diagnostics=_check_unsaved(name, data), workspace=workspace)
+    loaded = load(workspace.path(path), None)
+    workspace.watch_for_profile(path)
     if isinstance(loaded, Rejected) and loaded.profile is not None:
         found = list(loaded.diagnostics)
-        return Judged(top=name, diagnostics=found, desk=desk, profile=loaded.profile, bad_profile=True)
+        return Diagnosis(top=name, diagnostics=found, workspace=workspace, profile=loaded.profile, bad_profile=True)
     if isinstance(loaded, Checked):
         loaded = examine(loaded)
     own = {str(path.resolve()), *([str(loaded.profile.resolve())] if loaded.profile else [])}
-    files = frozenset(desk.read) - own
+    files = frozenset(workspace.read) - own
     diagnostics = list(selected(loaded, NOTHING_ASKED).diagnostics)
-    return Judged(top=name, diagnostics=diagnostics, desk=desk, profile=loaded.profile, files=files)
+    return Diagnosis(top=name, diagnostics=diagnostics, workspace=workspace, profile=loaded.profile, files=files)
 
 
-def _homeless(name: str, data: bytes) -> list[Diagnostic]:
-    """What is wrong with a text that is no file: it has no profile, and nothing to include."""
+def _check_unsaved(name: str, data: bytes) -> list[Diagnostic]:
+    """Check a text that has no file: it has no machine profile, and can't include files."""
     source, diagnostics = check_text(data, name)
     if source is None:
         return diagnostics
@@ -79,10 +88,10 @@ def _homeless(name: str, data: bytes) -> list[Diagnostic]:
 
 
 @dataclass(slots=True)
-class Places:
-    """Where the diagnostics of one look stand for the editor. `uris`: of open files, by resolved path."""
+class SourceLocations:
+    """Locations of diagnostics for the editor. `uris`: URIs of open files by resolved path."""
 
-    judged: Judged
+    diagnosis: Diagnosis
     uri: str
     text: Text
     uris: Mapping[str, str]
@@ -90,48 +99,52 @@ class Places:
     known: dict[str, tuple[str, Text]] = field(default_factory=dict)
 
     def file(self, name: str) -> tuple[str, Text]:
-        """URI and text of a file by its name in a diagnostic."""
-        if name in ("", self.judged.top):
+        """Return URI and text of a file by its name in a diagnostic."""
+        if name in ("", self.diagnosis.top):
             return self.uri, self.text
         if name not in self.known:
             path = Path(name).resolve()
             try:
-                data = self.judged.desk.bytes_of(path)
-            except OSError:  # It is gone since.
+                data = self.diagnosis.workspace.bytes_of(path)
+            except OSError:  # It was deleted since.
                 data = b""
             self.known[name] = self.uris.get(str(path)) or uri_of(Path(name)), Text(data, self.unit)
         return self.known[name]
 
     def location(self, span: Span, path: str = "") -> Location:
-        """A span in its file."""
+        """Return the location of a span."""
         uri, text = self.file(span.path or path)
         return Location(uri=uri, range=text.range(span))
 
 
-def shown(places: Places) -> dict[str, list[Shown]]:
-    """The diagnostics of a look by the URI of the file that each stands in. Included files are there if nothing is
-    wrong, too: what was shown before is to go."""
-    judged = places.judged
-    found: dict[str, list[Shown]] = {places.uri: []}
-    for name in judged.files:
-        found.setdefault(places.uris.get(name) or uri_of(Path(name)), [])
-    for diagnostic in judged.diagnostics:
-        uri, text = places.file(diagnostic.span.path or diagnostic.path)
-        mine = found.setdefault(uri, [])
-        if len(mine) < MAX_SHOWN:
-            mine.append(_shown(diagnostic, text, places))
-    if judged.bad_profile:
-        found[places.uri] = [_pointer(judged, places)]
+def lsp_diagnostics(locations: SourceLocations) -> dict[str, list[LspDiagnostic]]:
+    """Convert diagnostics for the editor, by URI of their file.
+
+    An included file without diagnostics has an empty list, so that the editor removes earlier ones.
+    """
+    diagnosis = locations.diagnosis
+    found: dict[str, list[LspDiagnostic]] = {locations.uri: []}
+    for name in diagnosis.files:
+        found.setdefault(locations.uris.get(name) or uri_of(Path(name)), [])
+    for diagnostic in diagnosis.diagnostics:
+        uri, text = locations.file(diagnostic.span.path or diagnostic.path)
+        in_file = found.setdefault(uri, [])
+        if len(in_file) < MAX_SHOWN:
+            in_file.append(_lsp_diagnostic(diagnostic, text, locations))
+    if diagnosis.bad_profile:
+        found[locations.uri] = [_profile_diagnostic(diagnosis, locations)]
     return found
 
 
-def _shown(diagnostic: Diagnostic, text: Text, places: Places) -> Shown:
+def _lsp_diagnostic(diagnostic: Diagnostic, text: Text, locations: SourceLocations) -> LspDiagnostic:
     unused = diagnostic.rule.code in _UNUSED
     related = [
-        DiagnosticRelatedInformation(location=places.location(r.span, diagnostic.path), message=printable(r.localized))
+        DiagnosticRelatedInformation(
+            location=locations.location(r.span, diagnostic.path), message=printable(r.localized)
+        )
         for r in diagnostic.remarks
     ]
-    return Shown(
+    return LspDiagnostic(
         range=text.range(diagnostic.span),
         message=printable(diagnostic.localized_with_count),
         severity=DiagnosticSeverity.Hint if unused else _SEVERITIES[diagnostic.severity],
@@ -143,25 +156,25 @@ def _shown(diagnostic: Diagnostic, text: Text, places: Places) -> Shown:
     )
 
 
-def _pointer(judged: Judged, places: Places) -> Shown:
-    """A profile that can't be used: said in the job, too, since nothing else is said of it."""
-    first = judged.diagnostics[0]
-    profile = judged.profile.name if judged.profile else ""
-    there = DiagnosticRelatedInformation(
-        location=places.location(first.span, first.path), message=printable(first.localized)
+def _profile_diagnostic(diagnosis: Diagnosis, locations: SourceLocations) -> LspDiagnostic:
+    """Report an unusable machine profile in the job, which is not checked then."""
+    first = diagnosis.diagnostics[0]
+    profile = diagnosis.profile.name if diagnosis.profile else ""
+    in_profile = DiagnosticRelatedInformation(
+        location=locations.location(first.span, first.path), message=printable(first.localized)
     )
-    return Shown(
-        range=places.text.range(Span(line=1)),
+    return LspDiagnostic(
+        range=locations.text.range(Span(line=1)),
         message=localized(Phrase("not checked: {profile}: {why}", profile=profile, why=printable(first.localized))),
         severity=DiagnosticSeverity.Error,
         code=first.rule.code,
         source=SOURCE,
-        related_information=[there],
+        related_information=[in_profile],
     )
 
 
 def replacement(diagnostic: Diagnostic, text: Text) -> dict[str, str]:
-    """The one word to put in the place of another, where a diagnostic's hint names it: {'old': ..., 'new': ...}."""
+    """Return the one word that replaces another if the diagnostic's hint names it: {'old': ..., 'new': ...}."""
     hint = diagnostic.fields.get("hint", "")
     old = str(
         next((diagnostic.fields[k] for k in ("found", "name", "word", "call") if k in diagnostic.fields), "")

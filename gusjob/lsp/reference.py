@@ -1,5 +1,8 @@
-"""What is known of a word, from the tables that the checks and the language reference are made of: nothing of it is
-written here but which range binds which word."""
+"""Documentation of keywords and calls for hovers.
+
+It comes from the tables of forms, calls and ranges and from the language reference. Only the table of ranges by word is
+here.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +71,7 @@ RANGES: dict[str, _Words] = {
     "laser_power": {"": _POWERS, "NOW": _POWERS_NOW},
     "laser_follow": {"RATIO": (ranges.FOLLOW_RATIO,), "MIN": _FOLLOW, "MAX": _FOLLOW},
 }
-"""By form and word ('' for the number itself); a test tries each of them on the checks."""
+"""Ranges by form and word ('' for the statement's number itself); a test compares them with the checks."""
 
 _SPAN = re.compile(r"`([^`]+)`")
 _CELL = re.compile(r"(?<!\\)\|")
@@ -76,8 +79,8 @@ _WORD = re.compile(r"[A-Za-z_]+")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """A row of the reference's tables of statements: how they are written, and cells by their column's head."""
+class StatementReference:
+    """A row of the reference's tables of statements. `cells`: by the column's head."""
 
     spellings: tuple[str, ...]
     cells: dict[str, str]
@@ -90,9 +93,9 @@ def _reference() -> str:
 
 
 @cache
-def _statements() -> tuple[Entry, ...]:
-    """Every row of the tables of statements."""
-    found: list[Entry] = []
+def _statements() -> tuple[StatementReference, ...]:
+    """Return all rows of the tables of statements."""
+    found: list[StatementReference] = []
     heads: list[str] = []
     for line in _reference().splitlines():
         if not line.startswith("|"):
@@ -102,7 +105,7 @@ def _statements() -> tuple[Entry, ...]:
         if not heads:
             heads = cells
         elif heads[0] == "statement" and (spellings := _SPAN.findall(cells[0])):
-            found.append(Entry(tuple(spellings), dict(zip(heads, cells, strict=False))))
+            found.append(StatementReference(tuple(spellings), dict(zip(heads, cells, strict=False))))
     return tuple(found)
 
 
@@ -112,65 +115,67 @@ def _paragraphs() -> tuple[str, ...]:
     return tuple(" ".join(part.split()) for part in text.split("\n\n") if not part.lstrip().startswith(("|", "#")))
 
 
-def _opens(spelling: str, name: str) -> bool:
-    """Whether a spelling is one of a statement: 'LASER POWER p NOW' of 'LASER POWER'."""
+def _starts_with(spelling: str, name: str) -> bool:
+    """Return whether a spelling begins with a statement's name: 'LASER POWER p NOW' with 'LASER POWER'."""
     return re.match(rf"\[?{re.escape(name)}(?!\w)", spelling) is not None
 
 
 def form_of(line: str) -> str:
-    """Which form a line has, from its first words; '' for none. A line that is not finished has one, too."""
+    """Return the form of a line, which may be incomplete, from its first words; '' for none."""
     words = " ".join(re.findall(r"[A-Za-z_]+2?", line.upper()))
-    if _opens(words, "LASER OFF"):
+    if _starts_with(words, "LASER OFF"):
         return "laser_switch"
-    fits = [key for key, form in FORMS.items() if _opens(words, form.name)]
+    fits = [key for key, form in FORMS.items() if _starts_with(words, form.name)]
     return max(fits, key=lambda key: len(FORMS[key].name), default="")
 
 
 def statement_text(form: str, line: str) -> str:
-    """What a statement does, as the language reference says it (markdown)."""
+    """Return the language reference's description of a statement (markdown)."""
     name = FORMS[form].name
     written = set(_WORD.findall(line.upper()))
-    entries = [e for e in _statements() if any(_opens(spelling, name) for spelling in e.spellings)]
-    now = [e for e in entries if any(s.endswith("NOW") for s in e.spellings) == ("NOW" in written)]
+    statements = [e for e in _statements() if any(_starts_with(spelling, name) for spelling in e.spellings)]
+    matching = [e for e in statements if any(s.endswith("NOW") for s in e.spellings) == ("NOW" in written)]
     parts = []
-    for entry in now or entries:
-        said = [f"**{', '.join(f'`{s}`' for s in entry.spellings)}**", entry.cells.get("meaning", "")]
-        said += [f"{head}: {entry.cells[head]}" for head in ("range", "default", "calls") if entry.cells.get(head)]
-        parts.append("\n\n".join(said))
-    return "\n\n".join(parts) or _mention(name)
+    for statement in matching or statements:
+        lines = [f"**{', '.join(f'`{s}`' for s in statement.spellings)}**", statement.cells.get("meaning", "")]
+        lines += [
+            f"{head}: {statement.cells[head]}" for head in ("range", "default", "calls") if statement.cells.get(head)
+        ]
+        parts.append("\n\n".join(lines))
+    return "\n\n".join(parts) or _first_paragraph(name)
 
 
-def _mention(name: str) -> str:
-    """The first paragraph that shows how something is written."""
+def _first_paragraph(name: str) -> str:
+    """Return the first paragraph of the reference that shows a statement."""
     for paragraph in _paragraphs():
-        if any(_opens(spelling, name) for spelling in _SPAN.findall(paragraph)):
+        if any(_starts_with(spelling, name) for spelling in _SPAN.findall(paragraph)):
             return paragraph
     return ""
 
 
 def word_text(form: str, word: str) -> str:
-    """What a word of a statement takes: kind and units, range, section of the manual."""
+    """Describe the value of a word: kind and units, range, section of the manual."""
     known = CHANNEL_WORD if word == "CHANNEL" and form.startswith(("laser", "DUTY", "FREQ", "ANA")) else None
     kind = known or FORMS[form].words.get(word)
     allowed = (ranges.CHANNEL,) if known else RANGES.get(form, {}).get(word, ())
     head = f"**{FORMS[form].name} {word}**".replace(" **", "**")
-    told = ([head] if kind or allowed else []) + ([_kind_text(kind)] if kind else [])
-    return "\n\n".join([*told, *(range_text(one) for one in allowed)])
+    parts = ([head] if kind or allowed else []) + ([_kind_description(kind)] if kind else [])
+    return "\n\n".join([*parts, *(range_text(one) for one in allowed)])
 
 
-def _kind_text(word: Word) -> str:
+def _kind_description(word: Word) -> str:
     return WANTED[word.kind] + (", in ms without a unit" if word.ms else "")
 
 
 def range_text(one: Range) -> str:
-    """A range with its section and note, as the reference's table has them."""
-    marks = [text for text, is_so in (("whole", one.whole), ("ends warn", one.ends_tolerated)) if is_so]
+    """Describe a range with its section and note, as the reference's table does."""
+    marks = [text for text, applies in (("whole", one.whole), ("ends warn", one.ends_tolerated)) if applies]
     section = f" (manual, {one.section})" if not one.section.isascii() else f" ({one.section})"
     return f"{one.name}: {one}{', ' if marks else ''}{', '.join(marks)}{section}{f'. {one.note}' if one.note else ''}"
 
 
 def keyword_text(line: str, word: str) -> str:
-    """What is known of a keyword where it stands in a line (markdown); '' for nothing."""
+    """Describe a keyword in a line (markdown); '' if nothing is known."""
     form, word = form_of(line), word.upper()
     if not form or word not in keywords(GRAMMAR):
         return ""
@@ -183,18 +188,18 @@ def keyword_text(line: str, word: str) -> str:
 
 
 def function_text(name: str) -> str:
-    """A function of expressions, as the reference lists it."""
+    """Return the reference's description of a function."""
     found = re.search(rf"`{re.escape(name)}\([^`]*\)`(?: \([^)]*\))?", _reference())
     return found[0] if found else ""
 
 
 def call_text(name: str) -> str:
-    """A GT_ call: its prototype, section and ranges."""
+    """Describe a GT_ call: prototype, section and ranges."""
     signature = SIGNATURES.get(name)
     if signature is None:
         return ""
     ranges = [f"- `{arg.name}` {arg.range}" for arg in signature.args if arg.range is not None]
     section = signature.section
-    told = f"manual, {section}" if not section.isascii() else section
+    source = f"manual, {section}" if not section.isascii() else section
     buffered = "buffered, " if signature.buffered is not None else ""
-    return "\n".join([f"```c\n{signature.prototype};\n```", f"{buffered}{told}", "", *ranges])
+    return "\n".join([f"```c\n{signature.prototype};\n```", f"{buffered}{source}", "", *ranges])
