@@ -13,7 +13,7 @@ from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.diagnostics.suppress import Suppressions
 from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
-from gusjob.frontend.files import may_be_a_part
+from gusjob.frontend.includes import may_be_included
 from gusjob.frontend.source import shown_name
 from gusjob.hardware import JOURNAL_START
 from gusjob.ir.job import Job
@@ -152,7 +152,7 @@ def _idle_allowances(loaded: Loaded) -> list[Diagnostic]:
 
     found = loaded.allowances.diagnostics(loaded.source.name, judged)
     idle = any(diagnostic.rule is rules.ALLOWS_NOTHING for diagnostic in found)
-    if idle and may_be_a_part(loaded.path):  # What it allows may come about where it is included.
+    if idle and may_be_included(loaded.path):  # What it allows may come about where it is included.
         return [diagnostic for diagnostic in found if diagnostic.rule is not rules.ALLOWS_NOTHING]
     return found
 

@@ -12,10 +12,10 @@ from lsprotocol import types as lsp
 
 from gusjob.controllers.gus.calls import SIGNATURES
 from gusjob.diagnostics import rules
-from gusjob.frontend.parse import lines
-from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS
-from gusjob.frontend.parse.lines import keywords, parser
-from gusjob.frontend.parse.statements import GRAMMAR, read_statement
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, parser
+from gusjob.frontend.parse.misread import accepted_after
+from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS
+from gusjob.frontend.parse.statement_parser import parse_statement
 from gusjob.kinematics.units import UNITS, spelling
 from gusjob.lsp.asked import Asked, Spot, spot_at
 from gusjob.lsp.outline import FileOutline
@@ -65,7 +65,7 @@ def _choices(asked: Asked, spot: Spot) -> Iterator[lsp.CompletionItem]:
         return  # Something must stand between.
     allowed = accepted(head)
     for word in allowed:
-        if word in keywords(GRAMMAR) and (not head.strip() or word_fits(head, word)):
+        if word in keywords(JOB_GRAMMAR) and (not head.strip() or word_fits(head, word)):
             yield _item(word, lsp.CompletionItemKind.Keyword)
     if "NAME" in allowed or "LPAR" in allowed:
         yield from _name_items(asked, spot, head, allowed)
@@ -77,18 +77,18 @@ def _item(label: str, kind: lsp.CompletionItemKind, insert: str | None = None) -
 
 def accepted(head: str) -> list[str]:
     """Terminals that the grammar takes behind the beginning of a line."""
-    return list(lines._accepted_after(parser(GRAMMAR), head))
+    return list(accepted_after(parser(JOB_GRAMMAR), head))
 
 
 def word_fits(head: str, word: str) -> bool:
     """Whether a statement takes a word: the grammar leaves it to the reader which one takes which, and only once."""
-    _, diagnostics = read_statement(f"{head}{word} 1", 1)
+    _, diagnostics = parse_statement(f"{head}{word} 1", 1)
     return not any(diagnostic.rule in (rules.FOREIGN, rules.TWICE) for diagnostic in diagnostics)
 
 
 def unit_fits(head: str, unit: str) -> bool:
     """Whether a number at the end of the beginning of a line may have a unit."""
-    _, diagnostics = read_statement(head + unit, 1)
+    _, diagnostics = parse_statement(head + unit, 1)
     return bool(accepted(head + unit)) and not any(diagnostic.rule is rules.WRONG_UNIT for diagnostic in diagnostics)
 
 

@@ -11,7 +11,7 @@ from lsprotocol import types as lsp
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes import MENDS, key_of, mended
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend.parse.statements import strip_comment
+from gusjob.frontend.parse.statement_parser import strip_comment
 from gusjob.i18n.phrases import Phrase, localized
 from gusjob.lsp.asked import Asked
 from gusjob.lsp.asked import key_of as place_key
@@ -27,13 +27,13 @@ _BOM = b"\xef\xbb\xbf"
 
 def laid_out(asked: Asked) -> list[lsp.TextEdit] | None:
     """The edit that lays a job out as `gusjob fmt` does; none where it can't be read or is so already."""
-    from gusjob.frontend.format import formatted
+    from gusjob.frontend.format import format_text
 
     text = asked.task.text
     if asked.is_listing:
         return None
     old = text.data.decode("utf-8", "replace")
-    new, _ = formatted(old)
+    new, _ = format_text(old)
     if new is None or new == old:
         return []
     return [_edit(text, utf8(new))]

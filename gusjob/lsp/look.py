@@ -7,9 +7,9 @@ import re
 import numpy as np
 from lsprotocol import types as lsp
 
-from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS, Expression, Mismatch
-from gusjob.frontend.parse.expressions import Type as NumberType
-from gusjob.frontend.parse.statements import read_statement, strip_comment
+from gusjob.frontend.parse.expressions import Expression, Mismatch
+from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NumberType
+from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
 from gusjob.i18n.phrases import number
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
 from gusjob.lsp.asked import LETTERS, Asked, Spot, key_of, spot_at
@@ -76,7 +76,7 @@ def _constant(files: list[FileOutline], name: str, depth: int) -> tuple[float, N
         return None
     # The statement of a shape stands for all its lines: the numbers are in the line itself.
     file = next(file for file in files if named[0] in file.entries)
-    own, _ = read_statement(file.source.line(named[0].line), 1) if file.source else (None, [])
+    own, _ = parse_statement(file.source.line(named[0].line), 1) if file.source else (None, [])
     expression: Expression | None = own.arguments[0] if own and own.arguments else None
     if expression is None:
         return None

@@ -10,10 +10,11 @@ import numpy as np
 
 from gusjob.diagnostics.model import Span
 from gusjob.frontend import Source, check_text, is_listing
-from gusjob.frontend.files import included
-from gusjob.frontend.parse.forms import Field
-from gusjob.frontend.parse.job_reader import BROKEN, RowOp, read_job_text
-from gusjob.frontend.parse.statements import Statement, read_statement, strip_comment
+from gusjob.frontend.includes import find_include
+from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.job_reader import read_job_text
+from gusjob.frontend.parse.statement import BROKEN, RowOp, Statement
+from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
 from gusjob.lsp.desk import Desk
 from gusjob.lsp.text import Text
 
@@ -86,7 +87,7 @@ def target(entry: Entry, file: FileOutline, top: Source) -> Path | None:
     """The file that an INCLUDE names, where it may be read."""
     if file.source is None:
         return None
-    source, _ = included(entry.text, file.source, top)
+    source, _ = find_include(entry.text, file.source, top)
     return None if source is None or source.path is None else Path(source.path)  # No longer one of the desk's.
 
 
@@ -96,7 +97,7 @@ def _entries(source: Source | None) -> list[Entry]:
         return []
     read = read_job_text(source)
     op, line = read.rows.op, read.rows.line
-    node, value = read.rows.column(Field.NODE), read.rows.column(Field.VALUE)
+    node, value = read.rows.column(Column.NODE), read.rows.column(Column.VALUE)
     wanted = np.flatnonzero((op == RowOp.FRAME) | (op == RowOp.CONTROL) | (op == RowOp.SETUP))
     last = source.count_lines()
     found: list[Entry] = []
@@ -129,7 +130,7 @@ def _entry(form: str, line: int, statement: Statement | None, source: Source) ->
     whole = Span(line=line, column=start + 1, end_line=line, end_column=end + 1)
     parameters: tuple[str, ...] = ()
     if form == "include":  # Read again: what the names of two files differ in may be digits.
-        own, _ = read_statement(text, line)
+        own, _ = parse_statement(text, line)
         name = own.text if own else ""
     elif form == "def":
         parameters = names[1:]

@@ -30,7 +30,7 @@ from gusjob.cli.check_command import judged
 from gusjob.controllers.gus.ranges import Range
 from gusjob.diagnostics.model import Span
 from gusjob.frontend.parse.forms import FORMS
-from gusjob.frontend.parse.lines import keywords
+from gusjob.frontend.parse.grammar import keywords
 from gusjob.kinematics.units import UNITS
 from gusjob.lsp.complete import accepted, unit_fits
 from gusjob.lsp.desk import Desk, path_of, uri_of

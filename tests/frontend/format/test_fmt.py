@@ -25,9 +25,9 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import has_errors
 from gusjob.frontend import Source, check_text, read_job, read_source
 from gusjob.frontend.expand.program import MAX_NESTING
-from gusjob.frontend.format import formatted, laid_out, layout
-from gusjob.frontend.format.difference import difference
+from gusjob.frontend.format import format_source, format_text, formatter
 from gusjob.frontend.format.statement import canonical
+from gusjob.frontend.format.unified_diff import unified_diff
 from gusjob.frontend.parse.job_reader import JobText, read_job_text
 from gusjob.frontend.scan import shapes
 from gusjob.frontend.scan.shapes import MAX_LINE
@@ -43,7 +43,7 @@ KEYWORDS = set(re.findall(r"^([A-Z0-9]+)(?:\.\d)?: /", GRAMMAR, re.MULTILINE))
 
 def done(text: str) -> str:
     """A text laid out that can be read."""
-    result, diagnostics = formatted(text)
+    result, diagnostics = format_text(text)
     assert result is not None, [diagnostic.message for diagnostic in diagnostics]
     return result
 
@@ -270,13 +270,13 @@ def test_what_is_too_long_stays() -> None:
 
 @pytest.mark.parametrize("text", ["LINE X 1\nQQ\n", "LINE X\n", "VEL 1e16\n", "wait\nLINE X 1 X 2\n", "a\0", "\ud800"])
 def test_what_can_not_be_read_has_errors(text: str) -> None:
-    result, diagnostics = formatted(text)
+    result, diagnostics = format_text(text)
     assert result is None
     assert has_errors(diagnostics)
 
 
 def test_many_faults_are_counted() -> None:
-    _, diagnostics = formatted("QQ\n" * 3000)
+    _, diagnostics = format_text("QQ\n" * 3000)
     assert [f.rule.code for f in diagnostics] == ["GJ102"] * 1000 + ["GJ005"]
 
 
@@ -335,10 +335,10 @@ def compiled(source: Source, machine: Machine) -> Calls:
 
 def changes_only_looks(source: Source, machine: Machine) -> Source:
     """All that must hold for a text that can be read; the text as it is laid out."""
-    data, diagnostics = laid_out(source)
+    data, diagnostics = format_source(source)
     assert data is not None, [diagnostic.message for diagnostic in diagnostics]
     after = replace(source, data=data, _ends=None)
-    assert laid_out(after) == (data, [])
+    assert format_source(after) == (data, [])
     old, new = source.data.decode(), data.decode()
     assert comments(new) == comments(old)
     assert numbers(new) == numbers(old)
@@ -450,7 +450,7 @@ def test_random_jobs_stay_what_they_are(seed: int) -> None:
     machine = Machine()
     text = Writer(rng, odd=rng.choice((0, 0, 60))).job()
     if read_job_text(source_of(text)).diagnostics:  # Something off that can't be read at all.
-        assert formatted(text)[0] is None
+        assert format_text(text)[0] is None
         return
     other = scrambled(rng, text)
     after = changes_only_looks(source_of(other), machine)
@@ -463,7 +463,7 @@ def test_random_jobs_stay_what_they_are(seed: int) -> None:
 def test_most_random_jobs_are_laid_out() -> None:
     """Else the test above would test little."""
     texts = [Writer(Random(seed), odd=60).job() for seed in range(20)]
-    assert sum(formatted(scrambled(Random(1), text))[0] is not None for text in texts) > 10
+    assert sum(format_text(scrambled(Random(1), text))[0] is not None for text in texts) > 10
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.name)
@@ -475,7 +475,7 @@ def test_files_stay_what_they_are(path: Path) -> None:
     machine, _ = read_machine(found) if found else (Machine(), [])
     unread = {f.span.line for f in read_job_text(source).diagnostics}
     if unread:  # What is left without those lines must hold.
-        data, diagnostics = laid_out(source)
+        data, diagnostics = format_source(source)
         assert data is None
         assert {f.span.line for f in diagnostics} == unread
         assert {f.path for f in diagnostics} == {source.name}
@@ -489,7 +489,7 @@ def test_files_stay_what_they_are(path: Path) -> None:
 def test_junk(pieces: list[str]) -> None:
     for joint in ("", " "):
         text = "IF " + joint.join(pieces)
-        result, diagnostics = formatted(text)
+        result, diagnostics = format_text(text)
         assert (result is None) == bool(diagnostics)
         if result is not None:
             assert done(result) == result
@@ -504,7 +504,7 @@ def test_a_shape_is_laid_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
         asked.append(text)
         return canonical(text)
 
-    monkeypatch.setattr(layout, "canonical", counted)
+    monkeypatch.setattr(formatter, "canonical", counted)
     count, localized = 20_000, "; " + "more than a chunk " * 6 + "."
     lines = [f"line x{i}.5y-{i}  acc{i}mm/s2 {localized}\nLASER on" for i in range(count)]
     result = done("\n".join(lines)).splitlines()
@@ -513,7 +513,7 @@ def test_a_shape_is_laid_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
         f"LINE X {i}.5 Y -{i} ACC {i}mm/s2" for i in range(count)
     ]
     assert comments("\n".join(result)) == [localized] * count
-    assert len("\n".join(lines)) > shapes._CHUNK
+    assert len("\n".join(lines)) > shapes.CHUNK
 
 
 # The diff.
@@ -548,7 +548,7 @@ def test_the_diff_leads_to_the_layout(seed: int) -> None:
     lines = ["WAIT", "WAIT", "WAIT", "WAIT", "wait", "", "", " ", "; c"]
     before = "\n".join(rng.choice(lines) for _ in range(rng.randrange(40))) + rng.choice(("", "\n"))
     after = done(before)
-    diff = b"".join(difference("a", before.encode(), after.encode()))
+    diff = b"".join(unified_diff("a", before.encode(), after.encode()))
     assert bool(diff) == (before != after)
     if diff:
         assert patched(before.encode(), diff) == after.encode()
@@ -556,11 +556,11 @@ def test_the_diff_leads_to_the_layout(seed: int) -> None:
 
 def test_the_diff_has_three_lines_around() -> None:
     before = b"\n".join([b"WAIT"] * 10 + [b"wait"] + [b"WAIT"] * 10) + b"\n"
-    diff = b"".join(difference("a", before, before.upper())).decode()
+    diff = b"".join(unified_diff("a", before, before.upper())).decode()
     assert diff == "--- a\n+++ a\n@@ -8,7 +8,7 @@\n WAIT\n WAIT\n WAIT\n-wait\n+WAIT\n WAIT\n WAIT\n WAIT\n"
     for between, hunks in ((6, 1), (7, 2)):
         before = b"wait\n" + b"WAIT\n" * between + b"wait\n"
-        assert b"".join(difference("a", before, before.upper())).count(b"@@ -") == hunks
+        assert b"".join(unified_diff("a", before, before.upper())).count(b"@@ -") == hunks
 
 
 # The command.
@@ -702,7 +702,7 @@ def test_a_job_saved_in_the_meantime_stays(tmp_path: Path, monkeypatch: pytest.M
         path.write_text("; mine\n")
         return read_job_text(source)
 
-    monkeypatch.setattr(layout, "read_job_text", saves)
+    monkeypatch.setattr(formatter, "read_job_text", saves)
     ran = gusjob(path)
     assert ran.exit_code == 2
     assert "the file has changed in the meantime" in ran.stderr
