@@ -53,7 +53,7 @@ def format_source(source: Source) -> tuple[bytes | None, list[Diagnostic]]:
         return None, [replace(diagnostic, path=source.name) for diagnostic in diagnostics]
     first = source.data.find(b"\n")
     end = b"\r\n" if first > 0 and source.data[first - 1] == ord("\r") else b"\n"
-    formatter = _Formatter()
+    formatter = _JobFormatter()
     for chunk in chunks(source.data.replace(b"\r\n", b"\n")):
         formatter.add_chunk(chunk)
     lines = formatter.finish()
@@ -85,7 +85,7 @@ _NO_STATEMENT = _LineFormat(pattern=b"")
 
 
 @dataclass(slots=True)
-class _Formatter:
+class _JobFormatter:
     lines: list[bytes] = field(default_factory=list)
     trailing_comments: list[tuple[int, int, bytes]] = field(default_factory=list)
     """Comments after statements: index of the line, the column where it was, the comment."""
