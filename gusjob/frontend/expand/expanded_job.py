@@ -10,7 +10,7 @@ from gusjob.frontend.parse.job_reader import JobText
 from gusjob.frontend.parse.statement import Statement
 from gusjob.frontend.scan.rows import Rows
 from gusjob.frontend.source_map import SourceMap
-from gusjob.ir.job import Provenance
+from gusjob.ir.provenance import Provenance
 from gusjob.kinematics.arrays import Ints
 
 

@@ -15,7 +15,7 @@ from gusjob.frontend.expand.program import Item, StatementRun
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.source_map import SourceMap
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Provenance, provenance_remarks
+from gusjob.ir.provenance import Provenance
 
 MAX_STEPS = 4_000_000
 """Steps of work. A statement that runs alone (in sequential loops, in routines that call themselves) takes about five
@@ -57,7 +57,7 @@ class Ledger:
         collector = Collector("")
         for (_, line, word), (rule, provenance, fields, count) in self.reported.items():
             if collector.room(rule):
-                remarks = provenance_remarks(self.provenance, provenance, self.sources.locate)
+                remarks = self.provenance.remarks(provenance, self.sources.locate)
                 collector.add(rule, self.sources.locate(line, word), fields, count, remarks)
             else:
                 collector.uncounted(rule, 1)

@@ -11,7 +11,7 @@ from gusjob.config.machine import Machine
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.scan.rows import Rows
-from gusjob.ir.job import Op
+from gusjob.ir.path import Op
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 

@@ -9,7 +9,7 @@ import numpy as np
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns
-from gusjob.ir.job import Op, Path
+from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
 from gusjob.kinematics.trapezoids import running_sum

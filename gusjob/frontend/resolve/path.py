@@ -14,8 +14,9 @@ from gusjob.frontend.resolve.columns import PATH_OP, ResolvedColumns
 from gusjob.frontend.resolve.frames import Frames, bent_arcs
 from gusjob.frontend.resolve.positions import positions
 from gusjob.frontend.resolve.speeds import velocity_and_acceleration
-from gusjob.ir.job import Path, chords, with_lines
+from gusjob.ir.path import Path, with_chords
 from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 from gusjob.kinematics.geometry import CLOSES_MM
 
 
@@ -115,7 +116,7 @@ def _path(columns: ResolvedColumns, frames: Frames | None) -> Path:
         power_unit=cut(columns.power_unit(Column.VALUE)),
         low_unit=cut(columns.power_unit(Column.LOW)),
         high_unit=cut(columns.power_unit(Column.HIGH)),
-        trail=cut(columns.provenance()),
+        provenance=cut(columns.provenance()),
     )
 
 
@@ -150,6 +151,7 @@ def _with_chords(
     off = np.flatnonzero(np.abs(start_mm - end_mm) > CLOSES_MM)
     _, first = np.unique(columns.rows.line[rows[off]], return_index=True)
     open_arcs = tuple(OpenArc(int(rows[i]), float(start_mm[i]), float(end_mm[i])) for i in off[first].tolist())
-    counts, x, y = chords(arcs, start_mm, machine.chord_tolerance_um)
-    longer, origin = with_lines(path, at, counts, *frames.vectors_to_machine(np.repeat(own, counts), x, y))
+    counts = chord_counts(arcs.sweep, chord_angles(start_mm, machine.chord_tolerance_um / 1000))
+    x, y = chord_ends(arcs, counts)
+    longer, origin = with_chords(path, at, counts, *frames.vectors_to_machine(np.repeat(own, counts), x, y))
     return longer, np.searchsorted(origin, np.arange(len(path) + 1), side="left"), open_arcs

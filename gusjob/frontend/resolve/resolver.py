@@ -35,12 +35,12 @@ def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnost
         setups=resolve_setups(columns, expanded.setups, path),
         locate=sources.locate,
         text_of=sources.text_of,
-        set_here=lambda line, word: sources.name_remarks(line, word, lets),
+        name_remarks=lambda line, word: sources.name_remarks(line, word, lets),
         files=sources.files,
         included=tuple((source.name, source.data) for source in sources.sources[1:]),
         in_pulses=bool((columns.op == RowOp.UNITS_PULSE).any()),
-        whole=expanded.complete,
-        trails=expanded.provenance,
+        complete=expanded.complete,
+        provenance=expanded.provenance,
     )
     return job, _diagnostics(job, columns, path)
 
@@ -51,14 +51,14 @@ def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list
     found = []
 
     def report(rule: Rule, row: int, word: str, count: int, **fields: Any) -> None:
-        span, remarks = job.locate(int(columns.rows.line[row]), word), job.remarks(int(provenance[row]))
+        span, remarks = job.locate(int(columns.rows.line[row]), word), job.provenance_remarks(int(provenance[row]))
         found.append(Diagnostic(rule=rule, span=span, fields=fields, count=count, remarks=remarks))
 
     op, channel = columns.op, columns.channel()
     written = op == RowOp.CHANNEL
     if columns.has(Column.CHANNEL):
         written = written | ~np.isnan(columns.raw(Column.CHANNEL))
-    bad = np.flatnonzero(written & ((CHANNEL.judge(channel) > 0) | ~CHANNEL.carries(channel)))
+    bad = np.flatnonzero(written & ((CHANNEL.classify(channel) > 0) | ~CHANNEL.carries(channel)))
     for row, count in columns.first_of_lines(bad):
         word, value = "value" if op[row] == RowOp.CHANNEL else "CHANNEL", float(channel[row])
         fields = {"what": "CHANNEL", "value": value, "unit": "", "range": str(CHANNEL), "hint": ""}

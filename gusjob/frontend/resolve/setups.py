@@ -11,9 +11,9 @@ from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import Quantity, RowOp, Statement, unit_of
 from gusjob.frontend.resolve.columns import ResolvedColumns
 from gusjob.frontend.resolve.path import ResolvedPath
-from gusjob.ir.job import (
+from gusjob.ir.setup import (
     Crd,
-    Distance,
+    DistanceFollow,
     LaserDelay,
     LaserDistance,
     LaserFpk,
@@ -45,13 +45,13 @@ def resolve_setups(
         in_pulse = pulses is not None and bool(pulses[row])
         found.append(
             Setup(
-                what=_canonical(statement, in_pulse, columns.machine.pulses_per_mm),
+                statement=_canonical(statement, in_pulse, columns.machine.pulses_per_mm),
                 order=order,
-                at=int(path.path_row(row)),
+                row=int(path.path_row(row)),
                 line=int(columns.rows.line[row]),
                 channel=int(min(max(np.nan_to_num(channel[row]), 0), 1)),
                 word=_shown_name(statement),
-                trail=int(provenance[row]),
+                provenance=int(provenance[row]),
             )
         )
     return tuple(found)
@@ -109,7 +109,7 @@ def _corner(statement: Statement, in_pulse: bool, pulse_per_mm: float) -> tuple[
     return (time.value if time else math.nan, value)
 
 
-def _distance(statement: Statement, in_pulse: bool, pulses_per_mm: tuple[float, float]) -> Distance:
+def _distance(statement: Statement, in_pulse: bool, pulses_per_mm: tuple[float, float]) -> DistanceFollow:
     """LASER DISTANCE with its reference in pulse."""
 
     def reference(quantity: Quantity | None, axis: int) -> float:
@@ -123,7 +123,7 @@ def _distance(statement: Statement, in_pulse: bool, pulses_per_mm: tuple[float, 
     points, ratios = statement.axes["REF"], statement.axes["RATIO"]
     x, y, z, a = (reference(points.get(axis), i) for i, axis in enumerate("XYZA"))
     rx, ry, rz, ra = (ratios[axis].value if axis in ratios else 0.0 for axis in "XYZA")
-    return Distance(
+    return DistanceFollow(
         reference_pulse=(x, y, z, a),
         ratio_per_mm=(rx, ry, rz, ra),
         low=statement.words["MIN"].value,

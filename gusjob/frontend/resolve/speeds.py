@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns, last_set
-from gusjob.ir.job import Speeds
+from gusjob.ir.path import Speeds
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 
@@ -93,6 +93,6 @@ def written_speeds(columns: ResolvedColumns, path_row: Callable[[Indices], Indic
         value=np.concatenate([value for _, _, value, _, _ in parts]),
         in_mm=np.concatenate([in_mm for _, _, _, in_mm, _ in parts]),
         inline=np.concatenate([np.full(len(at), inline) for at, _, _, _, inline in parts]),
-        trail=np.concatenate([provenance[at] for at, *_ in parts]),
-        at=np.concatenate([path_row(at) - inline for at, _, _, _, inline in parts]),
+        provenance=np.concatenate([provenance[at] for at, *_ in parts]),
+        row=np.concatenate([path_row(at) - inline for at, _, _, _, inline in parts]),
     )
