@@ -28,8 +28,10 @@ from gusjob.frontend.scan.shapes import MAX_LINE
         ("LASER STANDBY FREQ5hz DUTY2", "LASER STANDBY FREQ 5Hz DUTY 2"),
         ("LASER STANDBY FREQ5DUTY3 CHANNEL1", "LASER STANDBY FREQ 5 DUTY 3 CHANNEL 1"),
         ("LASER PREVOLT 400MV", "LASER PREVOLT 400mV"),
-        ("laser distance ref x0y0 ratio x.1y.1 min1max 9 source=planned",
-         "LASER DISTANCE REF X 0 Y 0 RATIO X .1 Y .1 MIN 1 MAX 9 SOURCE PLANNED"),
+        (
+            "laser distance ref x0y0 ratio x.1y.1 min1max 9 source=planned",
+            "LASER DISTANCE REF X 0 Y 0 RATIO X .1 Y .1 MIN 1 MAX 9 SOURCE PLANNED",
+        ),
         ("SKYWRITE MODE2TIMELAG 250US nprev=auto", "SKYWRITE MODE 2 TIMELAG 250us NPREV AUTO"),
         ("LET Pitch=2*( 3-n )", "LET Pitch = 2 * (3 - n)"),
         ("let a = - b+-c--d", "LET a = -b + -c - -d"),
@@ -49,7 +51,7 @@ from gusjob.frontend.scan.shapes import MAX_LINE
         ("\t// alone", "// alone"),
         ("WAIT//", "WAIT  //"),
     ],
-)  # fmt: skip
+)
 def test_a_line(written: str, expected: str) -> None:
     assert formatted(written) == expected + "\n"
     assert formatted(expected + "\n") == expected + "\n"
@@ -168,9 +170,7 @@ ACC 1  ; a
 """
     assert formatted(text) == expected
     assert formatted(expected) == expected
-    assert (
-        formatted("VEL 5        ; a\nWAIT         ; b\n") == "VEL 5        ; a\nWAIT         ; b\n"
-    )
+    assert formatted("VEL 5        ; a\nWAIT         ; b\n") == "VEL 5        ; a\nWAIT         ; b\n"
 
 
 def test_columns_are_characters() -> None:
