@@ -12,7 +12,7 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from gusjob.controllers.gus.calls import (
     BUFFERED,
-    PASSED_OVER,
+    IGNORED_CALLS,
     SIGNATURES,
     Arg,
     ArgKind,
@@ -252,7 +252,7 @@ class _ListingReader:
 
     def report_unknown_call(self, name: str, token: Token, line: int) -> None:
         """Report a call that is ignored, or one that is not known."""
-        if name in PASSED_OVER or not name.startswith("GT_"):
+        if name in IGNORED_CALLS or not name.startswith("GT_"):
             self.report_at(rules.CALL_IGNORED, token, line, call=name)
         else:
             near = get_close_matches(name, SIGNATURES, 1, cutoff=0.8)

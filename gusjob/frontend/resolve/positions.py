@@ -7,8 +7,7 @@ import numpy as np
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.resolve.columns import ResolvedColumns, filled, last_set
 from gusjob.frontend.resolve.frames import Frames, positions_in_frames
-from gusjob.kinematics.arrays import Bools, Floats
-from gusjob.kinematics.trapezoids import running_sum
+from gusjob.kinematics.arrays import Bools, Floats, running_sum
 
 _STAYS_PULSE = 1e-6
 

@@ -7,8 +7,8 @@ import pytest
 from support.tools import stream_of
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.report.rows import make_report
-from gusjob.simulate import interpret
 from gusjob.view.page.content import page_of
 from gusjob.view.page.encode import decode, encode
 from gusjob.view.page.render import MAX_BYTES, Page
@@ -17,7 +17,7 @@ from gusjob.view.strokes import strokes_of
 
 def page(text: str, machine: Machine | None = None) -> Page:
     machine = machine or Machine()
-    trace, _ = interpret(stream_of(text, machine), machine)
+    trace, _ = simulate_stream(stream_of(text, machine), machine)
     assert trace is not None
     return page_of(make_report(trace, machine), strokes_of(trace, machine), machine, [])
 
@@ -54,11 +54,9 @@ def test_places_are_right_however_far_or_fine(scale: float, field: float, x: flo
     assert ends(found)[0][-1] == pytest.approx(x, abs=max(0.51 / scale, 1e-3 if field > 1000 else 0))
 
 
-def test_light_that_is_not_drawn_is_told() -> None:
+def test_emission_that_is_not_drawn_is_noted() -> None:
     """30 ms of off delay at 40 % behind the motion."""
     text = "LASER MODE DUTY CARRIER 20\nLASER DELAY ON 0 OFF 30ms\nVEL 500\nACC 50000\nLASER POWER 40\nLASER ON\n"
     found = page(text + "LINE X 1\nLASER OFF\n")
-    assert found.facts["remarks"] == [
-        "Not drawn: 1200 %*ms of light of channel 0 before the motion or behind the end of a stage."
-    ]
+    assert found.facts["remarks"] == ["Emission while standing still is not drawn (channel 0: 1200 %*ms)."]
     assert page(text.replace("OFF 30ms", "OFF 0") + "LINE X 1\nLASER OFF\n").facts["remarks"] == []
