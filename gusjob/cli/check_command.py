@@ -13,13 +13,13 @@ from gusjob.cli.common import Verdict, files_of, machine_option, output_option, 
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.cli.mending import Mending
-from gusjob.cli.text import padded
-from gusjob.diagnostics.formats.gathering import gathering
+from gusjob.diagnostics.formats.writers import writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
+from gusjob.i18n.width import padded
 from gusjob.pipeline import Loaded, load, look_closer, selected
 
 _CHECKED = (".job", ".gts")
@@ -70,7 +70,7 @@ def command(
     _refuse(form, output, statistics=statistics, diffs=diffs)
     asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(asked=asked, verdict=Verdict(strict=strict))
-    gathered = gathering(form, strict=strict, by_rule=sums.by_rule if statistics else None)
+    writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
     mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
@@ -79,15 +79,15 @@ def command(
         loaded = judged(path, machine_path)
         loaded = loaded if mending is None else mending.mended(loaded)
         sums.add(loaded)
-        if gathered is not None:
-            gathered.add(loaded)
+        if writer is not None:
+            writer.add(loaded.path, loaded.diagnostics, loaded.text_of, readable=not loaded.unreadable)
         elif not statistics:
             show(loaded, err=diffs)
-    if gathered is not None:
-        write([gathered.written()], output, sources=sums.read)
+    if writer is not None:
+        write([writer.to_bytes()], output, sources=sums.read)
     elif statistics:
         _print_statistics(sums.by_rule)
-    if gathered is None or output is not None or mending is not None:
+    if writer is None or output is not None or mending is not None:
         click.echo(sums.told + (mending.told if mending else ""), err=True)
     sys.exit(max(sums.verdict.exit_code, mending.exit_code if mending else 0))
 

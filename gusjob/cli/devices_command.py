@@ -12,11 +12,11 @@ import click
 
 from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.cli.language import Command
-from gusjob.cli.text import width, wrapped
 from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_machine
 from gusjob.frontend import read_source
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
+from gusjob.i18n.width import width, wrapped
 from gusjob.pipeline import Loaded
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.

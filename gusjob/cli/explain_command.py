@@ -8,12 +8,12 @@ from textwrap import indent
 import click
 
 from gusjob.cli.language import Command
-from gusjob.cli.text import padded, wrapped
 from gusjob.diagnostics.model import Rule
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend.parse.lines import nearest
 from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, localized, printable
+from gusjob.i18n.width import padded, wrapped
 
 
 @click.command(name="explain", cls=Command)

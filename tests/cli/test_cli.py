@@ -128,7 +128,7 @@ def test_statistics_count_rounds(tmp_path: Path) -> None:
 def test_explain() -> None:
     result = gusjob("explain", "gj402")
     assert result.exit_code == 0
-    for text in ("GJ402 error: jump with light", "The jump would be burnt", "bad:", "    JUMP X 5", "good:"):
+    for text in ("GJ402 error: jump with the laser on", "The jump would be marked", "bad:", "    JUMP X 5", "good:"):
         assert text in result.output
     assert "GJ715" in gusjob("explain").output
     missing = gusjob("explain", "GJ4022")

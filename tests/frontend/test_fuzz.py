@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.tools import ROOT
 
-from gusjob.cli.text import diagnostic_text
 from gusjob.config.machine import Machine
 from gusjob.config.profile import parse_machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
+from gusjob.diagnostics.formats.text import diagnostic_text
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.frontend import Source, check_text, read_job, read_listing
 from gusjob.lint import check

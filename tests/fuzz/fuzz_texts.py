@@ -19,8 +19,8 @@ from pathlib import Path
 import atheris  # type: ignore[import-untyped,import-not-found,unused-ignore]  # installed by hand
 
 with atheris.instrument_imports(include=["gusjob"]):
-    from gusjob.cli.text import diagnostic_text
     from gusjob.config.machine import Machine
+    from gusjob.diagnostics.formats.text import diagnostic_text
     from gusjob.diagnostics.model import Diagnostic, has_errors
     from gusjob.frontend import check_text, read_job, read_listing
     from gusjob.frontend.expand import ledger

@@ -10,9 +10,9 @@ import pytest
 from support.tools import ROOT
 
 from gusjob.cli.check_command import judged
-from gusjob.cli.text import diagnostic_text
 from gusjob.config.profile import read_machine
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.formats.text import diagnostic_text
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend import check_text, read_job, read_source
