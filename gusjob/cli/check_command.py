@@ -11,8 +11,8 @@ import click
 
 from gusjob.cli.common import Verdict, files_of, machine_option, output_option, show, write
 from gusjob.cli.files import files_named
+from gusjob.cli.fixes import FileFixer
 from gusjob.cli.language import Command
-from gusjob.cli.mending import Mending
 from gusjob.diagnostics.formats.writers import writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
@@ -51,9 +51,9 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 @click.option("--ignore", multiple=True, callback=_prefixes, metavar="CODES", help="All but these rules.")
 @click.option("--statistics", is_flag=True, help="Count the faults of each rule in place of listing them.")
 @click.option(
-    "--fix", "fixes", is_flag=True, help="Mend in the files what leaves one thing to write; show what is left."
+    "--fix", "fixes", is_flag=True, help="Correct problems that have only one possible correction; show the rest."
 )
-@click.option("--diff", "diffs", is_flag=True, help="Write nothing; show what --fix would change.")
+@click.option("--diff", "diffs", is_flag=True, help="Show what --fix would change; write nothing.")
 def command(
     paths: tuple[Path, ...], machine_path: Path | None, form: str, output: Path | None, strict: bool,
     select: tuple[str, ...], ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
@@ -65,19 +65,19 @@ def command(
     also a warning), 2 a file that can't be read. A diagnostic that is not selected, here or in the profile's [check],
     does not count.
 
-    With --fix it is the exit status of what is left; with --diff 1 if there is something to mend.
+    With --fix, the exit status is that of the corrected files; with --diff, it is 1 if something can be fixed.
     """
     _refuse(form, output, statistics=statistics, diffs=diffs)
     asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(asked=asked, verdict=Verdict(strict=strict))
     writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
-    mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
+    fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
         _keep(output, files)
     for path in files:
         loaded = judged(path, machine_path)
-        loaded = loaded if mending is None else mending.mended(loaded)
+        loaded = loaded if fixer is None else fixer.fix(loaded)
         sums.add(loaded)
         if writer is not None:
             writer.add(loaded.path, loaded.diagnostics, loaded.text_of, readable=not loaded.unreadable)
@@ -87,9 +87,9 @@ def command(
         write([writer.to_bytes()], output, sources=sums.read)
     elif statistics:
         _print_statistics(sums.by_rule)
-    if writer is None or output is not None or mending is not None:
-        click.echo(sums.told + (mending.told if mending else ""), err=True)
-    sys.exit(max(sums.verdict.exit_code, mending.exit_code if mending else 0))
+    if writer is None or output is not None or fixer is not None:
+        click.echo(sums.told + (fixer.summary if fixer else ""), err=True)
+    sys.exit(max(sums.verdict.exit_code, fixer.exit_code if fixer else 0))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -145,7 +145,7 @@ def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) ->
 
 
 def _keep(output: Path, files: list[Path]) -> None:
-    """What is mended is not to be written over behind that."""
+    """Refuse an output file that is one of the files to fix."""
     for path in files:
         if output.exists() and path.exists() and output.samefile(path):
             wrong = Phrase("--fix would write over {path}: name another file with -o", path=output)

@@ -9,7 +9,7 @@ import numpy as np
 from lsprotocol import types as lsp
 
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.fixes import MENDS, key_of, mended
+from gusjob.diagnostics.fixes import FIXES, apply_fixes, key_of
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.statements import strip_comment
 from gusjob.i18n.phrases import Phrase, localized
@@ -62,7 +62,7 @@ def _common(a: bytes, b: bytes) -> int:
 
 
 def fixes(asked: Asked, place: lsp.Range) -> list[lsp.CodeAction] | None:
-    """For diagnostics at a place whose hint names one replacement: that one; else the mend of `gusjob check --fix`."""
+    """For diagnostics at a place whose hint names one replacement: that one; else the fix of `gusjob check --fix`."""
     if asked.judged is None:
         return None
     text, found, mending = asked.task.text, list[lsp.CodeAction](), _Mending(asked)
@@ -104,19 +104,19 @@ class _Mending:
         """What `gusjob check --fix` would make of one diagnostic, if it would."""
         task, judged = self.asked.task, self.asked.judged
         own = judged is not None and task.path is not None and judged.top == str(task.path)
-        if diagnostic.rule.code not in MENDS or not own or self.looked_for >= MAX_MENDS:
+        if diagnostic.rule.code not in FIXES or not own or self.looked_for >= MAX_MENDS:
             return []
         self.looked_for += 1
         if self.before is None:
             self.before = self.loaded(task.text.data)
             look_closer(self.before)
         key = key_of(diagnostic)
-        done = mended(self.before, self.loaded, lambda other: key_of(other) == key)
+        done = apply_fixes(self.before, self.loaded, lambda other: key_of(other) == key)
         if not done.count:
             return []
         bom = _BOM * task.text.data.startswith(_BOM)
         edit = lsp.WorkspaceEdit(changes={task.uri: [_edit(task.text, bom + done.data)]})
-        title = localized(Phrase("Mend: {title}", title=Phrase(diagnostic.rule.title)))
+        title = localized(Phrase("Fix: {title}", title=Phrase(diagnostic.rule.title)))
         return [lsp.CodeAction(title=title, kind=lsp.CodeActionKind.QuickFix, edit=edit, is_preferred=True)]
 
     def loaded(self, data: bytes) -> Loaded:

@@ -32,7 +32,7 @@ END
 FAULTS = {(4, "GJ142", "note"), (8, "GJ404", "warning"), (11, "GJ141", "note")}
 
 
-def judged(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> Loaded:
+def checked(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> Loaded:
     loaded = load(path, None)
     look_closer(loaded)
     loaded.diagnostics = selected(loaded, asked)
@@ -41,7 +41,7 @@ def judged(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> Loaded:
 
 def found(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> set[tuple[int, str, str]]:
     """(line, code, severity) of what counts in a file."""
-    return {(f.span.line, f.rule.code, f.severity.value) for f in judged(path, asked).diagnostics}
+    return {(f.span.line, f.rule.code, f.severity.value) for f in checked(path, asked).diagnostics}
 
 
 def diagnostic(code: str, path: str = "a.job") -> Diagnostic:
@@ -244,7 +244,7 @@ def test_several_rules_on_a_line(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_not_followed(tmp_path: Path, comment: str, line: int, code: str, said: str) -> None:
-    loaded = judged(write(tmp_path, allowing("DWELL 3", comment)))
+    loaded = checked(write(tmp_path, allowing("DWELL 3", comment)))
     assert {(f.span.line, f.rule.code, f.severity.value) for f in loaded.diagnostics} == FAULTS | {
         (line, code, "warning")
     }
@@ -282,7 +282,7 @@ def test_in_an_included_file(tmp_path: Path) -> None:
     delay = "LASER DELAY ON 9us OFF 5us"
     write(tmp_path, f"{delay} ; allow GJ306: measured\n{delay}\nDWELL 1 ; allow GJ404: no light\n", "part.job")
     path = write(tmp_path, 'WAIT\nINCLUDE "part.job"\n')
-    told = [(Path(f.file).name, f.span.line, f.rule.code) for f in judged(path).diagnostics]
+    told = [(Path(f.file).name, f.span.line, f.rule.code) for f in checked(path).diagnostics]
     assert told == [("part.job", 2, "GJ306")]  # What is idle here may be needed in another job that includes it.
 
 
@@ -373,7 +373,7 @@ def test_an_error_behind_a_thousand_warnings_is_refused(tmp_path: Path) -> None:
 
 def test_idle_comments_are_listed_like_other_faults(tmp_path: Path) -> None:
     path = write(tmp_path, "DWELL 3 ; allow GJ404: preheat\n" * 1500)
-    told = [f.rule.code for f in judged(path).diagnostics]
+    told = [f.rule.code for f in checked(path).diagnostics]
     assert told.count("GJ145") == 1000 and told.count("GJ005") == 1
 
 
