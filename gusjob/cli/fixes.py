@@ -10,7 +10,7 @@ import click
 from gusjob.cli.common import bom_of, rewrite, write
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.phrases import Phrase, localized, printable
-from gusjob.pipeline import Loaded, load
+from gusjob.pipeline import Checked, FileResult, load
 
 
 @dataclass(slots=True, kw_only=True)
@@ -23,9 +23,9 @@ class FileFixer:
     count: int = 0
     exit_code: int = 0
 
-    def fix(self, loaded: Loaded) -> Loaded:
-        """Fix a checked file and return it as it is after that; listings, journals and profiles stay as they are."""
-        if loaded.job is None or loaded.source is None:
+    def fix(self, loaded: FileResult) -> FileResult:
+        """Fix an examined file and return the new result; listings, journals and profiles stay as they are."""
+        if not isinstance(loaded, Checked) or loaded.job is None:
             return loaded
         from gusjob.diagnostics.fixes import apply_fixes  # Start-up time is part of the tool.
 

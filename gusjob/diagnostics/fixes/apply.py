@@ -13,15 +13,15 @@ from gusjob.diagnostics.fixes.edits import Fix, FixContext, apply_edits, without
 from gusjob.diagnostics.fixes.proof import Key, key_of, prove
 from gusjob.diagnostics.fixes.table import FIXES, SYNTAX_RULES
 from gusjob.diagnostics.model import Diagnostic, has_errors
-from gusjob.pipeline import Loaded, look_closer
+from gusjob.pipeline import Checked, FileResult, examine
 
 MAX_ITERATIONS = 200
 """1000 diagnostics of a rule are listed at once, so a file with 100,000 of them is fixed completely."""
 MAX_CHECKS = 100
 """How often a file is checked in search of fixes whose proof fails; fixes that were not tried are not made."""
 
-Checker = Callable[[bytes], Loaded]
-"""Read and check a text in place of the file's content (pipeline.load, without look_closer)."""
+Checker = Callable[[bytes], FileResult]
+"""Read and check a text in place of the file's content (pipeline.load, without examine)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,19 +29,19 @@ class FixResult:
     """A job after fixes: its text, its diagnostics, and the number of fixes made."""
 
     data: bytes
-    loaded: Loaded
+    loaded: Checked
     count: int = 0
 
 
-def apply_fixes(loaded: Loaded, check: Checker, selected: Callable[[Diagnostic], bool]) -> FixResult:
+def apply_fixes(loaded: Checked, check: Checker, selected: Callable[[Diagnostic], bool]) -> FixResult:
     """Apply all fixes whose proof holds.
 
     Args:
-        loaded: A checked file; what is no job stays as it is.
+        loaded: An examined file; a listing or journal stays as it is.
         check: Checks an edited text.
         selected: Whether a diagnostic is to be fixed.
     """
-    state = FixResult(loaded.source.data if loaded.source is not None else b"", loaded)
+    state = FixResult(loaded.source.data, loaded)
     search = _FixSearch(check=check, selected=selected)
     for _ in range(MAX_ITERATIONS):
         fixes = search.find(state)
@@ -81,8 +81,7 @@ class _FixSearch:
 
     def is_own(self, state: FixResult, diagnostic: Diagnostic) -> bool:
         """Whether a diagnostic is in this text: that of an included file may not exist in another job."""
-        source = state.loaded.source
-        return source is not None and not diagnostic.span.path and diagnostic.path == source.name
+        return not diagnostic.span.path and diagnostic.path == state.loaded.source.name
 
     def largest_proved(self, kept: _ProvedFixes, fixes: list[Fix], before: FixResult) -> _ProvedFixes:
         """Add as many fixes as possible to those that are kept, so that the common proof holds."""
@@ -94,10 +93,10 @@ class _FixSearch:
         after = self.check(data)
         # A job with errors was not planned, so what the planner reports is not new: compare before it runs.
         proof = prove(before.loaded, after, together) if has_errors(before.loaded.diagnostics) else None
-        if proof is None or proof.holds:
-            look_closer(after)
+        if isinstance(after, Checked) and (proof is None or proof.holds):
+            after = examine(after)
         proof = proof or prove(before.loaded, after, together)
-        if proof.holds:
+        if proof.holds and isinstance(after, Checked):
             return _ProvedFixes(together, FixResult(data, after, before.count + len(together)))
         remaining = {key_of(fix.diagnostic) for fix in proof.remaining}
         candidates = [fix for fix in fixes if key_of(fix.diagnostic) not in remaining]

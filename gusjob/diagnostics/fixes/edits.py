@@ -8,7 +8,7 @@ import numpy as np
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Indices
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import Checked
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -35,7 +35,7 @@ class Fix:
 class FixContext:
     """A checked job with its text, in which fixes look up lines and positions."""
 
-    loaded: Loaded
+    loaded: Checked
     data: bytes
     _starts: Indices | None = field(default=None, repr=False)
 

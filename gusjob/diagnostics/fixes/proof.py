@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes.edits import Fix
 from gusjob.diagnostics.fixes.table import SYNTAX_RULES
 from gusjob.diagnostics.model import Diagnostic, Severity
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import Checked, FileResult
 
 Key = tuple[str, str, int]
 """Rule, file and line of a diagnostic. Fixes do not move lines."""
@@ -38,10 +38,10 @@ class Proof:
         return not self.remaining and not self.new_problems
 
 
-def prove(before: Loaded, after: Loaded, fixes: Iterable[Fix]) -> Proof:
+def prove(before: Checked, after: FileResult, fixes: Iterable[Fix]) -> Proof:
     """Compare the diagnostics of a text before and after fixes."""
     fixes = tuple(fixes)
-    if after.job is None:  # The text is no longer read as a job.
+    if not isinstance(after, Checked) or after.job is None:  # The text is no longer read as a job.
         return Proof(remaining=fixes, new_problems=frozenset({0}))
     keys = {key_of(diagnostic) for diagnostic in after.diagnostics}
     remaining = tuple(fix for fix in fixes if key_of(fix.diagnostic) in keys)
@@ -50,7 +50,7 @@ def prove(before: Loaded, after: Loaded, fixes: Iterable[Fix]) -> Proof:
     return Proof(remaining=remaining, new_problems=frozenset(_new_problems(before.diagnostics, after.diagnostics)))
 
 
-def _new_problems(before: list[Diagnostic], after: list[Diagnostic]) -> set[int]:
+def _new_problems(before: Sequence[Diagnostic], after: Sequence[Diagnostic]) -> set[int]:
     """Return the lines of errors and warnings that are new or more frequent; 0 for a line of another file.
 
     If a rule has more diagnostics than are listed, others take the place of those that are gone. For such a rule only
@@ -62,7 +62,7 @@ def _new_problems(before: list[Diagnostic], after: list[Diagnostic]) -> set[int]
     return found | {0 for _ in _totals(after, unlisted) - _totals(before, unlisted)}
 
 
-def _serious(diagnostics: list[Diagnostic], unlisted: set[str]) -> Counter[Key]:
+def _serious(diagnostics: Sequence[Diagnostic], unlisted: set[str]) -> Counter[Key]:
     """Count the errors and warnings of rules that are listed completely."""
     counts: Counter[Key] = Counter()
     for diagnostic in diagnostics:
@@ -71,7 +71,7 @@ def _serious(diagnostics: list[Diagnostic], unlisted: set[str]) -> Counter[Key]:
     return counts
 
 
-def _totals(diagnostics: list[Diagnostic], codes: set[str]) -> Counter[str]:
+def _totals(diagnostics: Sequence[Diagnostic], codes: set[str]) -> Counter[str]:
     """Count all diagnostics of rules that are not listed completely."""
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:
