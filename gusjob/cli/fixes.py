@@ -29,7 +29,7 @@ class FileFixer:
             return loaded
         from gusjob.diagnostics.fixes import apply_fixes  # Start-up time is part of the tool.
 
-        path, source, selection = loaded.path, loaded.source, loaded.machine.selection
+        path, source, selection = loaded.path, loaded.source, loaded.selection
         result = apply_fixes(
             loaded, lambda data: load(path, self.machine_path, data=data), lambda d: selection.wants(d, self.asked)
         )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.cli import gusjob, write
 
-from gusjob.config.profile import parse_machine
+from gusjob.config.profile import parse_profile
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import NOTHING_ASKED, RuleSelection, SelectionLayer
@@ -190,10 +190,10 @@ def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_wrong_in_check(text: str, code: str, line: int, said: str) -> None:
-    machine, diagnostics = parse_machine(text, "gusjob.toml")
-    assert [(f.rule.code, f.span.line) for f in diagnostics][:1] == [(code, line)]
-    assert said in diagnostics[0].message
-    assert machine.selection == RuleSelection()
+    profile = parse_profile(text, "gusjob.toml")
+    assert [(f.rule.code, f.span.line) for f in profile.diagnostics][:1] == [(code, line)]
+    assert said in profile.diagnostics[0].message
+    assert profile.selection == RuleSelection()
 
 
 # Comments.

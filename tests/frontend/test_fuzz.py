@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from support.tools import ROOT
 
 from gusjob.config.machine import Machine
-from gusjob.config.profile import parse_machine
+from gusjob.config.profile import parse_profile
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics.formats.text import diagnostic_text
@@ -140,8 +140,8 @@ def test_call_soup(calls: list[tuple[str, list[str]]]) -> None:
 @given(st.text(max_size=200))
 @settings(max_examples=100)
 def test_random_profiles(text: str) -> None:
-    machine, diagnostics = parse_machine(text)
-    assert machine == Machine() or not diagnostics
+    profile = parse_profile(text)
+    assert profile.machine == Machine() or not profile.diagnostics
 
 
 def mutated(text: str, rng: random.Random) -> str:

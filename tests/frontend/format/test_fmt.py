@@ -19,7 +19,7 @@ from support.tools import MARK, ROOT
 
 from gusjob.cli import cli
 from gusjob.config.machine import Machine
-from gusjob.config.profile import find_profile, read_machine
+from gusjob.config.profile import find_profile, read_profile
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import has_errors
@@ -472,7 +472,7 @@ def test_files_stay_what_they_are(path: Path) -> None:
     assert source is not None
     profile = path.with_suffix(".machine.toml")
     found = profile if profile.exists() else find_profile(path)
-    machine, _ = read_machine(found) if found else (Machine(), [])
+    machine = read_profile(found).machine if found else Machine()
     unread = {f.span.line for f in read_job_text(source).diagnostics}
     if unread:  # What is left without those lines must hold.
         data, diagnostics = laid_out(source)
