@@ -139,7 +139,7 @@ class Interlock:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Controller:
+class ControllerSettings:
     """How the controller is reached through the vendor's library, and how it is left. Empty texts: not given."""
 
     library: str = field(
@@ -281,7 +281,7 @@ class Machine:
         default=1.0,
         metadata=entry(ACCELERATION, "See time_ms", key="lookahead.acc_pulse_per_ms2"),
     )
-    controller: Controller = field(default=Controller(), metadata=entry(Controller))
+    controller: ControllerSettings = field(default=ControllerSettings(), metadata=entry(ControllerSettings))
     budget: Budget = field(default=Budget(), metadata=entry(Budget))
     lasers: tuple[Laser, ...] = field(default=(), metadata=entry(Laser, key="laser", repeated=True))
 

@@ -108,7 +108,7 @@ def _check_pulses(reader: Reader, root: TomlNode, machine: Machine) -> None:
         ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),
         ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
     ):
-        if limits.verdict(value):
+        if limits.classify_one(value):
             written, pulses = number(getattr(machine, key)), f"{number(value)} {limits.unit}"
             shown = Phrase("{value}, that is {pulses}", value=written, pulses=pulses)
             node = root.value.get(key) or root.value.get("pulses_per_mm") or root

@@ -172,7 +172,7 @@ class Reader:
             value = float(node.value)
         except OverflowError:
             value = math.inf
-        if limits.verdict(value) or not limits.carries(value):
+        if limits.classify_one(value) or not limits.carries(value):
             self.report_range(node, key, number(value), within(limits))
             return None
         return int(value) if limits.whole else value

@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gusjob.config.machine import Machine, ScannerModel
+from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.ranges import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend import Source, read_job
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Job, LaserDelay, SkyWrite, auto_steps
+from gusjob.ir.job import Job
+from gusjob.ir.setup import LaserDelay, SkyWrite, auto_steps
 from gusjob.lint import check
-from gusjob.planner import compile_job
-from gusjob.simulate import ChannelTrace, Trace, interpret
+from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.tune.edit import with_statement
 from gusjob.tune.search import Band, nearest
@@ -59,7 +61,7 @@ def run_job(source: Source, job: Job, diagnostics: list[Diagnostic], machine: Ma
         stream, more = compile_job(job, machine)
         diagnostics = [*diagnostics, *more]
         if not has_errors(more):
-            trace, more = interpret(stream, machine)
+            trace, more = simulate_stream(stream, machine)
             if trace is not None and judged:
                 marking = marking_totals(trace, marks_of(trace, machine))
             elif trace is None:
@@ -72,7 +74,7 @@ def run_job(source: Source, job: Job, diagnostics: list[Diagnostic], machine: Ma
 
 def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:
     """LASER DELAY of a channel; where there is nothing to tune, the reason."""
-    if run.job.sky_writes:
+    if run.job.has_sky_writing:
         return Phrase("this job is sky-written, which makes up for LASER DELAY: tune SKYWRITE (--skywrite)")
     at_once = _without_delays(run, machine, channel)
     if isinstance(at_once, str):
@@ -104,7 +106,7 @@ def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:
 
 def _without_delays(run: Run, machine: Machine, channel: int) -> Run | str:
     """The job without delays of a channel: those that are wrong may leave nothing of its marks."""
-    if not any(isinstance(s.what, LaserDelay) and s.channel == channel for s in run.job.setups):
+    if not any(isinstance(s.statement, LaserDelay) and s.channel == channel for s in run.job.setups):
         return run
     statement = _delay_statement(run, channel, 0, 0)
     tried = _tried(run, machine, LaserDelay, channel, statement, SEARCH, judged=False)
@@ -156,7 +158,8 @@ def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None)
             scanner=str(machine.scanner),
             most=TIMELAG_US.high,
         )
-    own = next((s.what.settings for s in run.job.setups if isinstance(s.what, SkyWrite) and s.what.settings), None)
+    statements = (s.statement for s in run.job.setups)
+    own = next((s.settings for s in statements if isinstance(s, SkyWrite) and s.settings), None)
     mode = mode or (int(own.mode) if own is not None else 3)
     lag_us, gap_us = round(machine.scanner.tracking_error_us), _killer_us(shining)[0]
     npost = math.ceil(lag_us / RUN_STEP_US)
@@ -200,7 +203,7 @@ def _sky_statement(mode: int, timelag_us: float, shift_us: float, nprev: int, np
 
 def _in_force(tuned: Tuned | str) -> Tuned | str:
     """A job with SKYWRITE, if marks are sky-written with it."""
-    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.intent is not None:
+    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.run_kind is not None:
         return tuned
     return Phrase(
         "SKYWRITE behind LASER MODE is taken back by a SKYWRITE OFF before the first mark: put it there by hand"

@@ -17,7 +17,7 @@ def left_on(context: FixContext, diagnostic: Diagnostic) -> Edits:
     """
     loaded = context.loaded
     job = loaded.job
-    if job is None or not job.whole or may_be_a_part(loaded.path):
+    if job is None or not job.complete or may_be_a_part(loaded.path):
         return ()
     if any(other.severity is Severity.ERROR and other.rule is not diagnostic.rule for other in loaded.diagnostics):
         return ()

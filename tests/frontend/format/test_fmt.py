@@ -21,6 +21,7 @@ from gusjob.cli import cli
 from gusjob.config.machine import Machine
 from gusjob.config.profile import find_profile, read_profile
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import has_errors
 from gusjob.frontend import Source, check_text, read_job, read_source
@@ -33,7 +34,6 @@ from gusjob.frontend.scan import shapes
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.kinematics.units import UNITS
 from gusjob.lint import check
-from gusjob.planner import compile_job
 
 EXAMPLES = int(os.environ.get("PROPERTY_EXAMPLES", "30"))
 FILES = sorted(p for folder in ("jobs", "tests/good", "tests/bad") for p in (ROOT / folder).rglob("*.job"))
