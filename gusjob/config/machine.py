@@ -133,7 +133,7 @@ class Abi(StrEnum):
 class Interlock:
     """A digital input that must read `value` as long as a job runs: bit `input` of GT_GetDi(di_type)."""
 
-    di_type: int = field(default=4, metadata=entry(SHORT, "Type of GT_GetDi; 4: the general inputs (sister)"))
+    di_type: int = field(default=4, metadata=entry(SHORT, "Type of GT_GetDi; 4: general inputs"))
     input: int = field(default=0, metadata=entry(_whole("input", 0, 31), "Number of the input"))
     value: int = field(default=1, metadata=entry(SWITCH_VALUE, "Value while a job may run"))
 

@@ -628,7 +628,7 @@ def test_a_fixed_file_is_not_overwritten_by_the_output(tmp_path: Path) -> None:
     path = put(tmp_path, "a.job", LEFT)
     ran = gusjob("--fix", "--format", "json", path, "-o", path)
     assert (ran.exit_code, path.read_text()) == (2, LEFT)
-    assert "name another file with -o" in ran.stderr
+    assert "name another output file with -o" in ran.stderr
 
 
 def test_diff_writes_nothing(tmp_path: Path) -> None:
