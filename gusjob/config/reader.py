@@ -18,7 +18,7 @@ from gusjob.i18n.phrases import Phrase, all_of, did_you_mean, number, printable
 _NUMBER, _TEXT, _TABLE, _BOOLEAN = Phrase("a number"), Phrase("a text"), Phrase("a table"), Phrase("true or false")
 _TWO_NUMBERS = Phrase("a list of two numbers")
 _SCANNER_TEXT = Phrase('a text such as "first-order:250us"')
-_ASCENDING, _ANOTHER = Phrase("[low, high] with low < high"), Phrase("another: it is taken")
+_ASCENDING, _UNIQUE = Phrase("[low, high] with low < high"), Phrase("unique: another table has this value")
 MISSING = Phrase("missing")
 _TYPES: dict[str, str] = {
     "bool": _BOOLEAN,
@@ -145,7 +145,7 @@ class Reader:
             for inner, name in unique:
                 value = getattr(row, name)
                 if any(getattr(other, name) == value for other in found[:-1]):
-                    self.report_range(child.value[inner], f"{key}.{inner}", number(value), _ANOTHER)
+                    self.report_range(child.value[inner], f"{key}.{inner}", number(value), _UNIQUE)
         return tuple(found)
 
     def _pair(self, node: TomlNode, entry: Entry, limits: Range, key: str) -> tuple[float, float] | None:

@@ -19,9 +19,9 @@ _PATH_TABLES = Phrase("a list of tables, [[check.path]]")
 _GLOB_TEXT, _EMPTY = Phrase('a text such as "samples/*.job"'), Phrase("empty")
 _CODES = Phrase('a list of codes such as ["GJ304", "GJ7"]')
 _SEVERITY_TABLE = Phrase('a table of codes with "error", "warning" or "note"')
-_KNOWN_CODES = Phrase("the code of a rule or the beginning of codes (`gusjob explain` lists them)")
+_KNOWN_CODES = Phrase("the code of a rule or a prefix of codes (`gusjob explain` lists them)")
 _SEVERITIES = Phrase('"error", "warning" or "note"')
-_STAYS_ERROR = Phrase("left an error: what is refused can't be made less")
+_STAYS_ERROR = Phrase('"error": the severity of an error can\'t be lowered')
 
 
 def read_rule_tables(node: TomlNode, reader: Reader, name: str) -> RuleSelection:

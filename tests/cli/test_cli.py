@@ -122,7 +122,7 @@ def test_statistics_count_rounds(tmp_path: Path) -> None:
     counted = json.loads(gusjob("check", path, "--statistics", "--format", "json").stdout)
     assert counted["statistics"] == {"GJ503": 150}
     assert counted["diagnostics"][0]["count"] == 150
-    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the round where i = 151"
+    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the iteration where i = 151"
 
 
 def test_explain() -> None:

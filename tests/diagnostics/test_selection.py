@@ -181,7 +181,7 @@ def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
         ('[check]\nseverity = { GJ4 = "fatal" }\n', "GJ604", 2, 'check.severity is "fatal"; it must be "error"'),
         ("[check]\nseverity = { GJ4 = 1 }\n", "GJ604", 2, "check.severity is a number; it must be"),
         ('[check]\nseverity = { GJ9X = "note" }\n', "GJ604", 2, 'check.severity is "GJ9X"'),
-        ('[check]\nseverity = { GJ401 = "note" }\n', "GJ604", 2, "it must be left an error"),
+        ('[check]\nseverity = { GJ401 = "note" }\n', "GJ604", 2, "the severity of an error can't be lowered"),
         ("check = 3\n", "GJ603", 1, "check must be a table, not a number"),
         ("[check]\npath = 3\n", "GJ603", 2, "check.path must be a list of tables"),
         ('[[check.path]]\nignore = ["GJ4"]\n', "GJ603", 1, "not missing"),
@@ -234,10 +234,10 @@ def test_several_rules_on_a_line(tmp_path: Path) -> None:
         ("; allow GJ404: ", 8, "GJ144", "a reason is missing"),
         ("; allow GJ404 since it is warmed up", 8, "GJ144", "a reason is missing"),
         ("; allow GJ4: all of them", 8, "GJ144", "there is no such rule"),
-        ("; allow GJ401: it is left on", 8, "GJ144", "an error can't be allowed"),
-        ("; allow GJ145: x", 8, "GJ144", "what is wrong with a comment"),
-        ("; allow: GJ404 it is warmed up", 8, "GJ144", "write it as in"),
-        ("; allowGJ404: it is warmed up", 8, "GJ144", "write it as in"),
+        ("; allow GJ401: it is left on", 8, "GJ144", "an error can't be suppressed"),
+        ("; allow GJ145: x", 8, "GJ144", "a diagnostic about a comment"),
+        ("; allow: GJ404 it is warmed up", 8, "GJ144", "its form is wrong"),
+        ("; allowGJ404: it is warmed up", 8, "GJ144", "its form is wrong"),
     ],
 )
 def test_what_is_not_followed(tmp_path: Path, comment: str, line: int, code: str, said: str) -> None:

@@ -444,7 +444,7 @@ def test_a_fault_tells_by_which_calls_and_rounds() -> None:
     # 5/3 * 100 mm is the first beyond 150 mm.
     assert [(r.span.line - head, r.message) for r in diagnostic.remarks[:2]] == [
         (5, "called here: s = 1.666666667"),
-        (4, "in the round where k = 5"),
+        (4, "in the iteration where k = 5"),
     ]
 
 
