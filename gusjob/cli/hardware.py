@@ -15,7 +15,6 @@ import click
 import numpy as np
 
 from gusjob.cli.common import show, stop
-from gusjob.cli.text import padded, width
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import BufferedCalls, Stream
@@ -34,6 +33,7 @@ from gusjob.diagnostics.model import Diagnostic, Span, has_errors
 from gusjob.hardware.forecast import ChannelForecast, Forecast, forecast
 from gusjob.hardware.runner import Outcome, Runner, signals
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
+from gusjob.i18n.width import padded, width
 from gusjob.pipeline import Compiled, FileResult, Simulated, with_simulation
 from gusjob.version import __version__
 

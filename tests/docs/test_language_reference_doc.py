@@ -119,11 +119,12 @@ def test_the_readme_profile_is_the_default() -> None:
     from dataclasses import replace
 
     from gusjob.config.machine import Machine
-    from gusjob.config.profile import parse_machine
+    from gusjob.config.profile import parse_profile
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     profile = re.findall(r"```toml\n(.*?)```", text.split("## The machine")[1], re.DOTALL)[0]
-    machine, diagnostics = parse_machine(profile)
-    assert diagnostics == []
+    read = parse_profile(profile)
+    assert read.diagnostics == ()
+    machine = read.machine
     assert replace(machine, lasers=()) == Machine()
     assert machine.laser(0).rated_w == 30

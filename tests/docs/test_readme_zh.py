@@ -14,7 +14,7 @@ from click import Context
 from support.tools import ROOT
 
 from gusjob.cli import cli
-from gusjob.cli.text import width
+from gusjob.i18n.width import width
 
 ENGLISH, CHINESE = "README.md", "README.zh-CN.md"
 HAN = "\u3400-\u9fff"

@@ -23,7 +23,7 @@ from support.catalogue import needed
 from support.tools import ROOT
 
 from gusjob.config.machine import Abi, Budget, ControllerSettings, Interlock, Laser, Machine, parse_scanner
-from gusjob.config.profile import parse_machine, read_machine
+from gusjob.config.profile import parse_profile, read_profile
 from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, IGNORED_CALLS, SIGNATURES
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Remark, Rule
 from gusjob.diagnostics.rules import (
@@ -321,7 +321,7 @@ ODD_PROFILES = (
 @pytest.mark.parametrize("text", ODD_PROFILES)
 @pytest.mark.usefixtures("pseudo")
 def test_odd_profiles_leave_no_english(text: str) -> None:
-    found = parse_machine(text, "gusjob.toml")[1]
+    found = parse_profile(text, "gusjob.toml").diagnostics
     assert found
     assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
 
@@ -362,7 +362,7 @@ def test_files_that_are_no_text_leave_no_english(tmp_path: Path) -> None:
     found += read_source(tmp_path / "none.job")[1]  # What the system says of it.
     found += read_source(Path("a\0b"))[1]
     (tmp_path / "gusjob.toml").write_bytes(b'name = "caf\xe9"')
-    found += [*read_machine(tmp_path / "gusjob.toml")[1], *read_machine(tmp_path)[1]]
+    found += [*read_profile(tmp_path / "gusjob.toml").diagnostics, *read_profile(tmp_path).diagnostics]
     assert len(found) == len(contents) + 4
     assert [(f.message, w) for f in found if (w := english_in(f, ""))] == []
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from support.tools import ROOT
 
-from gusjob.cli.text import diagnostic_text
-from gusjob.config.profile import read_machine
+from gusjob.config.profile import read_profile
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.formats.text import diagnostic_text
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend import check_text, read_job, read_source
@@ -36,7 +36,7 @@ def demanded(path: Path) -> Found:
 
 def diagnostics_of(path: Path) -> list[Diagnostic]:
     if path.suffix == ".toml":
-        return read_machine(path)[1]
+        return list(read_profile(path).diagnostics)
     profile = path.with_suffix(".machine.toml")
     return list(examine_file(path, profile if profile.exists() else None).diagnostics)
 
