@@ -100,9 +100,9 @@ def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = Non
     if scanner is not None:
         loaded.machine = replace(loaded.machine, scanner=scanner)
     if loaded.journal:
-        from gusjob.hardware.sent import sent_calls
+        from gusjob.hardware.journal_stream import journal_stream
 
-        loaded.stream, loaded.diagnostics = sent_calls(source)
+        loaded.stream, loaded.diagnostics = journal_stream(source)
         loaded.unreadable = loaded.stream is None
         return loaded
     judge(loaded, source)

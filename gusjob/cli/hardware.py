@@ -22,16 +22,16 @@ from gusjob.controllers.gus.calls import BufferedCalls, Stream
 from gusjob.controllers.gus.driver.abi import ABI_PROFILES
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
-from gusjob.controllers.gus.driver.resume import find_place, recorded_place
+from gusjob.controllers.gus.driver.resume import find_position, recorded_position
 from gusjob.controllers.gus.driver.session import Session, needed_calls, one_queue, outputs_of
-from gusjob.controllers.gus.dry import frame, without_laser
-from gusjob.controllers.gus.place import START, Place
-from gusjob.controllers.gus.remainder import Part, rest, whole
-from gusjob.controllers.journal import Journal, Recorded, mark_resumed, read_journal
+from gusjob.controllers.gus.dry_run import frame, without_laser
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition
+from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
+from gusjob.controllers.journal import Journal, RecordedRun, mark_resumed, read_journal
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span, has_errors
 from gusjob.hardware.forecast import ChannelForecast, Forecast, forecast
-from gusjob.hardware.runner import Outcome, Runner, signals
+from gusjob.hardware.supervisor import SessionOutcome, Supervisor, stop_on_signals
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 from gusjob.pipeline import Loaded, simulation_diagnostics
 from gusjob.simulate import Trace, interpret
@@ -39,7 +39,7 @@ from gusjob.version import __version__
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wishes:
+class RunOptions:
     """What the command line says of a run on hardware."""
 
     library: str | None
@@ -49,7 +49,7 @@ class Wishes:
     no_laser: bool
     progress: str
     journal: Path | None
-    resume: Recorded | None
+    resume: RecordedRun | None
     resume_path: Path | None
     from_line: str | None
 
@@ -63,10 +63,10 @@ class Prepared:
     stream: Stream
     forecast: Forecast
     library: Library
-    wishes: Wishes
+    wishes: RunOptions
 
 
-def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> int:
+def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: RunOptions) -> int:
     """Show what is going to happen, ask, run; the exit code."""
     prepared = _prepared(loaded, stream, trace, wishes)
     if prepared is None:
@@ -83,7 +83,7 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
             begin, outcome = _found(prepared, link, wishes.resume)
             if begin is None:
                 return _closing(prepared, outcome, journal, None)
-        if begin != START and begin.row >= len(prepared.stream.buffered):
+        if begin != JOB_START and begin.row >= len(prepared.stream.buffered):
             _tell(Phrase("the job was done to its end; there is nothing to go on with"))
             return 0
         click.echo(_plan(prepared, begin, journal), err=True)
@@ -97,7 +97,7 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
         journal.close()
 
 
-def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> Prepared | None:
+def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: RunOptions) -> Prepared | None:
     """The stream to run, its forecast and the library; None with faults in `loaded`."""
     machine, controller = loaded.machine, loaded.machine.controller
     library_path = _named_here(wishes.library) or controller.library
@@ -140,13 +140,13 @@ def _answers() -> bool:
     return sys.stdin is not None and sys.stdin.isatty()
 
 
-def _begin(prepared: Prepared) -> Place | None:
+def _begin(prepared: Prepared) -> PathPosition | None:
     """Where to begin; None if only the controller can tell."""
     wishes, stream = prepared.wishes, prepared.stream
     if wishes.from_line is not None:
-        return Place(row=row_of_line(stream, prepared.loaded, wishes.from_line))
+        return PathPosition(row=row_of_line(stream, prepared.loaded, wishes.from_line))
     if wishes.resume is None:
-        return START
+        return JOB_START
     if (options := str(wishes.resume.head.get("options", ""))) != _options(wishes):
         again = Phrase("say {options} again", options=printable(options))
         how = again if options else Phrase("leave --no-laser out")
@@ -157,7 +157,7 @@ def _begin(prepared: Prepared) -> Place | None:
             "this is the journal of other calls: the job or its profile have changed; go on with --from-line N"
         )
         stop(f"{wishes.resume_path}: {localized(why)}")
-    return recorded_place(wishes.resume)
+    return recorded_position(wishes.resume)
 
 
 def row_of_line(stream: Stream, loaded: Loaded, place: str) -> int:
@@ -181,7 +181,7 @@ def row_of_line(stream: Stream, loaded: Loaded, place: str) -> int:
     return min(rows)[1]
 
 
-def _options(wishes: Wishes) -> str:
+def _options(wishes: RunOptions) -> str:
     """What makes other calls of a job."""
     return "--frame" if wishes.frame else "--no-laser" if wishes.no_laser else ""
 
@@ -195,7 +195,7 @@ def fingerprint(stream: Stream) -> str:
     return digest.hexdigest()
 
 
-def _journal(prepared: Prepared, begin: Place | None) -> Journal:
+def _journal(prepared: Prepared, begin: PathPosition | None) -> Journal:
     """The journal's file, which must be there before anything else."""
     wishes, path = prepared.wishes, prepared.loaded.path
     now = datetime.now(UTC)
@@ -233,34 +233,34 @@ def _session(prepared: Prepared, link: Link) -> Session:
     )
 
 
-def _found(prepared: Prepared, link: Link, recorded: Recorded) -> tuple[Place | None, Outcome]:
+def _found(prepared: Prepared, link: Link, recorded: RecordedRun) -> tuple[PathPosition | None, SessionOutcome]:
     """Where a run broke, as the controller knows it."""
-    found: list[Place] = []
+    found: list[PathPosition] = []
 
     def ask(session: Session) -> None:
-        found.append(find_place(session, recorded))
+        found.append(find_position(session, recorded))
 
     session = _session(prepared, link)
-    with signals(session.control):
-        outcome = Runner(session).run(ask)
+    with stop_on_signals(session.control):
+        outcome = Supervisor(session).run(ask)
     return (found[0] if found and not outcome.faults else None), outcome
 
 
-def _part(prepared: Prepared, begin: Place) -> Callable[[Session], Part]:
+def _part(prepared: Prepared, begin: PathPosition) -> Callable[[Session], Remainder]:
     """What to run, once it is known where the head is."""
     stream, wishes = prepared.stream, prepared.wishes
 
-    def made(session: Session) -> Part:
+    def made(session: Session) -> Remainder:
         if wishes.resume_path is not None:
             with suppress(OSError):  # A journal that can't be written to stays as it is.
                 mark_resumed(wishes.resume_path, session.link.journal.path)
         head = session.head()
-        return whole(stream, head) if begin == START else rest(stream, begin, head)
+        return whole_job(stream, head) if begin == JOB_START else remainder_from(stream, begin, head)
 
     return made
 
 
-def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Part]) -> Outcome:
+def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Remainder]) -> SessionOutcome:
     """The run, with a panel or lines, and keys."""
     from gusjob.cli.panel import watch
 
@@ -269,12 +269,12 @@ def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Par
         return _place_text(prepared.loaded, int(lines[min(row, len(lines) - 1)])) if len(lines) else ""
 
     with (
-        signals(session.control),
+        stop_on_signals(session.control),
         watch(
             prepared.wishes.progress, session.control, prepared.forecast, prepared.stream, prepared.machine, line_of
         ) as watcher,
     ):
-        return Runner(session, watcher.tick).run(part)
+        return Supervisor(session, watcher.tick).run(part)
 
 
 def _place_text(loaded: Loaded, line: int) -> str:
@@ -291,7 +291,7 @@ def _of_job(loaded: Loaded, faults: list[Diagnostic]) -> list[Diagnostic]:
     return [replace(fault, span=_located(loaded, fault.span.line), path=str(loaded.path)) for fault in faults]
 
 
-def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
+def _plan(prepared: Prepared, begin: PathPosition, journal: Journal) -> str:
     """What is going to happen."""
     expected, library, wishes = prepared.forecast, prepared.library, prepared.wishes
     left_ms, number = expected.duration_ms - expected.done_ms(begin.row), expected.number(begin.row)
@@ -313,7 +313,7 @@ def _plan(prepared: Prepared, begin: Place, journal: Journal) -> str:
     rows += [(Phrase("laser {channel}", channel=c.channel), _light_left(c, number)) for c in expected.channels]
     if not expected.channels:
         rows.append((Phrase("laser"), Phrase("off: once round the marks") if wishes.frame else Phrase("off")))
-    if begin != START:
+    if begin != JOB_START:
         place = _place_text(prepared.loaded, int(prepared.stream.buffered.line[begin.row]))
         rows.append((Phrase("from"), Phrase("{place}; the head goes there with the light off", place=place)))
     rows.append((Phrase("journal"), printable(str(journal.path))))
@@ -347,7 +347,7 @@ def _tell(text: str) -> None:
     click.echo(f"gusjob: {localized(text)}", err=True)
 
 
-def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Session | None) -> int:
+def _closing(prepared: Prepared, outcome: SessionOutcome, journal: Journal, session: Session | None) -> int:
     """What became of it."""
     loaded = prepared.loaded
     loaded.diagnostics = _of_job(loaded, outcome.faults)
@@ -365,7 +365,7 @@ def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Se
     return 0
 
 
-def read_resume(path: Path) -> Recorded:
+def read_resume(path: Path) -> RecordedRun:
     """A journal to go on with; stops if it can't be used."""
     try:
         found = read_journal(path)

@@ -19,7 +19,7 @@ import orjson
 
 from gusjob.cli.keys import Keys
 from gusjob.config.machine import Machine
-from gusjob.controllers.control import Control, Phase, View
+from gusjob.controllers.control import Control, Phase, RunStatus
 from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.kinematics.arrays import Indices
@@ -50,7 +50,7 @@ _PHASES = {
 _STYLES = {Phase.RUNNING: "bold green", Phase.PAUSED: "bold yellow", Phase.STOPPING: "bold red"}
 
 
-class Watch(Protocol):
+class ProgressDisplay(Protocol):
     """Shows a run, and hears the keys, whenever it is told that time goes by."""
 
     def tick(self) -> None:
@@ -66,16 +66,16 @@ def watch(
     machine: Machine,
     line_of: Callable[[int], str],
     clock: Callable[[], float] = time.monotonic,
-) -> Iterator[Watch]:
+) -> Iterator[ProgressDisplay]:
     """Show a run while the context lasts.
 
     `mode`: "auto" (a panel if stderr is a terminal, else lines), "lines" (stderr), "json" (stdout), "none". `line_of`:
     path:line of a row. Keys are heard with a panel and with lines.
     """
     if mode == "none":
-        yield _Nothing()
+        yield _NoDisplay()
         return
-    gauge = _Gauge.of(control, forecast, stream, machine, line_of)
+    gauge = ProgressMeter.of(control, forecast, stream, machine, line_of)
     with ExitStack() as stack:
         if mode == "json":
             ticker = _Ticker(gauge=gauge, show=_show_json, every_s=_JSON_S, clock=clock)
@@ -98,7 +98,7 @@ def watch(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
+class PlannedPower:
     """A laser as it is planned at the moment. `power`: NaN where it is dark."""
 
     channel: int
@@ -124,7 +124,7 @@ class Progress:
     elapsed_s: float
     done_ms: float
     total_ms: float
-    lights: tuple[Light, ...]
+    lights: tuple[PlannedPower, ...]
 
     @property
     def share(self) -> float:
@@ -141,7 +141,7 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Gauge:
+class ProgressMeter:
     """Makes figures of a View. `timed_before` (n+1,): how many timed calls stand before a row."""
 
     control: Control
@@ -154,14 +154,14 @@ class _Gauge:
     @staticmethod
     def of(
         control: Control, forecast: Forecast, stream: Stream, machine: Machine, line_of: Callable[[int], str]
-    ) -> _Gauge:
+    ) -> ProgressMeter:
         """A gauge of a run."""
         before = np.concatenate([[0], np.cumsum(stream.buffered.kind <= Buffered.DELAY)])
-        return _Gauge(
+        return ProgressMeter(
             control=control, forecast=forecast, stream=stream, machine=machine, line_of=line_of, timed_before=before
         )
 
-    def read(self, view: View, elapsed_s: float) -> Progress:
+    def read(self, view: RunStatus, elapsed_s: float) -> Progress:
         """How the run stands."""
         rows, (per_x, per_y) = len(self.stream.buffered), self.machine.pulses_per_mm
         row = min(max(view.row, 0), rows)
@@ -183,10 +183,10 @@ class _Gauge:
             lights=self._lights(row, lit=row < rows and view.phase in _MAY_BE_LIT),
         )
 
-    def _lights(self, row: int, *, lit: bool) -> tuple[Light, ...]:
+    def _lights(self, row: int, *, lit: bool) -> tuple[PlannedPower, ...]:
         """The lasers at a row; all are dark where no job is under way."""
         return tuple(
-            Light(channel=c.channel, unit=c.unit, power=self.forecast.power(c, row) if lit else math.nan)
+            PlannedPower(channel=c.channel, unit=c.unit, power=self.forecast.power(c, row) if lit else math.nan)
             for c in self.forecast.channels
         )
 
@@ -194,7 +194,7 @@ class _Gauge:
 # Ticks.
 
 
-class _Nothing:
+class _NoDisplay:
     """Shows nothing."""
 
     def tick(self) -> None:
@@ -205,7 +205,7 @@ class _Nothing:
 class _Ticker:
     """Shows a run every so often, and if `phases_at_once` as soon as it does something else."""
 
-    gauge: _Gauge
+    gauge: ProgressMeter
     show: Callable[[Progress], None]
     every_s: float
     clock: Callable[[], float]
@@ -216,7 +216,7 @@ class _Ticker:
     _paused: bool = False
     _due_s: float = -math.inf
     _told: Phase | None = None
-    _shown: View | None = None
+    _shown: RunStatus | None = None
 
     def tick(self) -> None:
         """See Watch."""
@@ -425,7 +425,7 @@ def _keys_line(phase: Phase, *, listening: bool) -> str:
     return "  ".join([localized(pause), localized(Phrase("q stop (twice: at once)"))])
 
 
-def _light(light: Light, phase: Phase) -> Text:
+def _light(light: PlannedPower, phase: Phase) -> Text:
     """Switch and power of a laser, as planned: nothing is said of it where no job is under way."""
     from rich.text import Text
 

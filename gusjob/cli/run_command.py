@@ -18,7 +18,7 @@ from gusjob.i18n.phrases import Phrase, all_of, localized
 from gusjob.pipeline import Loaded, budget_diagnostics, compiled, load, simulation_diagnostics
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.
-    from gusjob.cli.hardware import Wishes
+    from gusjob.cli.hardware import RunOptions
     from gusjob.controllers.gus.calls import Stream
     from gusjob.simulate import Trace
 
@@ -76,7 +76,7 @@ def command(
         if path is None:
             raise click.UsageError(localized(_NO_FILE))
         sys.exit(_on_interpreter(path, machine_path, scanner))
-    from gusjob.cli.hardware import Wishes, read_resume
+    from gusjob.cli.hardware import RunOptions, read_resume
 
     if frame and no_laser:
         raise click.UsageError(localized(Phrase("--frame is without laser already: leave --no-laser out.")))
@@ -89,7 +89,7 @@ def command(
         if recorded is None:
             raise click.UsageError(localized(_NO_FILE))
         path = Path(recorded.head["job"])
-    wishes = Wishes(
+    wishes = RunOptions(
         library=library, abi=abi, yes=yes, frame=frame, no_laser=no_laser, progress=progress, journal=journal,
         resume=recorded, resume_path=resume, from_line=from_line,
     )  # fmt: skip
@@ -108,7 +108,7 @@ def _on_interpreter(path: Path, machine_path: Path | None, scanner: Scanner | No
     return exit_code(loaded)
 
 
-def _on_controller(path: Path, machine_path: Path | None, scanner: Scanner | None, wishes: Wishes) -> int:
+def _on_controller(path: Path, machine_path: Path | None, scanner: Scanner | None, wishes: RunOptions) -> int:
     loaded, stream, trace = _interpreted(path, machine_path, scanner)
     show(loaded, notes=False)
     if stream is None or trace is None or has_errors(loaded.diagnostics):

@@ -26,7 +26,7 @@ class Phase(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class RunStatus:
     """How a run stands. `row`: of the whole job, the first one not done; `sent`: the first one not sent."""
 
     phase: Phase = Phase.OPENING
@@ -49,7 +49,7 @@ class Control:
     pause: bool = False
     wishes: int = 0
     """How many there were: a nap ends with a new one."""
-    view: View = View()
+    view: RunStatus = RunStatus()
 
     def ask_stop(self, who: str, *, abrupt: bool = False) -> None:
         """Stop: smoothly at the first time, abruptly at the second."""

@@ -65,7 +65,7 @@ def _text(**fields: Any) -> bytes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recorded:
+class RecordedRun:
     """What a journal says of where its run broke.
 
     `head`: its first line. The last part began at `begin` (row, pulse along it; of the whole job) behind `lead` rows of
@@ -109,7 +109,7 @@ def mark_resumed(path: Path, by: Path) -> None:
         file.write(_text(t=0, resumed=str(by.resolve())))
 
 
-def read_journal(path: Path) -> Recorded | str:
+def read_journal(path: Path) -> RecordedRun | str:
     """A journal, or why it is none. Raises OSError if it can't be read."""
     text = path.read_bytes()
     text = text[: text.rfind(b"\n") + 1]  # A line that was cut says nothing.
@@ -131,7 +131,7 @@ def read_journal(path: Path) -> Recorded | str:
         return Phrase("{name} is damaged: it can't be read as {schema}", name=path.name, schema=JOURNAL_SCHEMA)
 
 
-def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:
+def _recorded(text: bytes, head: dict[str, Any]) -> RecordedRun:
     begin, lead, at = tuple(head["begin"] or (0, 0.0)), 0, text.rfind(b',"part":')
     since = text[max(at, 0) :]
     if at >= 0:
@@ -144,7 +144,7 @@ def _recorded(text: bytes, head: dict[str, Any]) -> Recorded:
     end_at = since.rfind(b'"end":') if at >= 0 else -1
     broken_at = since.rfind(b',"broken":')
     broken = _line(since, broken_at) if broken_at >= 0 else None
-    return Recorded(
+    return RecordedRun(
         head=head,
         begin=(int(begin[0]), float(begin[1])),
         lead=lead,

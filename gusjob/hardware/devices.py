@@ -19,7 +19,7 @@ from typing import Any
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.driver.abi import ABI_PROFILES, prototypes
-from gusjob.controllers.gus.driver.library import BITS, NOT_THERE, has_symbol, opened, other_family
+from gusjob.controllers.gus.driver.library import BITS, NOT_FOUND, has_symbol, open_library, other_family
 from gusjob.controllers.gus.driver.session import NEEDED
 from gusjob.i18n.phrases import Phrase, printable
 
@@ -42,7 +42,7 @@ _CALLS = (*NEEDED, *LASER_CALLS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class SearchPaths:
     """Where libraries are looked for. `system`: also where the system's loader looks."""
 
     names: tuple[str, ...]
@@ -65,7 +65,7 @@ class VendorLibrary:
     next_steps: tuple[str, ...] = ()
 
 
-def search_places(platform: str = sys.platform, environ: Mapping[str, str] = os.environ) -> Search:
+def search_paths(platform: str = sys.platform, environ: Mapping[str, str] = os.environ) -> SearchPaths:
     """Where to look on this computer.
 
     Never in the current folder, nor in a part of PATH that means it: loading a library runs its code, and who sends a
@@ -79,14 +79,14 @@ def search_places(platform: str = sys.platform, environ: Mapping[str, str] = os.
     if platform != "win32":
         folders += [*_SYSTEM_FOLDERS, *sorted(str(path) for path in Path("/usr/lib").glob("*-linux-gnu*"))]
     names = LIBRARY_NAMES.get(platform, LIBRARY_NAMES["linux"])
-    return Search(names=names, folders=tuple(dict.fromkeys(folders)), system=system)
+    return SearchPaths(names=names, folders=tuple(dict.fromkeys(folders)), system=system)
 
 
-def vendor_libraries(named: Sequence[str], search: Search) -> tuple[VendorLibrary, ...]:
+def vendor_libraries(named: Sequence[str], search: SearchPaths) -> tuple[VendorLibrary, ...]:
     """The libraries that the user names, there or not, and those that are found elsewhere; each once."""
     paths = [*map(_from_here, named), *_in_folders(search), *_by_loader(search)]
     once = {_identity(path): path for path in reversed(paths)}
-    return tuple(judged(path) for path in paths if once.get(_identity(path)) is path)
+    return tuple(inspect_library(path) for path in paths if once.get(_identity(path)) is path)
 
 
 def _from_here(path: str) -> str:
@@ -94,12 +94,12 @@ def _from_here(path: str) -> str:
     return str(Path(path).absolute()) if _there(path) else path
 
 
-def _in_folders(search: Search) -> list[str]:
+def _in_folders(search: SearchPaths) -> list[str]:
     paths = (str(Path(folder) / name) for folder in search.folders for name in search.names)
     return [path for path in paths if _there(path) and not Path(path).is_dir()]
 
 
-def _by_loader(search: Search) -> list[str]:
+def _by_loader(search: SearchPaths) -> list[str]:
     """Bare names under which the system's loader knows a library that lies in none of the folders."""
     if not search.system:
         return []
@@ -120,10 +120,10 @@ def _there(path: str) -> bool:
         return False
 
 
-def judged(path: str) -> VendorLibrary:
+def inspect_library(path: str) -> VendorLibrary:
     """Loads a library (a path, or a bare name for the system's search) and sees which ABIs it fits. Makes no call."""
     shown = printable(path)
-    handle: Any = opened(path)
+    handle: Any = open_library(path)
     if isinstance(handle, str):
         reason = handle if isinstance(handle, Phrase) else handle.removeprefix(f"{shown}: ")
         return VendorLibrary(path=shown, loaded=False, reason=reason, next_steps=_library_steps(reason))
@@ -154,7 +154,7 @@ def _missing(handle: Any, abi: Abi) -> tuple[str, ...]:
 
 
 _LIBRARY_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (
-    ((NOT_THERE,), Phrase("name the library's file with --library, or write its path into gusjob.toml")),
+    ((NOT_FOUND,), Phrase("name the library's file with --library, or write its path into gusjob.toml")),
     (("a folder",), Phrase("name the library in it with --library")),
     (
         ("which has", "WinError 193"),
@@ -247,7 +247,7 @@ KNOWN_USB = (
 """Laser controllers whose USB ids are public."""
 
 
-class Trouble(StrEnum):
+class UsbProblemKind(StrEnum):
     """What keeps us from reading USB."""
 
     NO_BACKEND = "no-backend"
@@ -262,7 +262,7 @@ class Trouble(StrEnum):
 class UsbProblem:
     """Why USB, or one device, can't be read, and what to do."""
 
-    kind: Trouble
+    kind: UsbProblemKind
     reason: str
     next_steps: tuple[str, ...] = ()
 
@@ -291,7 +291,7 @@ def usb_devices(platform: str = sys.platform) -> tuple[tuple[UsbDevice, ...], Us
         every = list(core.find(find_all=True, backend=usb_backend()))
     except core.NoBackendError:
         steps = _NO_BACKEND_STEPS.get(platform, _NO_BACKEND_STEPS["linux"])
-        return (), UsbProblem(kind=Trouble.NO_BACKEND, reason=_NO_BACKEND, next_steps=steps)
+        return (), UsbProblem(kind=UsbProblemKind.NO_BACKEND, reason=_NO_BACKEND, next_steps=steps)
     except _usb_errors() as error:
         return (), _usb_problem(error, None, platform)
     found = ((table.get((device.idVendor, device.idProduct)), device) for device in every)
@@ -349,19 +349,19 @@ def _kernel_driver(device: Any) -> bool | None:
 
 
 _ERRORS = {
-    errno.EACCES: Trouble.PERMISSION,
-    errno.EPERM: Trouble.PERMISSION,
-    errno.EBUSY: Trouble.BUSY,
-    errno.ENODEV: Trouble.GONE,
-    errno.ENOENT: Trouble.DRIVER,
-    errno.ENOSYS: Trouble.DRIVER,
+    errno.EACCES: UsbProblemKind.PERMISSION,
+    errno.EPERM: UsbProblemKind.PERMISSION,
+    errno.EBUSY: UsbProblemKind.BUSY,
+    errno.ENODEV: UsbProblemKind.GONE,
+    errno.ENOENT: UsbProblemKind.DRIVER,
+    errno.ENOSYS: UsbProblemKind.DRIVER,
 }
 
 _REASONS = {
-    Trouble.PERMISSION: Phrase("your user may not open it"),
-    Trouble.BUSY: Phrase("another program has it open"),
-    Trouble.GONE: Phrase("it was unplugged meanwhile"),
-    Trouble.DRIVER: Phrase("its driver does not let libusb open it"),
+    UsbProblemKind.PERMISSION: Phrase("your user may not open it"),
+    UsbProblemKind.BUSY: Phrase("another program has it open"),
+    UsbProblemKind.GONE: Phrase("it was unplugged meanwhile"),
+    UsbProblemKind.DRIVER: Phrase("its driver does not let libusb open it"),
 }
 
 _NO_BACKEND = Phrase("libusb was not found")
@@ -375,17 +375,17 @@ _NO_BACKEND_STEPS: Mapping[str, tuple[str, ...]] = {
 def _usb_problem(error: Exception, known: KnownUsb | None, platform: str) -> UsbProblem:
     """What an error of pyusb means; an operation that libusb does not support there is a matter of the driver."""
     code = errno.ENOSYS if isinstance(error, NotImplementedError) else getattr(error, "errno", None)
-    kind = _ERRORS.get(code or 0, Trouble.OTHER)
+    kind = _ERRORS.get(code or 0, UsbProblemKind.OTHER)
     # Windows and macOS have no permissions for USB devices: they refuse what another program holds.
-    if kind is Trouble.PERMISSION and platform in ("win32", "darwin"):
-        kind = Trouble.BUSY
+    if kind is UsbProblemKind.PERMISSION and platform in ("win32", "darwin"):
+        kind = UsbProblemKind.BUSY
     reason = _REASONS.get(kind, printable(str(error)) or type(error).__name__)
     return UsbProblem(kind=kind, reason=reason, next_steps=_usb_steps(kind, known, platform))
 
 
-def _usb_steps(kind: Trouble, known: KnownUsb | None, platform: str) -> tuple[str, ...]:
+def _usb_steps(kind: UsbProblemKind, known: KnownUsb | None, platform: str) -> tuple[str, ...]:
     match kind:
-        case Trouble.PERMISSION if known is not None:
+        case UsbProblemKind.PERMISSION if known is not None:
             # uaccess is given out by 73-seat-late.rules: the file's number must be lower.
             ids = f'ATTR{{idVendor}}=="{known.vendor:04x}", ATTR{{idProduct}}=="{known.product:04x}"'
             return (
@@ -396,16 +396,16 @@ def _usb_steps(kind: Trouble, known: KnownUsb | None, platform: str) -> tuple[st
                     'GROUP="YOUR-GROUP"'
                 ),
             )
-        case Trouble.BUSY:
+        case UsbProblemKind.BUSY:
             return (Phrase("close the program that drives the laser"),)
-        case Trouble.DRIVER if platform == "win32":
+        case UsbProblemKind.DRIVER if platform == "win32":
             return (
                 Phrase(
                     "leave it so for the maker's program; MeerK40t and others that go by libusb need WinUSB in its "
                     "place (Zadig, https://zadig.akeo.ie), with which the maker's program no longer works"
                 ),
             )
-        case Trouble.GONE | Trouble.OTHER:
+        case UsbProblemKind.GONE | UsbProblemKind.OTHER:
             return (Phrase("plug it in again, without a hub"),)
         case _:
             return ()
@@ -418,7 +418,7 @@ def _usb_steps(kind: Trouble, known: KnownUsb | None, platform: str) -> tuple[st
 class Survey:
     """All that was found, and where was looked."""
 
-    search: Search
+    search: SearchPaths
     libraries: tuple[VendorLibrary, ...]
     usb: tuple[UsbDevice, ...]
     usb_problem: UsbProblem | None
@@ -426,9 +426,9 @@ class Survey:
     python_bits: int = BITS
 
 
-def survey(named: Iterable[str], search: Search | None = None) -> Survey:
+def survey(named: Iterable[str], search: SearchPaths | None = None) -> Survey:
     """What this computer could run on. `named`: libraries that the user or the machine profile names."""
-    search = search or search_places()
+    search = search or search_paths()
     libraries = vendor_libraries(tuple(named), search)
     usb, problem = usb_devices()
     return Survey(search=search, libraries=libraries, usb=usb, usb_problem=problem)

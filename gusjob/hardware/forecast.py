@@ -9,7 +9,7 @@ import numpy as np
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.dry import box_pulse
+from gusjob.controllers.gus.dry_run import box_pulse
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 

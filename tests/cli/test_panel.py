@@ -24,9 +24,9 @@ import pytest
 from support.tools import MARK, ROOT, stream_of
 
 from gusjob.cli.keys import Keys
-from gusjob.cli.panel import Watch, watch
+from gusjob.cli.panel import ProgressDisplay, watch
 from gusjob.config.machine import Machine
-from gusjob.controllers.control import Control, Phase, View
+from gusjob.controllers.control import Control, Phase, RunStatus
 from gusjob.controllers.gus.calls import Stream
 from gusjob.hardware.forecast import Forecast, forecast
 from gusjob.simulate import interpret
@@ -65,7 +65,7 @@ class Bench:
     stderr: Terminal | None = None
 
     @contextmanager
-    def watch(self, mode: str) -> Iterator[Watch]:
+    def watch(self, mode: str) -> Iterator[ProgressDisplay]:
         def line_of(row: int) -> str:
             return f"{self.path}:{self.stream.buffered.line[row]}"
 
@@ -77,11 +77,11 @@ class Bench:
             yield watcher
 
     def be(self, phase: Phase, row: int = 0) -> None:
-        self.control.view = View(
+        self.control.view = RunStatus(
             phase=phase, row=row, sent=row, x_pulse=12340.0, y_pulse=-1500.0, queued=1024, slots=4096
         )
 
-    def ticks(self, watcher: Watch, seconds: float) -> None:
+    def ticks(self, watcher: ProgressDisplay, seconds: float) -> None:
         """50 a second, as the runner does."""
         for _ in range(round(seconds * 50)):
             self.now_s += 0.02
@@ -292,7 +292,7 @@ def test_nothing_to_do_and_no_time_for_it(
     bench.forecast = Forecast(
         duration_ms=0.0, row_ms=np.zeros(rows + 1), timed=np.zeros(rows, dtype=np.intp), box_mm=None, channels=()
     )
-    bench.control.view = View(phase=Phase.RUNNING, row=row, x_pulse=math.nan, y_pulse=math.inf, queued=9, slots=0)
+    bench.control.view = RunStatus(phase=Phase.RUNNING, row=row, x_pulse=math.nan, y_pulse=math.inf, queued=9, slots=0)
     with bench.watch(mode) as watcher:
         watcher.tick()
     done = empty or row >= rows

@@ -27,9 +27,9 @@ from gusjob.cli.devices_command import command
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.driver.library import BITS
 from gusjob.hardware import devices
-from gusjob.hardware.devices import Search, Trouble, judged, search_places, usb_devices, vendor_libraries
+from gusjob.hardware.devices import SearchPaths, UsbProblemKind, inspect_library, search_paths, usb_devices, vendor_libraries
 
-NOWHERE = Search(names=("libgus.so", "libgts.so"), folders=())
+NOWHERE = SearchPaths(names=("libgus.so", "libgts.so"), folders=())
 FOLLOW, RATIO = "GT_BufLaserPrfFollow", "GT_BufLaserFollowRatio"
 REAL_BACKEND = devices.usb_backend
 
@@ -75,7 +75,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 def test_a_library_says_which_abis_it_fits(
     made: Made, abi: int, flags: Sequence[str], fits: set[Abi], missing: dict[Abi, tuple[str, ...]]
 ) -> None:
-    found = judged(str(made(abi, *flags)))
+    found = inspect_library(str(made(abi, *flags)))
     assert (found.loaded, found.reason, found.next_steps) == (True, "", ())
     assert (set(found.abis), found.missing) == (fits, missing)
 
@@ -83,14 +83,14 @@ def test_a_library_says_which_abis_it_fits(
 @needs_controller
 def test_no_call_is_made(made: Made) -> None:
     path = made(GUS)
-    assert judged(str(path)).loaded
+    assert inspect_library(str(path)).loaded
     assert ctypes.CDLL(str(path)).vc_calls() == 0
 
 
 @needs_controller
 def test_a_library_without_laser_calls_says_what_it_misses(made: Made) -> None:
     path = made(GTS, "-DGT_LaserPowerMode=GT_Another", "-DGT_BufLaserOn=GT_AnotherOne")
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert (found.loaded, found.abis) == (True, ())
     assert "calls are missing" in found.reason
     assert found.missing[Abi.GTS] == ("GT_LaserPowerMode", "GT_BufLaserOn")
@@ -102,7 +102,7 @@ def test_another_library_is_of_no_use() -> None:
     name = ctypes.util.find_library("m") or ctypes.util.find_library("c") or ctypes.util.find_library("kernel32")
     if name is None:
         pytest.skip("needs a library of the system that can be found by name")
-    found = judged(name)
+    found = inspect_library(name)
     assert (found.loaded, found.abis, found.missing) == (True, (), {})
     assert found.reason == "it has not the calls of a Googol library"
     assert found.next_steps
@@ -111,7 +111,7 @@ def test_another_library_is_of_no_use() -> None:
 def test_a_text_is_no_library(tmp_path: Path) -> None:
     path = tmp_path / "libgts.so"
     path.write_text("This is not a library, however it is called.\n" * 100, encoding="utf-8")
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert not found.loaded
     assert found.reason
     if sys.platform == "linux":
@@ -126,7 +126,7 @@ def test_a_library_that_is_cut_short_is_not_loaded(made: Made, tmp_path: Path, s
     whole = made(GUS).read_bytes()
     path = tmp_path / "libgus.so"
     path.write_bytes(whole[: int(share * len(whole))])
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert (found.loaded, found.reason) == (False, "the file is cut short")
     assert "copy it again" in found.next_steps[0]
 
@@ -151,7 +151,7 @@ def test_a_part_must_be_there_to_its_last_byte(
     path = tmp_path / "libgus.so"
     path.write_bytes((head.ljust(64, b"\0") + rows).ljust(begin + length + there, b"\0"))
     monkeypatch.setattr(ctypes, "WinDLL" if sys.platform == "win32" else "CDLL", _refusing)
-    assert judged(str(path)).reason == ("the file is cut short" if there < 0 else "the loader's word")
+    assert inspect_library(str(path)).reason == ("the file is cut short" if there < 0 else "the loader's word")
 
 
 def _refusing(_path: str) -> None:
@@ -168,7 +168,7 @@ def test_a_library_for_other_bits(made: Made, tmp_path: Path) -> None:
     whole[28:40] = bytes(12)
     path = tmp_path / "libgus.so"
     path.write_bytes(whole)
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert "wrong ELF class" in found.reason
     assert f"{BITS} bits" in found.next_steps[0]
 
@@ -188,7 +188,7 @@ def test_each_reason_has_its_next_step(tmp_path: Path, monkeypatch: pytest.Monke
     path = tmp_path / "libgts.so"
     path.touch()
     monkeypatch.setattr(devices, "opened", lambda _: error)
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert not found.loaded
     assert error.endswith(found.reason)
     assert found.next_steps == () if not step else step in found.next_steps[0]
@@ -196,15 +196,15 @@ def test_each_reason_has_its_next_step(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("name", ["", "nul\0here.so", "no/such/libgts.so", "libnosuchthing.so"])
 def test_what_is_not_there(name: str) -> None:
-    found = judged(name)
+    found = inspect_library(name)
     assert not found.loaded
     assert "no such file" in found.reason or sys.platform != "linux"
 
 
 def test_a_folder_is_no_library(tmp_path: Path) -> None:
     (tmp_path / "libgts.so").mkdir()
-    assert judged(str(tmp_path / "libgts.so")).reason == "it is a folder, not a library"
-    assert vendor_libraries((), Search(names=("libgts.so",), folders=(str(tmp_path),))) == ()
+    assert inspect_library(str(tmp_path / "libgts.so")).reason == "it is a folder, not a library"
+    assert vendor_libraries((), SearchPaths(names=("libgts.so",), folders=(str(tmp_path),))) == ()
 
 
 @needs_controller
@@ -217,14 +217,14 @@ def test_each_library_is_listed_once_the_named_ones_first(
     folder.mkdir()
     (folder / "libgus.so").symlink_to(first)
     (folder / "libgts.so").symlink_to(second)
-    search = Search(names=("libgus.so", "libgts.so"), folders=(str(folder), str(folder)))
+    search = SearchPaths(names=("libgus.so", "libgts.so"), folders=(str(folder), str(folder)))
     found = vendor_libraries((second.name, str(second)), search)
     assert [library.path for library in found] == [str(second), str(folder / "libgus.so")]
 
 
 def test_the_loader_is_asked_for_what_is_in_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ctypes.util, "find_library", {"gts": "libgts.so.7"}.get)
-    assert [library.path for library in vendor_libraries((), Search(names=NOWHERE.names, folders=(), system=True))] == [
+    assert [library.path for library in vendor_libraries((), SearchPaths(names=NOWHERE.names, folders=(), system=True))] == [
         "libgts.so.7"
     ]
     assert vendor_libraries((), NOWHERE) == ()
@@ -233,17 +233,17 @@ def test_the_loader_is_asked_for_what_is_in_no_folder(monkeypatch: pytest.Monkey
 def test_the_current_folder_is_not_searched(tmp_path: Path) -> None:
     (tmp_path / "libgts.so").touch()
     for entries in ("", ".", "sub/..", f"{os.pathsep}."):
-        search = search_places("linux", {"LD_LIBRARY_PATH": entries})
+        search = search_paths("linux", {"LD_LIBRARY_PATH": entries})
         assert all(Path(folder).is_absolute() for folder in search.folders)
         assert search.system == (entries == "")  # An empty entry among others is the current folder, too.
-    assert str(tmp_path) in search_places("linux", {"LD_LIBRARY_PATH": str(tmp_path)}).folders
-    assert vendor_libraries((), Search(names=("libgts.so",), folders=())) == ()
+    assert str(tmp_path) in search_paths("linux", {"LD_LIBRARY_PATH": str(tmp_path)}).folders
+    assert vendor_libraries((), SearchPaths(names=("libgts.so",), folders=())) == ()
 
 
 def test_where_is_looked_on_windows() -> None:
     entries = os.pathsep.join(["/gts/bin", '"/quoted"', ".", ""])
-    search = search_places("win32", {"PATH": entries, "LD_LIBRARY_PATH": "/no"})
-    assert search == Search(names=("gus.dll", "gts.dll"), folders=("/gts/bin", "/quoted"))
+    search = search_paths("win32", {"PATH": entries, "LD_LIBRARY_PATH": "/no"})
+    assert search == SearchPaths(names=("gus.dll", "gts.dll"), folders=("/gts/bin", "/quoted"))
 
 
 @needs_controller
@@ -378,17 +378,17 @@ def test_texts_that_are_no_texts(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("error", "platform", "kind", "step"),
     [
-        (usb_error(errno.EACCES), "linux", Trouble.PERMISSION, 'ATTR{idVendor}=="9588", ATTR{idProduct}=="9899"'),
-        (usb_error(errno.EACCES), "win32", Trouble.BUSY, "close the program"),
-        (usb_error(errno.EBUSY), "linux", Trouble.BUSY, "close the program"),
-        (usb_error(errno.ENODEV), "linux", Trouble.GONE, "plug it in"),
-        (usb_error(errno.ENOENT), "win32", Trouble.DRIVER, "Zadig"),
-        (NotImplementedError("Operation not supported"), "win32", Trouble.DRIVER, "WinUSB"),
-        (usb_error(errno.EIO), "linux", Trouble.OTHER, "plug it in"),
+        (usb_error(errno.EACCES), "linux", UsbProblemKind.PERMISSION, 'ATTR{idVendor}=="9588", ATTR{idProduct}=="9899"'),
+        (usb_error(errno.EACCES), "win32", UsbProblemKind.BUSY, "close the program"),
+        (usb_error(errno.EBUSY), "linux", UsbProblemKind.BUSY, "close the program"),
+        (usb_error(errno.ENODEV), "linux", UsbProblemKind.GONE, "plug it in"),
+        (usb_error(errno.ENOENT), "win32", UsbProblemKind.DRIVER, "Zadig"),
+        (NotImplementedError("Operation not supported"), "win32", UsbProblemKind.DRIVER, "WinUSB"),
+        (usb_error(errno.EIO), "linux", UsbProblemKind.OTHER, "plug it in"),
     ],
 )
 def test_why_a_device_cannot_be_read(
-    monkeypatch: pytest.MonkeyPatch, error: Exception, platform: str, kind: Trouble, step: str
+    monkeypatch: pytest.MonkeyPatch, error: Exception, platform: str, kind: UsbProblemKind, step: str
 ) -> None:
     plug(monkeypatch, Fake(texts={3: text("A1")}, error=error), Fake(texts={3: text("B2")}))
     ((shut, other), problem) = usb_devices(platform)
@@ -418,7 +418,7 @@ def test_without_libusb(monkeypatch: pytest.MonkeyPatch, platform: str, step: st
     found, problem = usb_devices(platform)
     assert found == ()
     assert problem is not None
-    assert (problem.kind, problem.reason) == (Trouble.NO_BACKEND, "libusb was not found")
+    assert (problem.kind, problem.reason) == (UsbProblemKind.NO_BACKEND, "libusb was not found")
     assert step in problem.next_steps[0]
 
 

@@ -23,7 +23,7 @@ from gusjob.controllers.gus.driver import fifo
 from gusjob.controllers.gus.driver.abi import TCrdPrm, prototypes
 from gusjob.controllers.gus.driver.library import load_library
 from gusjob.controllers.gus.driver.session import needed_calls
-from gusjob.controllers.gus.dry import frame, without_laser
+from gusjob.controllers.gus.dry_run import frame, without_laser
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.journal import Journal
 from gusjob.pipeline import compiled

@@ -24,12 +24,12 @@ from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.controllers.gus.driver import fifo, session
 from gusjob.controllers.gus.driver import shutdown as way_out
 from gusjob.controllers.gus.driver.session import outputs_of
-from gusjob.controllers.gus.place import Place, Route
-from gusjob.controllers.gus.remainder import rest
+from gusjob.controllers.gus.path_position import PathPosition, TimedPath
+from gusjob.controllers.gus.remainder import remainder_from
 from gusjob.frontend import check_text, read_listing
 from gusjob.hardware.forecast import forecast
-from gusjob.hardware.runner import signals
-from gusjob.hardware.sent import sent_calls
+from gusjob.hardware.supervisor import stop_on_signals
+from gusjob.hardware.journal_stream import journal_stream
 from gusjob.simulate import interpret
 from gusjob.simulate.clock import lay
 
@@ -415,7 +415,7 @@ def test_begun_at_any_row_the_lasers_are_as_they_were(gus: Bench) -> None:
     light = [Row.EMISSION0_MS, Row.EMISSION1_MS, Row.POWER0_MS, Row.POWER1_MS]
     for row in range(len(stream.buffered)):
         fresh(gus)
-        assert gus.run(stream, machine, begin=Place(row=row)).faults == []
+        assert gus.run(stream, machine, begin=PathPosition(row=row)).faults == []
         rows = gus.controller.rows()
         first = int(np.searchsorted(timed, row))
         left = whole[first:]
@@ -437,7 +437,7 @@ def test_begun_at_any_row_the_lasers_are_as_they_were(gus: Bench) -> None:
 def test_what_is_in_force_is_set_again_in_its_order(gus: Bench) -> None:
     """Begun at the last row: what the lasers know is what they would know, no more and nothing of the past."""
     stream = stream_of(STATES)
-    part = rest(stream, Place(row=int(np.flatnonzero(stream.buffered.kind <= Buffered.DELAY)[-1])))
+    part = remainder_from(stream, PathPosition(row=int(np.flatnonzero(stream.buffered.kind <= Buffered.DELAY)[-1])))
     set_up = [(c.name, c.args) for c in part.stream.calls if c.at == 0 and c.name != "GT_CrdClear"]
     settings = [(c.name, c.args) for c in stream.calls if c.name not in (
         "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus", "GT_SetCrdPrm", "GT_LaserPrfCmd", "GT_EnaFPK"
@@ -452,7 +452,7 @@ def test_what_is_in_force_is_set_again_in_its_order(gus: Bench) -> None:
     assert all(line > 0 for line in part.stream.buffered.line.tolist())
     # In the second stage it is the delays of then, and no call of later.
     row = int(np.flatnonzero(stream.buffered.kind == Buffered.FOLLOW)[0])
-    early = [(c.name, c.args) for c in rest(stream, Place(row=row)).stream.calls if c.at == 0]
+    early = [(c.name, c.args) for c in remainder_from(stream, PathPosition(row=row)).stream.calls if c.at == 0]
     assert [args for name, args in early if name == "GT_SetLevelDelay"] == [(30.0, 20.0, 0.0)]
     assert not {"GT_EnaFPK", "GT_DisFPK", "GT_SetLaserDisMode"} & {name for name, _ in early}
 
@@ -463,7 +463,7 @@ def test_a_new_mode_takes_the_power_away_and_the_same_one_does_not(gus: Bench) -
             SYSTEM_2 + zigzag(2) + "GT_BufLaserOff(2,1,0)\nGT_CrdStart(2,2)\nGT_CrdStatus(2,run,segment,1)\n"
             f"GT_LaserPowerMode({mode},100,0,0)\nGT_CrdClear(2,1)\n" + zigzag(2) + "GT_CrdStart(2,2)\n"
         )
-        part = rest(stream, Place(row=len(stream.buffered) - 2))
+        part = remainder_from(stream, PathPosition(row=len(stream.buffered) - 2))
         lead = part.stream.buffered.pick(np.arange(part.lead))
         assert lead.p[lead.kind == Buffered.POWER].tolist() == found
         starts = [(c.name, c.args) for c in part.stream.calls if c.name in ("GT_CrdStart", "GT_CrdClear")]
@@ -472,7 +472,7 @@ def test_a_new_mode_takes_the_power_away_and_the_same_one_does_not(gus: Bench) -
 
 def test_settings_of_an_older_mode_are_not_set_again() -> None:
     text = SYSTEM_2.replace("GT_SetCrdPrm", "GT_LaserPowerMode(1,2000,0,0)\nGT_SetPulseWidth(5,0)\nGT_SetCrdPrm", 1)
-    part = rest(listed(text + zigzag(3) + "GT_CrdStart(2,2)\n"), Place(row=3))
+    part = remainder_from(listed(text + zigzag(3) + "GT_CrdStart(2,2)\n"), PathPosition(row=3))
     names = [call.name for call in part.stream.calls if call.at == 0]
     assert names == ["GT_SetAxisMode", "GT_LaserPowerMode", "GT_SetPulseWidth", "GT_SetCrdPrm", "GT_CrdClear"]
 
@@ -482,7 +482,7 @@ def test_light_switched_on_at_once_is_switched_on_again(gus: Bench) -> None:
     later = "GT_CrdStatus(2,run,segment,1)\nGT_SetHSIOOpt(1,0)\nGT_CrdClear(2,1)\n" + zigzag(3)
     stream = listed(text + later + "GT_CrdStart(2,2)\n")
     for row, on in ((5, True), (4, True)):
-        part = rest(stream, Place(row=row))
+        part = remainder_from(stream, PathPosition(row=row))
         assert (Buffered.ON in part.stream.buffered.kind[: part.lead].tolist()) == on, row
 
 
@@ -491,7 +491,7 @@ def test_end_velocities_are_those_that_can_be_reached_from_rest() -> None:
     stream = stream_of(MARK + "LASER POWER 30\nLASER ON\nLINE X 5\nLINE X 10\nLASER OFF\n")
     row = int(np.flatnonzero(stream.buffered.kind == Buffered.LINE)[0])
     assert stream.buffered.vel_end[row] == 100
-    part = rest(stream, Place(row=row, run_pulse=4990.0))
+    part = remainder_from(stream, PathPosition(row=row, run_pulse=4990.0))
     calls = part.stream.buffered
     assert calls.vel_end[part.lead] == pytest.approx((2 * 10 * 10) ** 0.5, rel=0.02)
     assert calls.vel_end[-2] == 0
@@ -507,7 +507,7 @@ def test_begun_within_an_arc_it_stays_on_it(arc: str) -> None:
     laid = trace.clock.laid
     length = float(laid.length[-1])
     for share in (0.1, 0.6, 0.9):
-        part = rest(stream, Place(row=row, run_pulse=share * length))
+        part = remainder_from(stream, PathPosition(row=row, run_pulse=share * length))
         begun, faults = interpret(part.stream, Machine())
         assert begun is not None
         assert faults == []
@@ -607,7 +607,7 @@ def test_a_part_without_a_way_to_it_is_found_again(gus: Bench, before: str, how:
     fresh(gus, poll_us=2_000)
     dwell = int(np.flatnonzero(stream.buffered.kind == Buffered.DELAY)[0])
     first = gus.run(stream, machine, tick=When(dwell, "abrupt"))
-    assert first.session.reached == Place(row=dwell)
+    assert first.session.reached == PathPosition(row=dwell)
 
     def tick(control: Control) -> None:
         if control.view.phase is Phase.RUNNING and control.view.x_pulse >= 15_000 and not control.stop:
@@ -640,32 +640,32 @@ def test_a_controller_that_was_started_anew_or_moved_is_not_guessed_at(gus: Benc
 # Where on the path.
 
 
-def route_of(text: str) -> tuple[Route, Stream]:
+def route_of(text: str) -> tuple[TimedPath, Stream]:
     stream = stream_of(MARK + text)
-    return Route.of(stream.buffered, (0, 0)), stream
+    return TimedPath.of(stream.buffered, (0, 0)), stream
 
 
 def test_back_never_goes_over_a_dwell() -> None:
     route, _ = route_of("LINE X 5\nLINE X 5 Y 5\nDWELL 3\nLINE X 0 Y 5\nLINE X 0 Y 0\n")
     ms = 1 / float(route.calls.vel[0])
-    assert route.back(Place(row=1, run_pulse=0.0), 10 * ms) == Place(row=0, run_pulse=4990.0)
-    assert route.back(Place(row=1, run_pulse=0.0), 7000 * ms) == Place(row=0, run_pulse=0.0)
-    assert route.back(Place(row=1, run_pulse=4.0), 10 * ms) == Place(row=0, run_pulse=4994.0)
-    assert route.back(Place(row=3), 10 * ms) == Place(row=3)
-    assert route.back(Place(row=2), 10 * ms) == Place(row=2)
-    assert route.back(Place(row=0), 10 * ms) == Place(row=0)
-    assert route.back(Place(row=4, run_pulse=100.0), 10 * ms) == Place(row=4, run_pulse=90.0)
+    assert route.back(PathPosition(row=1, run_pulse=0.0), 10 * ms) == PathPosition(row=0, run_pulse=4990.0)
+    assert route.back(PathPosition(row=1, run_pulse=0.0), 7000 * ms) == PathPosition(row=0, run_pulse=0.0)
+    assert route.back(PathPosition(row=1, run_pulse=4.0), 10 * ms) == PathPosition(row=0, run_pulse=4994.0)
+    assert route.back(PathPosition(row=3), 10 * ms) == PathPosition(row=3)
+    assert route.back(PathPosition(row=2), 10 * ms) == PathPosition(row=2)
+    assert route.back(PathPosition(row=0), 10 * ms) == PathPosition(row=0)
+    assert route.back(PathPosition(row=4, run_pulse=100.0), 10 * ms) == PathPosition(row=4, run_pulse=90.0)
 
 
 def test_behind_a_dwell_the_motion_before_it_gives_the_start() -> None:
     route, _ = route_of("LINE X 5\nDWELL 3\nDWELL 4\nLINE X 5 Y 5\n")
-    assert route.place(4, 4, 5000, 1000) == Place(row=3, run_pulse=1000.0)
-    assert route.place(3, 3, 5000, 1000) == Place(row=3, run_pulse=1000.0)
+    assert route.place(4, 4, 5000, 1000) == PathPosition(row=3, run_pulse=1000.0)
+    assert route.place(3, 3, 5000, 1000) == PathPosition(row=3, run_pulse=1000.0)
 
 
 def test_where_two_calls_fit_the_earlier_one_is_taken() -> None:
     route, _ = route_of("LINE X 5\nLINE X 0\nLINE X 5\n")
-    assert route.place(2, 2, 2000, 0) == Place(row=1, run_pulse=3000.0)
+    assert route.place(2, 2, 2000, 0) == PathPosition(row=1, run_pulse=3000.0)
     assert not route.place(2, 2, 2000, 3).sure
     assert route.place(2, 2, 2000, 1).sure
 
@@ -675,7 +675,7 @@ def test_places_on_an_arc_and_beyond_its_ends(way: str) -> None:
     """A quarter circle about 0, 0."""
     end = "Y 5" if way == "CCW" else "Y -5"
     stream = stream_of(MARK + f"JUMP X 5 Y 0\nARC {way} X 0 {end} R 5\n")
-    route = Route.of(stream.buffered, (0, 0))
+    route = TimedPath.of(stream.buffered, (0, 0))
     number = len(route.timed) - 1
     laid = lay(stream.buffered, route.timed, np.zeros(len(route.timed), dtype=np.bool_))
     length, sign = float(laid.length[-1]), 1 if way == "CCW" else -1
@@ -711,7 +711,7 @@ def test_the_report_of_a_journal_is_what_was_run(gus: Bench, how: str) -> None:
     done = gus.controller.rows()
     source, _ = check_text(ran.journal.read_bytes(), "x.journal")
     assert source is not None
-    sent, faults = sent_calls(source)
+    sent, faults = journal_stream(source)
     assert faults == [] and sent is not None
     trace, found = interpret(sent, machine, foreign=True)
     assert trace is not None
@@ -727,7 +727,7 @@ def reported(ran: Ran, machine: Machine) -> tuple[Stream, float]:
     """A journal as a stream, and the length of its path, pulse."""
     source, _ = check_text(ran.journal.read_bytes(), "x.journal")
     assert source is not None
-    sent, faults = sent_calls(source)
+    sent, faults = journal_stream(source)
     assert faults == [] and sent is not None
     trace, _ = interpret(sent, machine, foreign=True)
     assert trace is not None
@@ -841,7 +841,7 @@ def test_what_signals_ask_for() -> None:
         ([signal.SIGHUP], 2, False), ([signal.SIGTSTP], 0, True), ([signal.SIGTSTP, signal.SIGTSTP], 0, False),
     ):  # fmt: skip
         control = Control()
-        with signals(control):
+        with stop_on_signals(control):
             for number in numbers:
                 signal.raise_signal(number)
         assert (control.stop, control.pause, control.asked) == (stop, pause, bool(stop or pause)), numbers

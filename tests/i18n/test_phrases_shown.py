@@ -31,17 +31,17 @@ from gusjob.cli import (
 )
 from gusjob.cli.hardware import _light_left
 from gusjob.cli.page import too_long
-from gusjob.cli.panel import _STOP_KEYS, Light, Progress, panel, plain_line
+from gusjob.cli.panel import _STOP_KEYS, PlannedPower, Progress, panel, plain_line
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Phase
 from gusjob.controllers.gus.driver.fifo import Interrupted
-from gusjob.controllers.gus.driver.library import _why
+from gusjob.controllers.gus.driver.library import _load_error
 from gusjob.controllers.gus.driver.link import MEANINGS, meaning
 from gusjob.controllers.gus.driver.session import Session, one_queue
-from gusjob.controllers.gus.driver.shutdown import _light_fault, _motion_fault
+from gusjob.controllers.gus.driver.shutdown import _laser_diagnostic, _motion_diagnostic
 from gusjob.controllers.journal import read_journal
 from gusjob.hardware import devices
-from gusjob.hardware.devices import KNOWN_USB, Search, Survey, Trouble, UsbDevice, UsbProblem, judged
+from gusjob.hardware.devices import KNOWN_USB, SearchPaths, Survey, UsbProblemKind, UsbDevice, UsbProblem, inspect_library
 from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import localized
 from gusjob.report.earlier import read_earlier
@@ -248,11 +248,11 @@ def test_what_can_not_be_tuned(folder: Path, text: str) -> None:
 
 
 def _surveys() -> Iterator[Survey]:
-    search = Search(names=("A.so", "B.so"), folders=("/A", "/B"), system=True)
+    search = SearchPaths(names=("A.so", "B.so"), folders=("/A", "/B"), system=True)
     yield Survey(search=replace(search, folders=(), system=False), libraries=(), usb=(), usb_problem=None)
     for platform in ("linux", "win32", "darwin"):
         steps = devices._NO_BACKEND_STEPS[platform]
-        problem = UsbProblem(kind=Trouble.NO_BACKEND, reason=devices._NO_BACKEND, next_steps=steps)
+        problem = UsbProblem(kind=UsbProblemKind.NO_BACKEND, reason=devices._NO_BACKEND, next_steps=steps)
         yield Survey(search=search, libraries=(), usb=(), usb_problem=problem, platform=platform)
         errors = [*(OSError(number, "") for number in devices._ERRORS), NotImplementedError()]
         problems = [devices._usb_problem(error, known, platform) for error in errors for known in KNOWN_USB]
@@ -285,17 +285,17 @@ def test_libraries(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "CUT.so").write_bytes(b"\x7fELF")
     (folder / "F").mkdir()
     signs = ("[WinError 193]", "one of its dependencies", "WinError 126")
-    told = [_why("/bin/sh", sign) for sign in signs]
+    told = [_load_error("/bin/sh", sign) for sign in signs]
     libraries = [
-        *(judged(str(path)) for path in ("/NO.so", folder / "F", folder / "CUT.so")),
-        *(replace(judged("/NO.so"), reason=why, next_steps=devices._library_steps(why)) for why in told),
-        *(replace(judged("/NO.so"), next_steps=(step,)) for _, step in devices._LIBRARY_STEPS),
-        *(replace(judged("/NO.so"), loaded=True, abis=tuple(abis)) for abis in (Abi, [Abi.GUS])),
-        replace(judged("/NO.so"), loaded=True, missing={Abi.GTS: ("GT_A", "GT_B")}),
+        *(inspect_library(str(path)) for path in ("/NO.so", folder / "F", folder / "CUT.so")),
+        *(replace(inspect_library("/NO.so"), reason=why, next_steps=devices._library_steps(why)) for why in told),
+        *(replace(inspect_library("/NO.so"), next_steps=(step,)) for _, step in devices._LIBRARY_STEPS),
+        *(replace(inspect_library("/NO.so"), loaded=True, abis=tuple(abis)) for abis in (Abi, [Abi.GUS])),
+        replace(inspect_library("/NO.so"), loaded=True, missing={Abi.GTS: ("GT_A", "GT_B")}),
         devices._unfitting("/C.so", {}),
         devices._unfitting("/C.so", {Abi.GTS: ("GT_A",)}),
     ]
-    search = Search(names=("A.so", "B.so"), folders=())
+    search = SearchPaths(names=("A.so", "B.so"), folders=())
     found = Survey(search=search, libraries=tuple(libraries), usb=(), usb_problem=None)
     monkeypatch.setattr(devices, "survey", lambda _named: found)
     text = re.sub(r"\b[0-9a-f]{4}:[0-9a-f]{4}\b", "", out(devices_command.command))
@@ -386,7 +386,7 @@ def test_too_long() -> None:
 NOW = Progress(
     job="J.job", phase=Phase.RUNNING, row=1, rows=9, segment=1000, segments=2000, place="J.job:7", x_mm=1.0, y_mm=-2.0,
     queued=100, slots=4096, elapsed_s=3.0, done_ms=1000.0, total_ms=9000.0,
-    lights=(Light(channel=0, unit="%", power=40.0), Light(channel=1, unit="V", power=float("nan"))),
+    lights=(PlannedPower(channel=0, unit="%", power=40.0), PlannedPower(channel=1, unit="V", power=float("nan"))),
 )  # fmt: skip
 
 
@@ -408,8 +408,8 @@ def test_panel_and_lines(phase: Phase) -> None:
 def test_faults_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     stream.buffered.crd[-1] = 2
-    diagnostics = [*one_queue(stream), *(_motion_fault(code) for code in (0, *MEANINGS, 99, -99))]
-    diagnostics += [_light_fault(0, code, powered) for code in MEANINGS for powered in (False, True)]
+    diagnostics = [*one_queue(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
+    diagnostics += [_laser_diagnostic(0, code, powered) for code in MEANINGS for powered in (False, True)]
     monkeypatch.setattr(translate, "_catalogue", _Said("·"))
     for diagnostic in diagnostics:
         assert left(diagnostic.localized) == set()
@@ -527,7 +527,7 @@ def test_wide_characters_in_a_comparison(folder: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.usefixtures("wide")
 def test_wide_characters_are_wrapped(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    search = Search(names=("A.so", "B.so"), folders=("/A", "/B"))
+    search = SearchPaths(names=("A.so", "B.so"), folders=("/A", "/B"))
     monkeypatch.setattr(devices, "survey", lambda _named: Survey(search=search, libraries=(), usb=(), usb_problem=None))
     lines = out(devices_command.command).splitlines()
     assert 90 < max(cell_len(line) for line in lines if line.startswith("  ")) <= 110

@@ -17,13 +17,13 @@ from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
-from gusjob.controllers.gus.driver.resume import find_place, recorded_place
+from gusjob.controllers.gus.driver.resume import find_position, recorded_position
 from gusjob.controllers.gus.driver.session import Session, needed_calls, outputs_of
-from gusjob.controllers.gus.place import Place
-from gusjob.controllers.gus.remainder import Part, rest, whole
+from gusjob.controllers.gus.path_position import PathPosition
+from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
 from gusjob.controllers.journal import Journal, read_journal
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.hardware.runner import Runner
+from gusjob.hardware.supervisor import Supervisor
 
 ABIS = {GUS: Abi.GUS, GTS: Abi.GTS, GTS_MULTI: Abi.GTS_MULTI}
 EVERYTHING = (
@@ -96,13 +96,13 @@ class Bench:
         self,
         stream: Stream,
         machine: Machine,
-        part: Callable[[Session], Part | None] | None = None,
+        part: Callable[[Session], Remainder | None] | None = None,
         *,
-        begin: Place | None = None,
+        begin: PathPosition | None = None,
         tick: Callable[[Control], None] | None = None,
     ) -> Ran:
         """A run as the command does it."""
-        place = begin or Place(row=0)
+        place = begin or PathPosition(row=0)
         journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [place.row, place.run_pulse]})
         control = Control()
         session = Session(
@@ -112,10 +112,10 @@ class Bench:
             stream=stream,
             outputs=outputs_of(stream),
         )
-        runner = Runner(session, (lambda: tick(control)) if tick else (lambda: None))
+        runner = Supervisor(session, (lambda: tick(control)) if tick else (lambda: None))
 
-        def from_there(session: Session) -> Part:
-            return whole(stream, session.head()) if begin is None else rest(stream, begin, session.head())
+        def from_there(session: Session) -> Remainder:
+            return whole_job(stream, session.head()) if begin is None else remainder_from(stream, begin, session.head())
 
         try:
             outcome = runner.run(part or from_there)
@@ -123,14 +123,14 @@ class Bench:
             journal.close()
         return Ran(faults=outcome.faults, session=session, journal=journal.path)
 
-    def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[Ran, Place | None]:
+    def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[Ran, PathPosition | None]:
         """Go on where a journal's run broke, as the command does it."""
         recorded = read_journal(journal)
         assert not isinstance(recorded, str), recorded
-        place = recorded_place(recorded)
+        place = recorded_position(recorded)
         if place is None:
-            found: list[Place] = []
-            ran = self.run(stream, machine, lambda session: found.append(find_place(session, recorded)))
+            found: list[PathPosition] = []
+            ran = self.run(stream, machine, lambda session: found.append(find_position(session, recorded)))
             if not found or ran.faults:
                 return ran, None
             place = found[0]

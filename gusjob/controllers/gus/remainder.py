@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
-from gusjob.controllers.gus.place import START, Place
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import reachable_ends
 from gusjob.simulate.clock import lay
@@ -26,12 +26,12 @@ _UNDONE_BY = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class Remainder:
     """A stream to run: behind the first `lead` rows it is what is left of the whole job from a place on."""
 
     stream: Stream
     lead: int = 0
-    begin: Place = START
+    begin: PathPosition = JOB_START
     start: tuple[float, float] = (0.0, 0.0)
     """Where its first motion begins, pulse; behind a way of its own that is where the way leads."""
 
@@ -39,15 +39,15 @@ class Part:
         """The whole job's row for a row of this part."""
         return self.begin.row + max(index - self.lead, 0)
 
-    def place(self, here: Place) -> Place:
+    def place(self, here: PathPosition) -> PathPosition:
         """The whole job's place for a place in this part. Its first row may be the end of a longer one."""
         if here.row < self.lead:
             return self.begin
         begun = self.begin.run_pulse if here.row == self.lead else 0.0
-        return Place(row=self.row(here.row), run_pulse=begun + here.run_pulse, sure=here.sure)
+        return PathPosition(row=self.row(here.row), run_pulse=begun + here.run_pulse, sure=here.sure)
 
 
-def whole(stream: Stream, head: tuple[float, float] | None) -> Part:
+def whole_job(stream: Stream, head: tuple[float, float] | None) -> Remainder:
     """The whole stream, from wherever the head is (None: nobody knows).
 
     Its calls take it for granted that the head begins at 0, 0. A first motion that is dark and straight gets there by
@@ -56,34 +56,34 @@ def whole(stream: Stream, head: tuple[float, float] | None) -> Part:
     timed = np.flatnonzero(stream.buffered.kind <= Buffered.DELAY)
     away = head is None or math.hypot(*head) >= 1
     if not len(timed) or not away:
-        return Part(stream=stream)
+        return Remainder(stream=stream)
     first = int(timed[0])
-    lit = any(_light_at(stream, first, channel).on for channel in (0, 1))
+    lit = any(_laser_state(stream, first, channel).on for channel in (0, 1))
     if stream.buffered.kind[first] == Buffered.LINE and not lit:
-        return Part(stream=stream)
-    return rest(stream, START, head)
+        return Remainder(stream=stream)
+    return remainder_from(stream, JOB_START, head)
 
 
-def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) -> Part:
+def remainder_from(stream: Stream, place: PathPosition, head: tuple[float, float] | None = None) -> Remainder:
     """What is left from a place on.
 
     The calls that set the lasers up, GT_SetCrdPrm, GT_CrdClear, a dark move to the place (left out if the head, pulse,
     is there), the power in force, the switch if it was on, and the rest as it was; but for end velocities that can't be
     reached from rest, and the row in which the place lies, which begins there.
     """
-    calls, place = stream.buffered, settled(stream.buffered, place)
+    calls, place = stream.buffered, at_next_motion(stream.buffered, place)
     row = place.row
     if row >= len(calls):
         behind = tuple(replace(c, at=0) for c in stream.calls if c.at >= row and c.name not in CRD_CALLS)
-        return Part(stream=replace(stream, buffered=calls.pick(np.arange(0)), calls=behind, intent=None), begin=place)
-    start = point(calls, place)
+        return Remainder(stream=replace(stream, buffered=calls.pick(np.arange(0)), calls=behind, intent=None), begin=place)
+    start = point_pulse(calls, place)
     line, crd, fifo = int(calls.line[row]), int(calls.crd[row]), int(calls.fifo[row])
-    lead = _Lead(calls=calls, line=line, crd=crd, fifo=fifo)
+    lead = _LeadIn(calls=calls, line=line, crd=crd, fifo=fifo)
     if head is None or math.hypot(head[0] - start[0], head[1] - start[1]) >= 1:
         vel, acc = _speed(calls, row)
         lead.add(Buffered.LINE, x=start[0], y=start[1], vel=vel, acc=acc)
     for channel in (0, 1):
-        state = _light_at(stream, row, channel)
+        state = _laser_state(stream, row, channel)
         if isinstance(state.power, int):
             lead.rows.append(calls.pick(np.array([state.power])))
         elif state.power is not None:
@@ -100,10 +100,10 @@ def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) 
         calls=tuple(_calls(stream, row, count - row, line, crd, fifo)),
     )
     _reach(made, start)
-    return Part(stream=made, lead=count, begin=place, start=start)
+    return Remainder(stream=made, lead=count, begin=place, start=start)
 
 
-def settled(calls: BufferedCalls, place: Place) -> Place:
+def at_next_motion(calls: BufferedCalls, place: PathPosition) -> PathPosition:
     """A place at the row that is to be run next.
 
     What stands before the next motion, switches and powers, is not run but counted as done: light that goes off there
@@ -112,18 +112,18 @@ def settled(calls: BufferedCalls, place: Place) -> Place:
     """
     row, run = place.row, place.run_pulse
     if row < len(calls) and run > 0:
-        start = point(calls, place)
+        start = point_pulse(calls, place)
         if start == (float(calls.x[row]), float(calls.y[row])):
-            x, y = point(calls, Place(row=row))
+            x, y = point_pulse(calls, PathPosition(row=row))
             length = float(_laid(calls, row).length[0])
             row, run = (row, 0.0) if (x, y) == start and run < length / 2 else (row + 1, 0.0)
     timed = np.flatnonzero(calls.kind[row:] <= Buffered.DELAY)
     row = row + int(timed[0]) if len(timed) else len(calls)
-    return Place(row=row, run_pulse=run, sure=place.sure)
+    return PathPosition(row=row, run_pulse=run, sure=place.sure)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Lead:
+class _LeadIn:
     """The rows before what is left."""
 
     calls: BufferedCalls
@@ -140,14 +140,14 @@ class _Lead:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Light:
+class _LaserState:
     """A channel at a row. `power`: the row that set it, a power that was set at once, or None."""
 
     on: bool
     power: int | float | None
 
 
-def _light_at(stream: Stream, row: int, channel: int) -> _Light:
+def _laser_state(stream: Stream, row: int, channel: int) -> _LaserState:
     """What the last calls before a row left behind. A new mode takes the power away."""
     calls = stream.buffered
     mine = (calls.channel[:row] == channel) & (calls.kind[:row] >= Buffered.ON)
@@ -170,7 +170,7 @@ def _light_at(stream: Stream, row: int, channel: int) -> _Light:
             if call.args[0] != mode and call.at >= power[0]:
                 power = (call.at, None)
             mode = call.args[0]
-    return _Light(on=bool(switch[1]), power=power[1])
+    return _LaserState(on=bool(switch[1]), power=power[1])
 
 
 def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int) -> Iterator[Call]:
@@ -202,7 +202,7 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
     yield from behind
 
 
-def point(calls: BufferedCalls, place: Place) -> tuple[float, float]:
+def point_pulse(calls: BufferedCalls, place: PathPosition) -> tuple[float, float]:
     """The whole pulse where a place is."""
     timed = np.flatnonzero(calls.kind[: place.row + 1] <= Buffered.DELAY)
     moves = timed[calls.kind[timed] < Buffered.DELAY]
@@ -230,10 +230,10 @@ def _begin_within(left: BufferedCalls, calls: BufferedCalls, row: int, start: tu
         left.p[0], left.q[0] = np.rint(cx - start[0]), np.rint(cy - start[1])
 
 
-def about_centre(calls: BufferedCalls, row: int) -> None:
+def as_centre_arc(calls: BufferedCalls, row: int) -> None:
     """An arc by its radius as one about its centre, which goes on to be right where its end is moved along it."""
     if calls.kind[row] == Buffered.ARC_RADIUS:
-        (cx, cy), start = _centre(calls, row), point(calls, Place(row=row))
+        (cx, cy), start = _centre(calls, row), point_pulse(calls, PathPosition(row=row))
         calls.kind[row] = Buffered.ARC_CENTRE
         calls.p[row], calls.q[row] = np.rint(cx - start[0]), np.rint(cy - start[1])
 
@@ -245,7 +245,7 @@ def _centre(calls: BufferedCalls, row: int) -> tuple[float, float]:
 
 def _laid(calls: BufferedCalls, row: int) -> Segments:
     """One motion."""
-    return lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point(calls, Place(row=row)))
+    return lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point_pulse(calls, PathPosition(row=row)))
 
 
 def _joined(pieces: list[BufferedCalls]) -> BufferedCalls:

@@ -15,11 +15,11 @@ from gusjob.config.machine import Interlock, Machine
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import Buffered
 from gusjob.controllers.gus.driver import fifo
-from gusjob.controllers.gus.driver.resume import recorded_place
+from gusjob.controllers.gus.driver.resume import recorded_position
 from gusjob.controllers.gus.driver.session import one_queue
-from gusjob.controllers.gus.driver.shutdown import Outputs, WayOut
-from gusjob.controllers.gus.place import Place, Route
-from gusjob.controllers.gus.remainder import rest, settled
+from gusjob.controllers.gus.driver.shutdown import Outputs, Shutdown
+from gusjob.controllers.gus.path_position import PathPosition, TimedPath
+from gusjob.controllers.gus.remainder import remainder_from, at_next_motion
 from gusjob.controllers.journal import read_journal
 from gusjob.frontend import check_text, read_listing
 from gusjob.hardware.forecast import forecast
@@ -128,7 +128,7 @@ def test_where_the_light_went_off_is_told_by_the_channel_that_went_first(gus: Be
     gus.controller.library.GT_Open(0, 1)
     gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 2, 2, -7)
     ran.session.link.take_over()
-    way = WayOut(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
+    way = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
     ran.session.link.journal.write = lambda _line: None
     began = ran.session.link.journal.now_s() + ran.session.link.journal.start_s
     assert way.light_off() == []
@@ -144,41 +144,41 @@ def test_a_place_near_an_arcs_end_is_its_end() -> None:
     row = int(np.flatnonzero(stream.buffered.kind == Buffered.ARC_CENTRE)[0])
     length = 5000 * np.pi / 2
     for left in (0.0, 0.2, 0.4, 0.6, 0.69, 0.9):
-        calls = rest(stream, Place(row=row, run_pulse=length - left)).stream.buffered
+        calls = remainder_from(stream, PathPosition(row=row, run_pulse=length - left)).stream.buffered
         arcs = np.flatnonzero(calls.kind == Buffered.ARC_CENTRE)
-        route = Route.of(calls, (0, 0))
+        route = TimedPath.of(calls, (0, 0))
         lengths = [route.nearest(int(np.searchsorted(route.timed, at)), 0.0, 0.0)[2] for at in arcs]
         assert max(lengths, default=0.0) < 2, left
     for left in (2.0, 10.0, 5000.0):
-        part = rest(stream, Place(row=row, run_pulse=length - left))
+        part = remainder_from(stream, PathPosition(row=row, run_pulse=length - left))
         assert (part.stream.buffered.kind == Buffered.ARC_CENTRE).sum() == 1, left
 
 
 def test_a_full_circle_that_hardly_began_is_whole() -> None:
     stream = stream_of(MARK + "LASER POWER 9\nLASER ON\nARC CW I 3 J 0\nLASER OFF\n")
     row = int(np.flatnonzero(stream.buffered.kind == Buffered.ARC_CENTRE)[0])
-    assert settled(stream.buffered, Place(row=row, run_pulse=0.3)) == Place(row=row)
-    done = settled(stream.buffered, Place(row=row, run_pulse=2 * np.pi * 3000 - 0.3))
+    assert at_next_motion(stream.buffered, PathPosition(row=row, run_pulse=0.3)) == PathPosition(row=row)
+    done = at_next_motion(stream.buffered, PathPosition(row=row, run_pulse=2 * np.pi * 3000 - 0.3))
     assert done.row == len(stream.buffered)
 
 
 def test_a_place_goes_back_over_several_segments() -> None:
     text = MARK + "VEL 100\n" + "".join(f"LINE X {i / 10}\n" for i in range(1, 50))
     calls = stream_of(text).buffered  # 100 pulse each, at 100 pulse/ms.
-    route = Route.of(calls, (0, 0))
-    assert route.back(Place(row=20, run_pulse=30), 0.2) == Place(row=20, run_pulse=10)
-    there = route.back(Place(row=20, run_pulse=30), 2.5)
+    route = TimedPath.of(calls, (0, 0))
+    assert route.back(PathPosition(row=20, run_pulse=30), 0.2) == PathPosition(row=20, run_pulse=10)
+    there = route.back(PathPosition(row=20, run_pulse=30), 2.5)
     assert there.row == 17
     assert there.run_pulse == pytest.approx(80)
-    assert route.back(Place(row=1, run_pulse=30), 9.0) == Place(row=0)
+    assert route.back(PathPosition(row=1, run_pulse=30), 9.0) == PathPosition(row=0)
     # Ten rows left the FIFO between two looks: the position tells which it is.
-    assert route.place(20, 30, 2450.0, 0.0) == Place(row=24, run_pulse=50)
+    assert route.place(20, 30, 2450.0, 0.0) == PathPosition(row=24, run_pulse=50)
 
 
 def test_light_that_goes_off_next_does_not_come_on() -> None:
     stream = stream_of(LIT_FIRST + "JUMP X 0 Y 0\nLASER POWER 20\nLASER ON\nLINE X 2\nLASER OFF\n")
     off = int(np.flatnonzero(stream.buffered.kind == Buffered.OFF)[0])
-    kinds = rest(stream, Place(row=off)).stream.buffered.kind.tolist()
+    kinds = remainder_from(stream, PathPosition(row=off)).stream.buffered.kind.tolist()
     assert kinds.index(Buffered.LINE) < kinds.index(Buffered.ON)
     assert kinds.count(Buffered.ON) == 1
 
@@ -190,7 +190,7 @@ def test_distance_follow_that_is_off_stays_off(gus: Bench) -> None:
     text += "LASER DISTANCE OFF\nLASER ON\nLINE X 2\nLASER OFF\n"
     stream = stream_of(text)
     last = int(np.flatnonzero(stream.buffered.kind == Buffered.LINE)[-1])
-    assert gus.run(stream, gus.machine(Machine()), begin=Place(row=last)).faults == []
+    assert gus.run(stream, gus.machine(Machine()), begin=PathPosition(row=last)).faults == []
     row = gus.controller.rows()[-1]
     assert (row[Row.POWER0_MIN], row[Row.POWER0_MAX]) == (9, 9)
 
@@ -201,7 +201,7 @@ def test_a_run_killed_while_it_was_paused_goes_on_where_the_light_went_off(gus: 
     ran.journal.write_bytes(b"".join([*lines, b'{"t":1.5,"broken":2,"run":1234.5,"line":9}\n']))
     recorded = read_journal(ran.journal)
     assert not isinstance(recorded, str)
-    assert recorded_place(recorded) == Place(row=2, run_pulse=1234.5)
+    assert recorded_position(recorded) == PathPosition(row=2, run_pulse=1234.5)
 
 
 # Any job, from any row on.
@@ -242,9 +242,9 @@ def test_any_job_from_any_row(gus: Bench, seed: int) -> None:
     for number in rng.sample(range(len(timed)), min(len(timed), 4)):
         gus.controller.reset()
         gus.controller.options(poll_us=40_000, call_us=5)
-        begin = Place(row=int(timed[number]), run_pulse=rng.choice([0.0, 0.0, 700.0]))
+        begin = PathPosition(row=int(timed[number]), run_pulse=rng.choice([0.0, 0.0, 700.0]))
         if stream.buffered.kind[begin.row] == Buffered.DELAY or whole[number, Row.LENGTH] < 1500:
-            begin = Place(row=begin.row)
+            begin = PathPosition(row=begin.row)
         assert gus.run(stream, machine, begin=begin).faults == []
         rows = gus.controller.rows()[-(len(whole) - number) :]
         wanted = whole[number:]
@@ -263,7 +263,7 @@ def test_a_channel_that_refuses_is_tried_three_times(gus: Bench) -> None:
     gus.controller.library.GT_Open(0, 1)
     ran.session.link.take_over()
     ran.session.link.journal.write = lambda _line: None
-    way = WayOut(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
+    way = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
     for refusals, channels in ((4, []), (5, [0]), (6, [0, 1])):
         gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, refusals, 7)
         assert [diagnostic.fields["channel"] for diagnostic in way.light_off()] == channels
@@ -289,7 +289,7 @@ def test_a_stage_that_was_started_early_is_started_again() -> None:
     )
     source, _ = check_text(text.encode(), "early.gts")
     assert source is not None
-    part = rest(read_listing(source)[0], Place(row=2))
+    part = remainder_from(read_listing(source)[0], PathPosition(row=2))
     behind = [(call.name, call.at) for call in part.stream.calls]
     assert behind[-2:] == [("GT_CrdStart", 2), ("GT_CrdStatus", 2)]
     assert len(part.stream.buffered) == 2  # The way, and the last line.

@@ -28,10 +28,10 @@ from gusjob.controllers.gus.calls import (
     crd_start,
 )
 from gusjob.controllers.gus.driver.abi import Prototype
-from gusjob.controllers.gus.driver.link import FULL, BackendError, Link, TakenOver, failure, refused
+from gusjob.controllers.gus.driver.link import FULL, BackendError, Link, TakenOver, failure, call_failure
 from gusjob.controllers.gus.listing import number_texts
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
-from gusjob.controllers.gus.remainder import Part
+from gusjob.controllers.gus.remainder import Remainder
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.arrays import Indices
@@ -48,12 +48,12 @@ _TRIES = 3
 """So often a call may be refused as if the FIFO were full though GT_CrdSpace found room."""
 _A_CALL = Phrase("a buffered call")
 
-Prepared = tuple[Callable[..., int], tuple[int | float, ...], bytes]
+PreparedCall = tuple[Callable[..., int], tuple[int | float, ...], bytes]
 """A buffered call: function, all arguments, the rest of its journal line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class FifoStatus:
     """What the controller says of itself."""
 
     run: bool
@@ -64,7 +64,7 @@ class Look:
 
 
 @dataclass(slots=True, kw_only=True)
-class Stage:
+class FifoStage:
     """A stage under way. `first`: its first row; `sent`: rows sent, as far as into the part; `size`: slots."""
 
     crd: int
@@ -79,7 +79,7 @@ class Stage:
     ran: bool = False
     since_s: float = 0.0
     """When it was started, or changed last."""
-    last: Look | None = None
+    last: FifoStatus | None = None
     sent_at_look: int = 0
 
     @property
@@ -96,22 +96,22 @@ class Fifo:
         self,
         link: Link,
         control: Control,
-        part: Part,
+        part: Remainder,
         *,
-        on_look: Callable[[Stage], None],
+        on_look: Callable[[FifoStage], None],
         before_start: Callable[[], None],
     ) -> None:
         self.link, self.control, self.part = link, control, part
         self.on_look, self.before_start = on_look, before_start
         self.calls = part.stream.buffered
-        self.stage: Stage | None = None
+        self.stage: FifoStage | None = None
         self.looked_s = 0.0
         self.until = 0
         """Indices before this one are to be sent before anything else."""
         dwells = self.calls.p[self.calls.kind == Buffered.DELAY] / MS_PER_S
         self.still_s = STILL_S + float(dwells.max(initial=0.0))
 
-    def begin(self, crd: int, fifo: int, row: int, line: int) -> Stage:
+    def begin(self, crd: int, fifo: int, row: int, line: int) -> FifoStage:
         """A stage begins: what the empty FIFO holds is the measure of what is in it later."""
         (space,) = self.link.must("GT_CrdSpace", float(crd), 0.0, float(fifo), line=line)
         size = int(space)
@@ -123,7 +123,7 @@ class Fifo:
                     size=size, most=FIFO_SLOTS,
                 ), hint="",
             )  # fmt: skip
-        self.stage = Stage(crd=crd, fifo=fifo, first=row, sent=row, sent_at_look=row, size=size, room=size, line=line)
+        self.stage = FifoStage(crd=crd, fifo=fifo, first=row, sent=row, sent_at_look=row, size=size, room=size, line=line)
         return self.stage
 
     def send(self, first: int, last: int) -> None:
@@ -133,7 +133,7 @@ class Fifo:
             end = min(start + _CHUNK, last)
             self._send(self._prepared(start, end), start)
 
-    def _send(self, prepared: list[Prepared], first: int) -> None:
+    def _send(self, prepared: list[PreparedCall], first: int) -> None:
         stage, done, tries = self._stage_of(first), 0, 0
         while done < len(prepared):
             self.heed()
@@ -144,13 +144,13 @@ class Fifo:
             tries = tries + 1 if code and not sent else 0
             if code and (code != FULL or tries > _TRIES):
                 row = first + done
-                raise refused(BUFFERED[Buffered(int(self.calls.kind[row]))].name, code, int(self.calls.line[row]))
+                raise call_failure(BUFFERED[Buffered(int(self.calls.kind[row]))].name, code, int(self.calls.line[row]))
             if code:
                 stage.room = 0
             if time.perf_counter() - self.looked_s > POLL_S:
                 self.look()
 
-    def _burst(self, prepared: list[Prepared]) -> tuple[int, int]:
+    def _burst(self, prepared: list[PreparedCall]) -> tuple[int, int]:
         """As many of them as are taken; how many, and the code that ended it (0: all, or a wish was heard)."""
         link, control, write = self.link, self.control, self.link.journal.write
         clock, start_s, sent, code, me = time.perf_counter, self.link.journal.start_s, 0, 0, threading.get_ident()
@@ -188,7 +188,7 @@ class Fifo:
         self.link.journal.give_up(error)
         return self.link.no_journal()
 
-    def _stage_of(self, row: int) -> Stage:
+    def _stage_of(self, row: int) -> FifoStage:
         """The stage that a row belongs to; a listing may fill a FIFO that it never cleared."""
         crd, fifo = int(self.calls.crd[row]), int(self.calls.fifo[row])
         if self.stage is None or (self.stage.crd, self.stage.fifo) != (crd, fifo):
@@ -215,7 +215,7 @@ class Fifo:
         if self.stage is not None:
             self.stage.started, self.stage.since_s = True, time.perf_counter()
 
-    def wait_for_end(self) -> Look | None:
+    def wait_for_end(self) -> FifoStatus | None:
         """Until the motion rests and the FIFO is empty; what was seen then. None if nothing was started."""
         stage = self.stage
         if stage is None or not stage.started:
@@ -232,7 +232,7 @@ class Fifo:
         stage.first = stage.sent
         return look
 
-    def look(self) -> Look:
+    def look(self) -> FifoStatus:
         """Ask how far it is. GT_CrdStatus goes first: at rest no more calls are taken, so the space still holds."""
         stage = self.stage
         assert stage is not None
@@ -242,7 +242,7 @@ class Fifo:
         (position,) = self.link.must("GT_GetCrdPos", float(stage.crd), 0.0, line=line)
         before, now = stage.last, time.perf_counter()
         self.looked_s = now
-        look = Look(run=bool(run), segment=segment, space=space, x=position[0], y=position[1])
+        look = FifoStatus(run=bool(run), segment=segment, space=space, x=position[0], y=position[1])
         fresh = stage.sent - stage.sent_at_look
         stage.last, stage.room, stage.sent_at_look = look, space, stage.sent
         # It may have begun and run dry between two looks.
@@ -254,7 +254,7 @@ class Fifo:
         self._judge(stage, look, fresh, now)
         return look
 
-    def _judge(self, stage: Stage, look: Look, fresh: int, now: float) -> None:
+    def _judge(self, stage: FifoStage, look: FifoStatus, fresh: int, now: float) -> None:
         """Whether the motion goes on as it should."""
         queued = stage.size - look.space
         row = min(max(stage.taken, 0), len(self.calls) - 1)
@@ -276,11 +276,11 @@ class Fifo:
         if self.control.asked:
             raise Interrupted
 
-    def _prepared(self, first: int, last: int) -> list[Prepared]:
+    def _prepared(self, first: int, last: int) -> list[PreparedCall]:
         """Indices first..last-1 as calls."""
         rows = np.arange(first, last)
         calls = self.calls.pick(rows)
-        made: list[Prepared] = [_NOTHING] * len(rows)
+        made: list[PreparedCall] = [_NOTHING] * len(rows)
         origin = np.where(rows >= self.part.lead, rows - self.part.lead + self.part.begin.row, -1)
         for kind, signature in BUFFERED.items():
             at = np.flatnonzero(calls.kind == kind)
@@ -302,7 +302,7 @@ def _nothing(*_args: object) -> int:
     raise AssertionError("every buffered call has a signature")
 
 
-_NOTHING: Prepared = (_nothing, (), b"")
+_NOTHING: PreparedCall = (_nothing, (), b"")
 
 
 def _columns(calls: BufferedCalls, at: Indices, prototype: Prototype) -> list[list[int | float]]:

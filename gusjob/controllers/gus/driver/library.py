@@ -36,46 +36,46 @@ def load_library(path: str, abi: Abi, card: int, needed: Iterable[str]) -> tuple
 
     `path`: a file, or a bare name for the system's search.
     """
-    handle = opened(path)
+    handle = open_library(path)
     if isinstance(handle, str):
-        return None, [_fault(rules.NO_LIBRARY, path, reason=handle)]
+        return None, [_diagnostic(rules.NO_LIBRARY, path, reason=handle)]
     known = prototypes(abi, card)
     if hint := other_family(handle, abi):
-        return None, [_fault(rules.WRONG_ABI, path, abi=abi, reason=hint[0], hint=hint[1])]
+        return None, [_diagnostic(rules.WRONG_ABI, path, abi=abi, reason=hint[0], hint=hint[1])]
     missing = [known[name].symbol for name in sorted(needed) if not has_symbol(handle, known[name].symbol)]
     if missing:
         hint_text = Phrase(": it is no Googol library, or one of another series") if len(missing) > 3 else ""
         fields = {"abi": abi, "symbols": ", ".join(missing), "hint": hint_text}
-        return None, [_fault(rules.NO_SYMBOLS, path, **fields)]
-    functions = {name: bound(handle, known[name]) for name in known if has_symbol(handle, known[name].symbol)}
+        return None, [_diagnostic(rules.NO_SYMBOLS, path, **fields)]
+    functions = {name: bind(handle, known[name]) for name in known if has_symbol(handle, known[name].symbol)}
     return Library(path=path, abi=abi, prototypes=known, functions=functions, handle=handle), []
 
 
-def opened(path: str) -> Any | str:
+def open_library(path: str) -> Any | str:
     """The library's handle, or why it can't be loaded."""
     try:
-        if why := _unfit(path):
+        if why := _refusal(path):
             return why
         if sys.platform == "win32":
             return ctypes.WinDLL(path)  # __stdcall
         return ctypes.CDLL(path)
     except OSError as error:
-        return _why(path, printable(str(error)))
+        return _load_error(path, printable(str(error)))
 
 
-NOT_THERE = Phrase("there is no such file")
+NOT_FOUND = Phrase("there is no such file")
 
 
-def _unfit(path: str) -> str:
+def _refusal(path: str) -> str:
     """Why a file is not even given to the loader; '' if nothing is against it."""
     if not path or "\0" in path:
-        return NOT_THERE
+        return NOT_FOUND
     if Path(path).is_dir():
         return Phrase("it is a folder, not a library")
     return Phrase("the file is cut short") if _cut_short(path) else ""
 
 
-def _why(path: str, text: str) -> str:
+def _load_error(path: str, text: str) -> str:
     """What the loader's words mean."""
     if any(sign in text for sign in ("[WinError 193]", "wrong ELF class", "incompatible architecture")):
         return Phrase(
@@ -84,7 +84,7 @@ def _why(path: str, text: str) -> str:
             text=text,
         )
     if (Path(path).name != path and not Path(path).exists()) or text == f"{printable(path)}: {_UNKNOWN}":
-        return NOT_THERE
+        return NOT_FOUND
     if "one of its dependencies" in text:
         return Phrase(
             "it, or a library that it needs, was not found; the vendor's driver may not be installed ({text})",
@@ -145,7 +145,7 @@ def other_family(handle: Any, abi: Abi) -> tuple[str, str] | None:
     return reason, Phrase("; try --abi {abi}", abi=Abi.GUS)
 
 
-def bound(handle: Any, prototype: Prototype) -> Callable[..., int]:
+def bind(handle: Any, prototype: Prototype) -> Callable[..., int]:
     """A call with its types set, in a function object of its own."""
     function: Any = handle[prototype.symbol]
     function.argtypes, function.restype = prototype.argtypes, ctypes.c_short
@@ -153,5 +153,5 @@ def bound(handle: Any, prototype: Prototype) -> Callable[..., int]:
     return found
 
 
-def _fault(rule: Rule, library: str, **fields: object) -> Diagnostic:
+def _diagnostic(rule: Rule, library: str, **fields: object) -> Diagnostic:
     return Diagnostic(rule=rule, span=NOWHERE, fields={"library": printable(library), **fields})

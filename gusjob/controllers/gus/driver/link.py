@@ -68,7 +68,7 @@ def failure(rule: Rule, line: int, **fields: Any) -> BackendError:
     return BackendError(Diagnostic(rule=rule, span=Span(line=line), fields=fields))
 
 
-def refused(call: str, code: int, line: int) -> BackendError:
+def call_failure(call: str, code: int, line: int) -> BackendError:
     """The fault of a call that did not return 0."""
     what, advice = meaning(code)
     return failure(rules.CALL_FAILED, line, call=call, code=code, meaning=what, advice=advice)
@@ -132,7 +132,7 @@ class Link:
         """The same; anything but 0 is an error."""
         code, found = self.call(name, *values, line=line)
         if code:
-            raise refused(name, code, line)
+            raise call_failure(name, code, line)
         if self.journal.lost:
             raise self.no_journal(line)
         return found
@@ -154,7 +154,7 @@ class Link:
         if code == 0:
             return
         if code < 0:
-            raise refused(PROBE, code, 0)
+            raise call_failure(PROBE, code, 0)
         other = {Abi.GTS: Abi.GTS_MULTI, Abi.GTS_MULTI: Abi.GTS}.get(self.library.abi)
         raise failure(
             rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi,

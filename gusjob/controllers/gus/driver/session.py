@@ -11,18 +11,18 @@ import numpy as np
 from gusjob.config.machine import Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.calls import BUFFERED, Buffered, Call, Stream, Value
-from gusjob.controllers.gus.driver.fifo import Fifo, Interrupted, Stage
-from gusjob.controllers.gus.driver.link import BackendError, Link, failure, refused
-from gusjob.controllers.gus.driver.shutdown import Outputs, WayOut
-from gusjob.controllers.gus.place import START, Place, Route
+from gusjob.controllers.gus.driver.fifo import Fifo, Interrupted, FifoStage
+from gusjob.controllers.gus.driver.link import BackendError, Link, failure, call_failure
+from gusjob.controllers.gus.driver.shutdown import Outputs, Shutdown
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition, TimedPath
 from gusjob.controllers.gus.ranges import STANDBY_KHZ
-from gusjob.controllers.gus.remainder import Part, rest
+from gusjob.controllers.gus.remainder import Remainder, remainder_from
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.units import MS_PER_S
 
-AT_BEGIN: tuple[tuple[str, tuple[Value, ...]], ...] = (
+INITIAL_SETTINGS: tuple[tuple[str, tuple[Value, ...]], ...] = (
     ("GT_SetLaserDisMode", (0.0, 0.0, (0.0,) * 4, (1.0,) * 4)),
     ("GT_DisFPK", ()),
     ("GT_SetLevelDelay", (0.0, 0.0)),
@@ -99,14 +99,14 @@ class Session:
     control: Control
     stream: Stream
     outputs: Outputs
-    reached: Place = START
+    reached: PathPosition = JOB_START
     ran_on_ms: float = 0.0
     """For how long at most the motion that was found when the controller was opened went on dark."""
     options: str = ""
     """What has to be said again to go on with this run."""
     trusted: bool = False
     """The library has proved to be of its ABI: only then "off" means off."""
-    _part: Part | None = None
+    _part: Remainder | None = None
     _fifo: Fifo | None = None
 
     @property
@@ -140,7 +140,7 @@ class Session:
         """Where the head is, pulse; None if the controller does not say, as before it has a coordinate system."""
         code, found = self.link.call("GT_GetCrdPos", float(self.outputs.crds[0]), 0.0)
         if code < 0:
-            raise refused("GT_GetCrdPos", code, 0)
+            raise call_failure("GT_GetCrdPos", code, 0)
         return None if code else (float(found[0][0]), float(found[0][1]))
 
     def prepare(self) -> None:
@@ -151,7 +151,7 @@ class Session:
             self.link.must("GT_ClrSts", float(axis), 1.0)
             self.link.must("GT_AxisOn", float(axis))
         for channel in self.outputs.channels:
-            for name, values in AT_BEGIN:
+            for name, values in INITIAL_SETTINGS:
                 self._begin(name, *values, float(channel))
 
     def _begin(self, name: str, *values: Value) -> None:
@@ -159,11 +159,11 @@ class Session:
         if name in self.link.library.functions:
             code, _ = self.link.call(name, *values)
             if code < 0:
-                raise refused(name, code, 0)
+                raise call_failure(name, code, 0)
 
     # Run.
 
-    def run(self, part: Part) -> None:
+    def run(self, part: Remainder) -> None:
         """A part and all that is left of the job behind it, with its pauses."""
         while True:
             try:
@@ -174,7 +174,7 @@ class Session:
                     raise
                 part = self._pause()
 
-    def _run(self, part: Part) -> None:
+    def _run(self, part: Remainder) -> None:
         self.reached = part.begin
         self.link.journal.mark(part=part.begin.row, run=part.begin.run_pulse, lead=part.lead)
         self._part = part
@@ -186,7 +186,7 @@ class Session:
             if call is not None:
                 self._step(self._fifo, call)
         self._wait(self._fifo)
-        self.reached = Place(row=len(self.stream.buffered))
+        self.reached = PathPosition(row=len(self.stream.buffered))
 
     def _step(self, fifo: Fifo, call: Call) -> None:
         """A call between the buffered ones."""
@@ -231,10 +231,10 @@ class Session:
 
     # Watching.
 
-    def _looked(self, stage: Stage) -> None:
+    def _looked(self, stage: FifoStage) -> None:
         """After every look at the controller."""
         assert self._part is not None
-        self.reached = replace(self._part.place(Place(row=stage.taken)), sure=False)
+        self.reached = replace(self._part.place(PathPosition(row=stage.taken)), sure=False)
         self._show(Phase.RUNNING if stage.started else Phase.FILLING)
         self.interlock(_GO_ON)
 
@@ -249,9 +249,9 @@ class Session:
     # Ways out.
 
     @property
-    def way_out(self) -> WayOut:
+    def way_out(self) -> Shutdown:
         """The way out of this run."""
-        return WayOut(self.link, self.outputs, self.machine.controller.link_patience_s)
+        return Shutdown(self.link, self.outputs, self.machine.controller.link_patience_s)
 
     def halt(self, *, abrupt: bool, locate: bool = True) -> list[Diagnostic]:
         """Light off, see where that was, stop, light off; and what could not be made sure of."""
@@ -291,12 +291,12 @@ class Session:
         except BackendError:
             return
         taken = max(stage.sent - (stage.size - int(space)), stage.first)
-        route = Route.of(fifo.calls, part.start)
+        route = TimedPath.of(fifo.calls, part.start)
         self.reached = part.place(route.back(route.place(min(before, taken), taken, x, y), late_ms))
         if self.reached.sure:
             self.link.journal.mark(broken=self.reached.row, run=self.reached.run_pulse, line=self.line)
 
-    def _pause(self) -> Part:
+    def _pause(self) -> Remainder:
         """Dark and at rest until the user goes on; then what is left from where the light went off."""
         faults, stage = self.halt(abrupt=False), self._fifo.stage if self._fifo else None
         if stage is not None:
@@ -310,7 +310,7 @@ class Session:
             self.dark()
         if self.control.stop:
             raise Interrupted
-        return rest(self.stream, self.reached, self.position(stage.crd) if stage else None)
+        return remainder_from(self.stream, self.reached, self.position(stage.crd) if stage else None)
 
     def finish(self) -> None:
         """Behind the end of a job it is dark and nothing moves."""
@@ -329,4 +329,4 @@ class Session:
         if self.machine.controller.axes_off_after:
             steps = [*(("GT_AxisOff", (float(axis),)) for axis in self.outputs.axes), *steps]
         made = [(name, self.way_out.code(name, *values)) for name, values in steps]
-        return [fault for name, code in made if code for fault in refused(name, code, self.line).faults]
+        return [fault for name, code in made if code for fault in call_failure(name, code, self.line).faults]

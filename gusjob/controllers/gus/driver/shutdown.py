@@ -45,7 +45,7 @@ class Outputs:
 
 
 @dataclass(slots=True)
-class WayOut:
+class Shutdown:
     """Turns a controller off. `patience_s`: for so long a link that does not answer is tried."""
 
     link: Link
@@ -66,7 +66,7 @@ class WayOut:
             for channel in left:
                 failed[channel] = self._off(channel)
                 tries[channel] += 1
-        return [_light_fault(channel, code, powered[channel]) for channel, code in failed.items() if code]
+        return [_laser_diagnostic(channel, code, powered[channel]) for channel, code in failed.items() if code]
 
     def _off(self, channel: int) -> int:
         """Switch a channel off. A controller that has none other than the job's may say so."""
@@ -94,7 +94,7 @@ class WayOut:
                 code = self._stop(abrupt=True)
             patience = _REST_S if moving else self.patience_s
             if abrupt_since and now - abrupt_since > patience:
-                return [_motion_fault(code)]
+                return [_motion_diagnostic(code)]
             for channel in _CHANNELS:
                 self._off(channel)
             for channel in self.outputs.channels:
@@ -132,7 +132,7 @@ class WayOut:
             return -1
 
 
-def _motion_fault(code: int) -> Diagnostic:
+def _motion_diagnostic(code: int) -> Diagnostic:
     if code:
         why = Phrase("GT_Stop returned {code} ({meaning})", code=code, meaning=meaning(code)[0])
     else:
@@ -140,7 +140,7 @@ def _motion_fault(code: int) -> Diagnostic:
     return Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})
 
 
-def _light_fault(channel: int, code: int, powered: bool) -> Diagnostic:
+def _laser_diagnostic(channel: int, code: int, powered: bool) -> Diagnostic:
     what = meaning(code)[0]
     if powered:
         why = Phrase("returned {code} ({meaning})", code=code, meaning=what)

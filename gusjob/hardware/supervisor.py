@@ -16,7 +16,7 @@ from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.driver.fifo import Interrupted
 from gusjob.controllers.gus.driver.link import BackendError, TakenOver
 from gusjob.controllers.gus.driver.session import Session
-from gusjob.controllers.gus.remainder import Part
+from gusjob.controllers.gus.remainder import Remainder
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.i18n.phrases import Phrase
@@ -35,7 +35,7 @@ _GRACE_S = 1.0
 
 
 @dataclass(slots=True)
-class Outcome:
+class SessionOutcome:
     """How a run ended. No faults: all of it was done."""
 
     faults: list[Diagnostic] = field(default_factory=list)
@@ -43,14 +43,14 @@ class Outcome:
 
 
 @dataclass(slots=True)
-class Runner:
+class Supervisor:
     """Runs steps of a session. `tick` is called in the caller's thread all the while."""
 
     session: Session
     tick: Callable[[], None] = lambda: None
-    outcome: Outcome = field(default_factory=Outcome)
+    outcome: SessionOutcome = field(default_factory=SessionOutcome)
 
-    def run(self, part: Callable[[Session], Part | None]) -> Outcome:
+    def run(self, part: Callable[[Session], Remainder | None]) -> SessionOutcome:
         """Open, find out what to run (`part`; None: nothing), run it, and leave; whatever happens, dark and at rest."""
         self._supervise(lambda: self._work(part))
         session = self.session
@@ -66,7 +66,7 @@ class Runner:
             raise self.outcome.bug
         return self.outcome
 
-    def _work(self, part: Callable[[Session], Part | None]) -> None:
+    def _work(self, part: Callable[[Session], Remainder | None]) -> None:
         """The whole run. Whatever ends it: light off, motion stopped, closed."""
         session, control, faults = self.session, self.session.control, self.outcome.faults
         abrupt = True
@@ -177,7 +177,7 @@ def _started(first: Callable[[], None], work: Callable[[], None]) -> threading.T
 
 
 @contextmanager
-def signals(control: Control) -> Iterator[None]:
+def stop_on_signals(control: Control) -> Iterator[None]:
     """Ctrl+C, the end of the session, the closed terminal: wishes to stop, as long as a run goes on."""
 
     def heard(number: int, _frame: FrameType | None) -> None:

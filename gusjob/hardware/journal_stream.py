@@ -10,9 +10,9 @@ import numpy as np
 import orjson
 
 from gusjob.controllers.gus.calls import HOST_CALLS, Buffered, BufferedCalls, Stream
-from gusjob.controllers.gus.place import Place
+from gusjob.controllers.gus.path_position import PathPosition
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
-from gusjob.controllers.gus.remainder import about_centre, point
+from gusjob.controllers.gus.remainder import as_centre_arc, point_pulse
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.frontend import Source, read_listing
@@ -29,13 +29,13 @@ _WAITED = b"GT_CrdStatus(%d,run,segment,%d)"
 _NOT_OF_THE_JOB = {*HOST_CALLS, "GT_CrdStatus", "GT_GetHSIOOpt"}
 
 
-def sent_calls(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
+def journal_stream(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
     """The calls of a journal that returned 0, with the job's lines; None if it is damaged.
 
     Polls are left out, and so is what was sent but not run since the run was stopped or paused before: what the last
     call did of it ends where the light went off. GT_CrdStatus stands where the motion was at rest.
     """
-    collected = _Collected()
+    collected = _CallCollector()
     try:
         name = _job(source)
         for row, line, call, args, mark in _LINE.findall(source.data):
@@ -68,7 +68,7 @@ def _job(source: Source) -> str:
     return str(head.get("job", source.name))
 
 
-class _Collected:
+class _CallCollector:
     """Calls as the text of a listing, and which of them were not run to their end."""
 
     def __init__(self) -> None:
@@ -134,8 +134,8 @@ class _Collected:
 def _cut(calls: BufferedCalls, at: dict[int, float]) -> BufferedCalls:
     """The calls, some of which end earlier, where the light went off."""
     for index, run_pulse in at.items():
-        (x, y), start = point(calls, Place(row=index, run_pulse=run_pulse)), point(calls, Place(row=index))
-        about_centre(calls, index)
+        (x, y), start = point_pulse(calls, PathPosition(row=index, run_pulse=run_pulse)), point_pulse(calls, PathPosition(row=index))
+        as_centre_arc(calls, index)
         # The light went off in full motion; an arc back to its start would be a full circle.
         calls.x[index], calls.y[index], calls.vel_end[index] = x, y, calls.vel[index]
         if (x, y) == start:

@@ -19,7 +19,7 @@ _DONE_PULSE = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class PathPosition:
     """A place in a stream: the first buffered row that is not completely done, and how far the motion is along it.
 
     `sure`: whether the position lay on the path there.
@@ -30,11 +30,11 @@ class Place:
     sure: bool = True
 
 
-START = Place(row=0)
+JOB_START = PathPosition(row=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Route:
+class TimedPath:
     """Buffered calls as a route. `timed` (m,): the rows that take time; `start`: where the first one begins, pulse."""
 
     calls: BufferedCalls
@@ -42,7 +42,7 @@ class Route:
     start: tuple[float, float]
 
     @classmethod
-    def of(cls, calls: BufferedCalls, start: tuple[float, float]) -> Route:
+    def of(cls, calls: BufferedCalls, start: tuple[float, float]) -> TimedPath:
         """The route of some calls."""
         return cls(calls=calls, timed=np.flatnonzero(calls.kind <= Buffered.DELAY), start=start)
 
@@ -67,7 +67,7 @@ class Route:
         px, py = laid.points(np.array([at]), np.array([run / length if length > 0 else 0.0]))
         return math.hypot(x - float(px[0]), y - float(py[0])), run, length
 
-    def place(self, low: int, high: int, x: float, y: float) -> Place:
+    def place(self, low: int, high: int, x: float, y: float) -> PathPosition:
         """Where the motion is: between `low` and `high` rows have left the FIFO, the head is at x, y.
 
         The row in progress may have left the FIFO already or not (no manual says): the position tells. Where several
@@ -79,23 +79,23 @@ class Route:
         numbers = range(max(first - 1, 0), min(last, len(self.timed) - 1) + 1)
         found = [self._place_in(number, x, y) for number in numbers]
         if not found:
-            return Place(row=high)
+            return PathPosition(row=high)
         least = min(distance for distance, _ in found)
         if least > NEAR_PULSE:
-            return Place(row=found[0][1].row, sure=False)
+            return PathPosition(row=found[0][1].row, sure=False)
         # At a joint the end of one call is the start of the next.
         return next(place for distance, place in found if distance <= least + 0.5)
 
-    def _place_in(self, number: int, x: float, y: float) -> tuple[float, Place]:
+    def _place_in(self, number: int, x: float, y: float) -> tuple[float, PathPosition]:
         """How far a point is from a timed call, and the place there if it is on it."""
         row = int(self.timed[number])
         distance, run, length = self.nearest(number, x, y)
         if self.calls.kind[row] == Buffered.DELAY:
-            return distance, Place(row=row)
+            return distance, PathPosition(row=row)
         # One that is done is done with all that stands before the next motion.
-        return distance, Place(row=row, run_pulse=run) if run < length - _DONE_PULSE else Place(row=row + 1)
+        return distance, PathPosition(row=row, run_pulse=run) if run < length - _DONE_PULSE else PathPosition(row=row + 1)
 
-    def back(self, place: Place, by_ms: float) -> Place:
+    def back(self, place: PathPosition, by_ms: float) -> PathPosition:
         """A place so much earlier on the way, at full velocity all the while: rather too far than not far enough."""
         row, run, left_ms = place.row, place.run_pulse, by_ms
         if row < len(self.calls) and self.calls.kind[row] == Buffered.DELAY:
@@ -105,14 +105,14 @@ class Route:
             if row < len(self.calls) and run > 0:
                 vel = float(self.calls.vel[row])
                 if run >= vel * left_ms:
-                    return Place(row=row, run_pulse=run - vel * left_ms, sure=place.sure)
+                    return PathPosition(row=row, run_pulse=run - vel * left_ms, sure=place.sure)
                 left_ms -= run / vel
             number -= 1
             if number < 0 or self.calls.kind[self.timed[number]] == Buffered.DELAY:
-                return Place(row=row, sure=place.sure)
+                return PathPosition(row=row, sure=place.sure)
             row = int(self.timed[number])
             run = self.nearest(number, float(self.calls.x[row]), float(self.calls.y[row]))[2]
-        return Place(row=row, run_pulse=run, sure=place.sure)
+        return PathPosition(row=row, run_pulse=run, sure=place.sure)
 
 
 def _run_on_arc(dx: float, dy: float, angle: float, sweep: float, length: float) -> float:
