@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gusjob.config.machine import Budget, Machine, Scanner
 from gusjob.config.profile import find_profile, read_machine
+from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
 from gusjob.diagnostics.select import SelectionLayer
@@ -15,7 +16,6 @@ from gusjob.diagnostics.suppress import Suppressions
 from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
 from gusjob.frontend.files import may_be_a_part
 from gusjob.frontend.source import shown_name
-from gusjob.hardware import JOURNAL_START
 from gusjob.ir.job import Job
 from gusjob.lint import check as check_job
 

@@ -22,12 +22,14 @@ from gusjob.controllers.gus.calls import BufferedCalls, Stream
 from gusjob.controllers.gus.driver.abi import ABI_PROFILES
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
+from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed_calls, outputs_of
 from gusjob.controllers.gus.driver.resume import find_position, recorded_position
-from gusjob.controllers.gus.driver.session import Session, needed_calls, one_queue, outputs_of
+from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.dry_run import frame, without_laser
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition
 from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
-from gusjob.controllers.journal import Journal, RecordedRun, mark_resumed, read_journal
+from gusjob.controllers.journal.reader import RecordedRun, read_journal
+from gusjob.controllers.journal.writer import Journal, mark_resumed
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span, has_errors
 from gusjob.hardware.forecast import ChannelForecast, Forecast, forecast
@@ -119,7 +121,7 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: RunOptions) 
         if run is None or has_errors(faults):
             return None
         trace = run
-    if faults := one_queue(stream):
+    if faults := check_single_fifo(stream):
         loaded.diagnostics += _of_job(loaded, faults)
         return None
     library, faults = load_library(library_path, abi, controller.card, needed_calls(stream, machine))
@@ -209,7 +211,7 @@ def _journal(prepared: Prepared, begin: PathPosition | None) -> Journal:
         "abi": prepared.library.abi,
         "started": now.isoformat(),
         "options": _options(wishes),
-        "begin": None if begin is None else [begin.row, begin.run_pulse],
+        "begin": None if begin is None else [begin.row, begin.along_pulse],
         "resumes": str(wishes.resume_path.resolve()) if wishes.resume_path else None,
     }
     try:
@@ -254,7 +256,7 @@ def _part(prepared: Prepared, begin: PathPosition) -> Callable[[Session], Remain
         if wishes.resume_path is not None:
             with suppress(OSError):  # A journal that can't be written to stays as it is.
                 mark_resumed(wishes.resume_path, session.link.journal.path)
-        head = session.head()
+        head = session.position_or_none()
         return whole_job(stream, head) if begin == JOB_START else remainder_from(stream, begin, head)
 
     return made

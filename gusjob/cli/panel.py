@@ -222,7 +222,7 @@ class _Ticker:
         """See Watch."""
         if self.keys is not None:
             self._heed(self.keys.pressed())
-        view = self.gauge.control.view
+        view = self.gauge.control.status
         now_s = self._passed(view.phase)
         news = self._news(view.phase)
         if now_s >= self._due_s or (news and self.phases_at_once):
@@ -233,7 +233,7 @@ class _Ticker:
 
     def end(self) -> None:
         """Show how the run ended, if there is anyone to see it."""
-        view = self.gauge.control.view
+        view = self.gauge.control.status
         if view is not self._shown:
             self._passed(view.phase)
             with suppress(OSError):
@@ -255,9 +255,9 @@ class _Ticker:
         """What the keys mean."""
         for key in typed.lower():
             if key in _PAUSE_KEYS:
-                self.gauge.control.ask_pause()
+                self.gauge.control.toggle_pause()
             elif key in _STOP_KEYS:
-                self.gauge.control.ask_stop(_STOP_KEYS[key])
+                self.gauge.control.request_stop(_STOP_KEYS[key])
 
 
 # JSON and lines.

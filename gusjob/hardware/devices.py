@@ -20,7 +20,7 @@ from typing import Any
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.driver.abi import ABI_PROFILES, prototypes
 from gusjob.controllers.gus.driver.library import BITS, NOT_FOUND, has_symbol, open_library, other_family
-from gusjob.controllers.gus.driver.session import NEEDED
+from gusjob.controllers.gus.driver.requirements import RUN_CALLS
 from gusjob.i18n.phrases import Phrase, printable
 
 # Vendor libraries.
@@ -38,7 +38,7 @@ _SYSTEM_FOLDERS = ("/usr/lib", "/usr/local/lib", "/usr/lib64")
 LASER_CALLS = ("GT_LaserPowerMode", "GT_BufLaserOn", "GT_BufLaserOff", "GT_BufLaserPrfCmd")
 """What every laser job needs, beside the calls of every run."""
 
-_CALLS = (*NEEDED, *LASER_CALLS)
+_CALLS = (*RUN_CALLS, *LASER_CALLS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +150,7 @@ def _missing(handle: Any, abi: Abi) -> tuple[str, ...]:
     """The symbols that a library lacks for an ABI; the other family's lacks the one by which it is told."""
     known = prototypes(abi, 0)
     missing = tuple(known[name].symbol for name in _CALLS if not has_symbol(handle, known[name].symbol))
-    return (*missing, ABI_PROFILES[abi].foreign[1]) if other_family(handle, abi) else missing
+    return (*missing, ABI_PROFILES[abi].own_symbol) if other_family(handle, abi) else missing
 
 
 _LIBRARY_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (

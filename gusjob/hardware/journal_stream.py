@@ -13,10 +13,10 @@ from gusjob.controllers.gus.calls import HOST_CALLS, Buffered, BufferedCalls, St
 from gusjob.controllers.gus.path_position import PathPosition
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.gus.remainder import as_centre_arc, point_pulse
+from gusjob.controllers.journal import JOURNAL_SCHEMA
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.frontend import Source, read_listing
-from gusjob.hardware import JOURNAL_SCHEMA
 from gusjob.i18n.phrases import Phrase
 
 _LINE = re.compile(
@@ -120,21 +120,21 @@ class _CallCollector:
             self.broken(found["row"], found["run"])
             self.running = None
 
-    def broken(self, row: int, run_pulse: float) -> None:
+    def broken(self, row: int, along_pulse: float) -> None:
         """The part was run up to a place: what was sent beyond was not run."""
         later = [i for i in range(self.part_at, len(self.texts)) if self.rows[i] >= row]
         for i in later:
             begun = self.begin[1] if row == self.begin[0] else 0.0
-            if self.rows[i] == row and run_pulse > begun:
-                self.cut[i] = run_pulse - begun
+            if self.rows[i] == row and along_pulse > begun:
+                self.cut[i] = along_pulse - begun
             else:
                 self.texts[i] = b""
 
 
 def _cut(calls: BufferedCalls, at: dict[int, float]) -> BufferedCalls:
     """The calls, some of which end earlier, where the light went off."""
-    for index, run_pulse in at.items():
-        (x, y), start = point_pulse(calls, PathPosition(row=index, run_pulse=run_pulse)), point_pulse(calls, PathPosition(row=index))
+    for index, along_pulse in at.items():
+        (x, y), start = point_pulse(calls, PathPosition(row=index, along_pulse=along_pulse)), point_pulse(calls, PathPosition(row=index))
         as_centre_arc(calls, index)
         # The light went off in full motion; an arc back to its start would be a full circle.
         calls.x[index], calls.y[index], calls.vel_end[index] = x, y, calls.vel[index]

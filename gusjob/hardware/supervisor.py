@@ -60,7 +60,7 @@ class Supervisor:
         codes = [fault.rule.code for fault in self.outcome.faults]
         place = session.reached
         session.link.journal.mark(
-            end=end, row=place.row, run=place.run_pulse, sure=place.sure, line=session.line, faults=codes
+            end=end, row=place.row, run=place.along_pulse, sure=place.sure, line=session.line, faults=codes
         )
         if self.outcome.bug is not None:
             raise self.outcome.bug
@@ -77,26 +77,26 @@ class Supervisor:
                 session.run(made)
             session.finish()
             faults += session.close()
-            control.view = replace(control.view, phase=Phase.DONE)
+            control.status = replace(control.status, phase=Phase.DONE)
             return
         except BackendError as error:
             faults += error.faults
         except Interrupted:
             abrupt = control.stop > 1
-            fields = {"who": control.who, "journal": str(session.link.journal.path), "options": session.options}
+            fields = {"who": control.stopped_by, "journal": str(session.link.journal.path), "options": session.options}
             faults.append(Diagnostic(rule=rules.STOPPED, span=NOWHERE, fields=fields))
         except TakenOver:
             raise
         except BaseException as bug:  # noqa: BLE001  (the light goes off whatever it is; it is raised again then)
             self.outcome.bug = bug
         # A library of another ABI would take "off" for something else.
-        if session.trusted:
+        if session.abi_confirmed:
             try:
                 faults += [fault for fault in session.halt(abrupt=abrupt) if fault not in faults]
             except Exception as bug:  # noqa: BLE001  (light and motion are off by then)
                 self.outcome.bug = bug
             faults += session.close()
-        control.view = replace(control.view, phase=Phase.STOPPED)
+        control.status = replace(control.status, phase=Phase.STOPPED)
 
     def _supervise(self, work: Callable[[], None]) -> None:
         """Run in a thread until it is done or hangs; a second one watches it, since a tick may be blocked."""
@@ -122,23 +122,23 @@ class Supervisor:
             self.tick()
         except OSError:
             self.tick = lambda: None
-            self.session.control.ask_stop(Phrase("a closed terminal or pipe"))
+            self.session.control.request_stop(Phrase("a closed terminal or pipe"))
         except BaseException as bug:  # noqa: BLE001  (raised again at the end)
             self.tick = lambda: None
             self.outcome.bug = bug
-            self.session.control.ask_stop(Phrase("an internal error"))
+            self.session.control.request_stop(Phrase("an internal error"))
 
     def _rescue(self, call: str, hung_s: float) -> None:
         """A call hangs: another thread turns everything off, as far as the library lets it."""
         session, controller = self.session, self.session.machine.controller
-        session.control.asked = True  # Should the call return after all, no other one follows it.
+        session.control.requested = True  # Should the call return after all, no other one follows it.
         fields = {"call": call, "seconds": round(hung_s, 1)}
         faults = [Diagnostic(rule=rules.NO_ANSWER, span=NOWHERE, fields=fields)]
         turned_off: list[list[Diagnostic]] = []
 
         def off() -> None:
             # A library that has not proved to be of its ABI would take "off" for something else; it did nothing yet.
-            turned_off.append(session.halt(abrupt=True, locate=False) + session.close() if session.trusted else [])
+            turned_off.append(session.halt(abrupt=True, locate=False) + session.close() if session.abi_confirmed else [])
 
         session.link.release()
         thread = _started(session.link.take_over, off)
@@ -183,11 +183,11 @@ def stop_on_signals(control: Control) -> Iterator[None]:
     def heard(number: int, _frame: FrameType | None) -> None:
         # SIGINT comes twice if the user insists; the others mean that time is short.
         name = signal.Signals(number).name
-        control.ask_stop("Ctrl+C" if number == signal.SIGINT else name, abrupt=number != signal.SIGINT)
+        control.request_stop("Ctrl+C" if number == signal.SIGINT else name, abrupt=number != signal.SIGINT)
 
     def suspended(_number: int, _frame: FrameType | None) -> None:
         # A suspended process could not watch over its laser: Ctrl+Z pauses the run instead, and goes on.
-        control.ask_pause()
+        control.toggle_pause()
 
     wanted: dict[str, Any] = dict.fromkeys(_DEADLY, heard)
     wanted |= {"SIGTSTP": suspended, "SIGTTOU": signal.SIG_IGN, "SIGTTIN": signal.SIG_IGN}
@@ -215,7 +215,7 @@ def _console_closed(control: Control) -> Iterator[None]:
     def handler(event: int) -> int:
         if event < 2:  # Ctrl+C and Ctrl+Break come as signals.
             return 0
-        control.ask_stop(Phrase("the closed console"), abrupt=True)
+        control.request_stop(Phrase("the closed console"), abrupt=True)
         over.wait(10)
         return 1
 

@@ -77,7 +77,7 @@ class Bench:
             yield watcher
 
     def be(self, phase: Phase, row: int = 0) -> None:
-        self.control.view = RunStatus(
+        self.control.status = RunStatus(
             phase=phase, row=row, sent=row, x_pulse=12340.0, y_pulse=-1500.0, queued=1024, slots=4096
         )
 
@@ -245,7 +245,7 @@ def test_a_line_says_it_all(bench: Bench, capsys: pytest.CaptureFixture[str]) ->
         bench.forecast, duration_ms=4000e3, row_ms=np.linspace(0, 4000e3, len(bench.stream.buffered) + 1)
     )
     bench.be(Phase.RUNNING, 2)
-    bench.control.view = replace(bench.control.view, x_pulse=-0.4)
+    bench.control.status = replace(bench.control.status, x_pulse=-0.4)
     with bench.watch("lines") as watcher:
         watcher.tick()
         bench.path = "part.job"
@@ -292,7 +292,9 @@ def test_nothing_to_do_and_no_time_for_it(
     bench.forecast = Forecast(
         duration_ms=0.0, row_ms=np.zeros(rows + 1), timed=np.zeros(rows, dtype=np.intp), box_mm=None, channels=()
     )
-    bench.control.view = RunStatus(phase=Phase.RUNNING, row=row, x_pulse=math.nan, y_pulse=math.inf, queued=9, slots=0)
+    bench.control.status = RunStatus(
+        phase=Phase.RUNNING, row=row, x_pulse=math.nan, y_pulse=math.inf, queued=9, slots=0
+    )
     with bench.watch(mode) as watcher:
         watcher.tick()
     done = empty or row >= rows
@@ -482,7 +484,7 @@ def test_keys_steer(
         watcher.tick()
         keys.waiting = typed
         bench.ticks(watcher, 0.02)  # Keys are heeded in every tick.
-        assert (control.pause, control.stop, control.who) == (pause, stop, who)
+        assert (control.pause, control.stop, control.stopped_by) == (pause, stop, who)
     if mode == "auto":
         assert shown(terminal.getvalue())[""] == "p go on q stop (twice: at once)".replace(" q", "  q")
 
@@ -572,7 +574,7 @@ with bench.watch("auto") as watcher:
         time.sleep(0.01)
         bench.be(Phase.PAUSED if bench.control.pause else Phase.RUNNING, 4)
         bench.ticks(watcher, 0.1)
-    print(bench.control.who)
+    print(bench.control.stopped_by)
     if {fail}:
         raise KeyboardInterrupt
 """

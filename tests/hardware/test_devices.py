@@ -27,7 +27,14 @@ from gusjob.cli.devices_command import command
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.driver.library import BITS
 from gusjob.hardware import devices
-from gusjob.hardware.devices import SearchPaths, UsbProblemKind, inspect_library, search_paths, usb_devices, vendor_libraries
+from gusjob.hardware.devices import (
+    SearchPaths,
+    UsbProblemKind,
+    inspect_library,
+    search_paths,
+    usb_devices,
+    vendor_libraries,
+)
 
 NOWHERE = SearchPaths(names=("libgus.so", "libgts.so"), folders=())
 FOLLOW, RATIO = "GT_BufLaserPrfFollow", "GT_BufLaserFollowRatio"
@@ -224,9 +231,9 @@ def test_each_library_is_listed_once_the_named_ones_first(
 
 def test_the_loader_is_asked_for_what_is_in_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ctypes.util, "find_library", {"gts": "libgts.so.7"}.get)
-    assert [library.path for library in vendor_libraries((), SearchPaths(names=NOWHERE.names, folders=(), system=True))] == [
-        "libgts.so.7"
-    ]
+    assert [
+        library.path for library in vendor_libraries((), SearchPaths(names=NOWHERE.names, folders=(), system=True))
+    ] == ["libgts.so.7"]
     assert vendor_libraries((), NOWHERE) == ()
 
 
@@ -378,7 +385,12 @@ def test_texts_that_are_no_texts(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("error", "platform", "kind", "step"),
     [
-        (usb_error(errno.EACCES), "linux", UsbProblemKind.PERMISSION, 'ATTR{idVendor}=="9588", ATTR{idProduct}=="9899"'),
+        (
+            usb_error(errno.EACCES),
+            "linux",
+            UsbProblemKind.PERMISSION,
+            'ATTR{idVendor}=="9588", ATTR{idProduct}=="9899"',
+        ),
         (usb_error(errno.EACCES), "win32", UsbProblemKind.BUSY, "close the program"),
         (usb_error(errno.EBUSY), "linux", UsbProblemKind.BUSY, "close the program"),
         (usb_error(errno.ENODEV), "linux", UsbProblemKind.GONE, "plug it in"),

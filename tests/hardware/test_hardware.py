@@ -22,10 +22,10 @@ from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, SIGNATURES, Str
 from gusjob.controllers.gus.driver import fifo
 from gusjob.controllers.gus.driver.abi import TCrdPrm, prototypes
 from gusjob.controllers.gus.driver.library import load_library
-from gusjob.controllers.gus.driver.session import needed_calls
+from gusjob.controllers.gus.driver.requirements import needed_calls
 from gusjob.controllers.gus.dry_run import frame, without_laser
 from gusjob.controllers.gus.listing import listing
-from gusjob.controllers.journal import Journal
+from gusjob.controllers.journal.writer import Journal
 from gusjob.pipeline import compiled
 from gusjob.simulate import interpret
 
@@ -365,7 +365,7 @@ def test_what_the_abis_differ_in() -> None:
     assert counts == [[4, 5, 6], [0, 0, 1], [7, 7, 8]]
     assert [p["GT_SetPulseWidth"].argtypes[-2] for p in (gus, gts)] == [ctypes.c_ushort, ctypes.c_ulong]
     assert [p["GT_BufLaserPrfFollow"].symbol for p in (gus, gts)] == ["GT_BufLaserPrfFollow", "GT_BufLaserFollowRatio"]
-    assert multi["GT_LnXY"].before == (3,)
+    assert multi["GT_LnXY"].leading == (3,)
 
 
 @pytest.mark.parametrize(("library", "profile"), [(a, b) for a in range(3) for b in range(3) if a != b])
@@ -437,12 +437,12 @@ class Asking:
         self.row, self.ask, self.again, self.asked_s, self.paused = row, ask, again, 0.0, 0
 
     def __call__(self, control: Control) -> None:
-        if not self.asked_s and control.view.phase is Phase.RUNNING and control.view.row >= self.row:
+        if not self.asked_s and control.status.phase is Phase.RUNNING and control.status.row >= self.row:
             self.asked_s = time.perf_counter()
-            control.ask_pause() if self.ask == "pause" else control.ask_stop("test", abrupt=self.ask == "abrupt")
-        if self.ask == "pause" and control.view.phase is Phase.PAUSED and not self.paused:
-            self.paused = control.view.row
-            control.ask_pause()
+            control.toggle_pause() if self.ask == "pause" else control.request_stop("test", abrupt=self.ask == "abrupt")
+        if self.ask == "pause" and control.status.phase is Phase.PAUSED and not self.paused:
+            self.paused = control.status.row
+            control.toggle_pause()
 
 
 @pytest.mark.parametrize("ask", ["smooth", "abrupt"])
@@ -500,21 +500,21 @@ def test_stopped_while_it_was_paused(gus: Bench) -> None:
     gus.controller.option("poll_us", 3_000)
 
     def tick(control: Control) -> None:
-        if control.view.phase is Phase.PAUSED:
-            control.ask_stop("test")
-        elif control.view.x_pulse > 40_000 and not control.pause:
-            control.ask_pause()
+        if control.status.phase is Phase.PAUSED:
+            control.request_stop("test")
+        elif control.status.x_pulse > 40_000 and not control.pause:
+            control.toggle_pause()
 
     ran = gus.run(stream, machine, tick=tick)
     assert ran.codes == ["GJ911"]
     done, place = gus.controller.rows(), ran.session.reached
     assert place.sure
     # v^2 / 2a = 50^2 / (2 * 0.5) pulse from where the light went off.
-    assert done[0, Row.LENGTH] - place.run_pulse == pytest.approx(2500, abs=100)
+    assert done[0, Row.LENGTH] - place.along_pulse == pytest.approx(2500, abs=100)
     assert gus.resumed(stream, machine, ran.journal)[0].faults == []
     way, left = gus.controller.rows()[1:]
     assert way[Row.EMISSION0_MS] == 0
-    assert left[Row.LENGTH] == pytest.approx(100_000 - place.run_pulse, abs=1)
+    assert left[Row.LENGTH] == pytest.approx(100_000 - place.along_pulse, abs=1)
     assert left[Row.EMISSION0_MS] > 0
 
 
@@ -540,7 +540,7 @@ def test_axes_are_left_as_configured(gus: Bench) -> None:
 
 def test_a_bug_in_what_watches_leaves_no_light(gus: Bench) -> None:
     def tick(control: Control) -> None:
-        if control.view.row > 10:
+        if control.status.row > 10:
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
@@ -550,7 +550,7 @@ def test_a_bug_in_what_watches_leaves_no_light(gus: Bench) -> None:
 
 def test_a_closed_terminal_ends_the_run(gus: Bench) -> None:
     def tick(control: Control) -> None:
-        if control.view.row > 10:
+        if control.status.row > 10:
             raise BrokenPipeError
 
     ran = gus.run(stream_of(LONG), gus.machine(Machine()), tick=tick)

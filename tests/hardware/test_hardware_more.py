@@ -21,15 +21,14 @@ from gusjob.cli.run_command import command
 from gusjob.config.machine import Interlock, Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.calls import Buffered, Stream
-from gusjob.controllers.gus.driver import fifo, session
-from gusjob.controllers.gus.driver import shutdown as way_out
-from gusjob.controllers.gus.driver.session import outputs_of
+from gusjob.controllers.gus.driver import fifo, session, shutdown
+from gusjob.controllers.gus.driver.requirements import outputs_of
 from gusjob.controllers.gus.path_position import PathPosition, TimedPath
 from gusjob.controllers.gus.remainder import remainder_from
 from gusjob.frontend import check_text, read_listing
 from gusjob.hardware.forecast import forecast
-from gusjob.hardware.supervisor import stop_on_signals
 from gusjob.hardware.journal_stream import journal_stream
+from gusjob.hardware.supervisor import stop_on_signals
 from gusjob.simulate import interpret
 from gusjob.simulate.clock import lay
 
@@ -98,9 +97,9 @@ class When:
         self.row, self.ask, self.asked = row, ask, False
 
     def __call__(self, control: Control) -> None:
-        if not self.asked and control.view.phase is Phase.RUNNING and control.view.row >= self.row:
+        if not self.asked and control.status.phase is Phase.RUNNING and control.status.row >= self.row:
             self.asked = True
-            control.ask_pause() if self.ask == "pause" else control.ask_stop("test", abrupt=self.ask == "abrupt")
+            control.toggle_pause() if self.ask == "pause" else control.request_stop("test", abrupt=self.ask == "abrupt")
 
 
 # What is sent and asked.
@@ -192,15 +191,15 @@ def test_a_smooth_stop_that_takes_long_becomes_an_abrupt_one(
     gus: Bench, monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
     """By itself, or as soon as the user insists."""
-    monkeypatch.setattr(way_out, "_SMOOTH_S", 0.05 if how == "late" else 20.0)
+    monkeypatch.setattr(shutdown, "_SMOOTH_S", 0.05 if how == "late" else 20.0)
     fresh(gus, poll_us=3_000)
 
     def tick(control: Control) -> None:
-        if control.view.row >= 10 and not control.stop:
+        if control.status.row >= 10 and not control.stop:
             gus.controller.option("stuck", 1)
-            control.ask_stop("test")
-        elif control.stop == 1 and control.view.phase is Phase.STOPPING and how == "twice":
-            control.ask_stop("test")
+            control.request_stop("test")
+        elif control.stop == 1 and control.status.phase is Phase.STOPPING and how == "twice":
+            control.request_stop("test")
         if time.perf_counter() - began_s > 5:  # It would never end.
             gus.controller.option("stuck", 0)
 
@@ -216,9 +215,9 @@ def test_every_lit_channel_goes_off(gus: Bench) -> None:
     row, lit = int(np.flatnonzero(stream.buffered.kind == Buffered.ARC_CENTRE)[0]) - 1, list[tuple[bool, bool]]()
 
     def tick(control: Control) -> None:
-        if control.view.phase is Phase.RUNNING and control.view.row >= row and not control.stop:
+        if control.status.phase is Phase.RUNNING and control.status.row >= row and not control.stop:
             lit.append(gus.controller.state().switched_on)
-            control.ask_stop("test", abrupt=True)
+            control.request_stop("test", abrupt=True)
 
     assert gus.run(stream, machine, tick=tick).codes == ["GJ911"]
     assert lit == [(True, True)]
@@ -238,7 +237,7 @@ def test_after_a_failure_the_stop_is_abrupt_and_the_controller_closed(gus: Bench
 
 
 def test_motion_of_which_nobody_knows_is_said(gus: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(way_out, "_REST_S", 0.1)
+    monkeypatch.setattr(shutdown, "_REST_S", 0.1)
     fresh(gus, poll_us=3_000)
     gus.controller.fault(Fault.RETURN, "GT_CrdStatus", 12, -1, 7)
     ran = gus.run(stream_of(LONG), gus.machine(Machine()))
@@ -321,11 +320,11 @@ def test_the_interlock_is_looked_after_in_a_pause(gus: Bench) -> None:
 
     def tick(control: Control) -> None:
         asking(control)
-        if control.view.phase is Phase.PAUSED:
+        if control.status.phase is Phase.PAUSED:
             ticks[0] += 1
             gus.controller.option("di", 0)
             if ticks[0] == 10:  # It was not noticed.
-                control.ask_stop("the test", abrupt=True)
+                control.request_stop("the test", abrupt=True)
 
     assert gus.run(stream_of(LONG), machine, tick=tick).codes == ["GJ910"]
 
@@ -336,11 +335,11 @@ def test_the_light_is_looked_after_in_a_pause(gus: Bench) -> None:
 
     def tick(control: Control) -> None:
         asking(control)
-        if control.view.phase is Phase.PAUSED:
+        if control.status.phase is Phase.PAUSED:
             if not lit:
                 gus.controller.library.GT_SetHSIOOpt(1, 0)
             else:
-                control.ask_pause()
+                control.toggle_pause()
             lit.append(any(gus.controller.state().switched_on))
 
     assert gus.run(stream_of(LONG), gus.machine(Machine()), tick=tick).faults == []
@@ -357,8 +356,8 @@ def test_going_on_after_a_pause_needs_no_way_and_begins_where_it_was(gus: Bench)
 
     def tick(control: Control) -> None:
         asking(control)
-        if control.view.phase is Phase.PAUSED:
-            control.ask_pause()
+        if control.status.phase is Phase.PAUSED:
+            control.toggle_pause()
 
     ran = gus.run(stream_of(LONG), gus.machine(Machine()), tick=tick)
     assert ran.faults == []
@@ -464,7 +463,7 @@ def test_a_new_mode_takes_the_power_away_and_the_same_one_does_not(gus: Bench) -
             f"GT_LaserPowerMode({mode},100,0,0)\nGT_CrdClear(2,1)\n" + zigzag(2) + "GT_CrdStart(2,2)\n"
         )
         part = remainder_from(stream, PathPosition(row=len(stream.buffered) - 2))
-        lead = part.stream.buffered.pick(np.arange(part.lead))
+        lead = part.stream.buffered.pick(np.arange(part.lead_rows))
         assert lead.p[lead.kind == Buffered.POWER].tolist() == found
         starts = [(c.name, c.args) for c in part.stream.calls if c.name in ("GT_CrdStart", "GT_CrdClear")]
         assert starts == [("GT_CrdClear", (2.0, 1.0)), ("GT_CrdStart", (2.0, 2.0))]
@@ -483,7 +482,7 @@ def test_light_switched_on_at_once_is_switched_on_again(gus: Bench) -> None:
     stream = listed(text + later + "GT_CrdStart(2,2)\n")
     for row, on in ((5, True), (4, True)):
         part = remainder_from(stream, PathPosition(row=row))
-        assert (Buffered.ON in part.stream.buffered.kind[: part.lead].tolist()) == on, row
+        assert (Buffered.ON in part.stream.buffered.kind[: part.lead_rows].tolist()) == on, row
 
 
 def test_end_velocities_are_those_that_can_be_reached_from_rest() -> None:
@@ -491,9 +490,9 @@ def test_end_velocities_are_those_that_can_be_reached_from_rest() -> None:
     stream = stream_of(MARK + "LASER POWER 30\nLASER ON\nLINE X 5\nLINE X 10\nLASER OFF\n")
     row = int(np.flatnonzero(stream.buffered.kind == Buffered.LINE)[0])
     assert stream.buffered.vel_end[row] == 100
-    part = remainder_from(stream, PathPosition(row=row, run_pulse=4990.0))
+    part = remainder_from(stream, PathPosition(row=row, along_pulse=4990.0))
     calls = part.stream.buffered
-    assert calls.vel_end[part.lead] == pytest.approx((2 * 10 * 10) ** 0.5, rel=0.02)
+    assert calls.vel_end[part.lead_rows] == pytest.approx((2 * 10 * 10) ** 0.5, rel=0.02)
     assert calls.vel_end[-2] == 0
     assert stream.buffered.vel_end[row] == 100  # The job's own are not touched.
 
@@ -507,7 +506,7 @@ def test_begun_within_an_arc_it_stays_on_it(arc: str) -> None:
     laid = trace.clock.laid
     length = float(laid.length[-1])
     for share in (0.1, 0.6, 0.9):
-        part = remainder_from(stream, PathPosition(row=row, run_pulse=share * length))
+        part = remainder_from(stream, PathPosition(row=row, along_pulse=share * length))
         begun, faults = interpret(part.stream, Machine())
         assert begun is not None
         assert faults == []
@@ -526,8 +525,8 @@ def test_gone_on_with_twice(gus: Bench) -> None:
 
     def at(x: float) -> Callable[[Control], None]:
         def tick(control: Control) -> None:
-            if control.view.phase is Phase.RUNNING and control.view.x_pulse >= x and not control.stop:
-                control.ask_stop("test", abrupt=True)
+            if control.status.phase is Phase.RUNNING and control.status.x_pulse >= x and not control.stop:
+                control.request_stop("test", abrupt=True)
 
         return tick
 
@@ -549,7 +548,7 @@ def test_gone_on_with_twice(gus: Bench) -> None:
         journal = again.journal
         rows = [line["row"] for line in recorded(again) if "row" in line and "call" in line]
         assert sorted(set(rows)) == [-1, *range(place.row, len(stream.buffered))]
-    along = [place.run_pulse for place in reached]
+    along = [place.along_pulse for place in reached]
     assert along == sorted(along)
     assert 0 < along[0] < along[1] < along[2] < 40_000
     fresh(gus, poll_us=20_000)
@@ -574,7 +573,7 @@ def test_a_bug_is_no_run_that_was_done(gus: Bench) -> None:
     folder_before = set(gus.folder.glob("*.journal"))
 
     def tick(control: Control) -> None:
-        if control.view.row > 10:
+        if control.status.row > 10:
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
@@ -610,8 +609,8 @@ def test_a_part_without_a_way_to_it_is_found_again(gus: Bench, before: str, how:
     assert first.session.reached == PathPosition(row=dwell)
 
     def tick(control: Control) -> None:
-        if control.view.phase is Phase.RUNNING and control.view.x_pulse >= 15_000 and not control.stop:
-            control.ask_stop("test", abrupt=True)
+        if control.status.phase is Phase.RUNNING and control.status.x_pulse >= 15_000 and not control.stop:
+            control.request_stop("test", abrupt=True)
 
     again = gus.run(stream, machine, begin=first.session.reached, tick=tick)
     assert again.codes == ["GJ911"]
@@ -621,7 +620,7 @@ def test_a_part_without_a_way_to_it_is_found_again(gus: Bench, before: str, how:
     assert last.faults == []
     assert place is not None
     assert place.row == dwell + 2
-    assert x - begun - 2 - 50 * 25 < place.run_pulse < x - begun + 2
+    assert x - begun - 2 - 50 * 25 < place.along_pulse < x - begun + 2
 
 
 def test_a_controller_that_was_started_anew_or_moved_is_not_guessed_at(gus: Bench) -> None:
@@ -648,26 +647,26 @@ def route_of(text: str) -> tuple[TimedPath, Stream]:
 def test_back_never_goes_over_a_dwell() -> None:
     route, _ = route_of("LINE X 5\nLINE X 5 Y 5\nDWELL 3\nLINE X 0 Y 5\nLINE X 0 Y 0\n")
     ms = 1 / float(route.calls.vel[0])
-    assert route.back(PathPosition(row=1, run_pulse=0.0), 10 * ms) == PathPosition(row=0, run_pulse=4990.0)
-    assert route.back(PathPosition(row=1, run_pulse=0.0), 7000 * ms) == PathPosition(row=0, run_pulse=0.0)
-    assert route.back(PathPosition(row=1, run_pulse=4.0), 10 * ms) == PathPosition(row=0, run_pulse=4994.0)
-    assert route.back(PathPosition(row=3), 10 * ms) == PathPosition(row=3)
-    assert route.back(PathPosition(row=2), 10 * ms) == PathPosition(row=2)
-    assert route.back(PathPosition(row=0), 10 * ms) == PathPosition(row=0)
-    assert route.back(PathPosition(row=4, run_pulse=100.0), 10 * ms) == PathPosition(row=4, run_pulse=90.0)
+    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 10 * ms) == PathPosition(row=0, along_pulse=4990.0)
+    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 7000 * ms) == PathPosition(row=0, along_pulse=0.0)
+    assert route.rewind(PathPosition(row=1, along_pulse=4.0), 10 * ms) == PathPosition(row=0, along_pulse=4994.0)
+    assert route.rewind(PathPosition(row=3), 10 * ms) == PathPosition(row=3)
+    assert route.rewind(PathPosition(row=2), 10 * ms) == PathPosition(row=2)
+    assert route.rewind(PathPosition(row=0), 10 * ms) == PathPosition(row=0)
+    assert route.rewind(PathPosition(row=4, along_pulse=100.0), 10 * ms) == PathPosition(row=4, along_pulse=90.0)
 
 
 def test_behind_a_dwell_the_motion_before_it_gives_the_start() -> None:
     route, _ = route_of("LINE X 5\nDWELL 3\nDWELL 4\nLINE X 5 Y 5\n")
-    assert route.place(4, 4, 5000, 1000) == PathPosition(row=3, run_pulse=1000.0)
-    assert route.place(3, 3, 5000, 1000) == PathPosition(row=3, run_pulse=1000.0)
+    assert route.locate(4, 4, 5000, 1000) == PathPosition(row=3, along_pulse=1000.0)
+    assert route.locate(3, 3, 5000, 1000) == PathPosition(row=3, along_pulse=1000.0)
 
 
 def test_where_two_calls_fit_the_earlier_one_is_taken() -> None:
     route, _ = route_of("LINE X 5\nLINE X 0\nLINE X 5\n")
-    assert route.place(2, 2, 2000, 0) == PathPosition(row=1, run_pulse=3000.0)
-    assert not route.place(2, 2, 2000, 3).sure
-    assert route.place(2, 2, 2000, 1).sure
+    assert route.locate(2, 2, 2000, 0) == PathPosition(row=1, along_pulse=3000.0)
+    assert not route.locate(2, 2, 2000, 3).sure
+    assert route.locate(2, 2, 2000, 1).sure
 
 
 @pytest.mark.parametrize("way", ["CCW", "CW"])
@@ -701,8 +700,8 @@ def test_the_report_of_a_journal_is_what_was_run(gus: Bench, how: str) -> None:
 
     def tick(control: Control) -> None:
         asking(control)
-        if control.view.phase is Phase.PAUSED:
-            control.ask_pause()
+        if control.status.phase is Phase.PAUSED:
+            control.toggle_pause()
 
     ran = gus.run(stream, machine, tick=tick)
     if how == "gone on":
@@ -743,7 +742,7 @@ def test_the_report_of_a_run_that_began_and_ended_within_one_call(gus: Bench, ar
     def after(ms: float) -> Callable[[Control], None]:
         def tick(control: Control) -> None:
             if gus.controller.state().running >= ms and not control.stop:
-                control.ask_stop("test", abrupt=True)
+                control.request_stop("test", abrupt=True)
 
         return tick
 
@@ -754,7 +753,7 @@ def test_the_report_of_a_run_that_began_and_ended_within_one_call(gus: Bench, ar
     ran_ms = gus.controller.state().running
     again = gus.run(stream, machine, begin=first.session.reached, tick=after(ran_ms + 250))
     assert again.session.reached.row == row
-    assert again.session.reached.run_pulse > first.session.reached.run_pulse
+    assert again.session.reached.along_pulse > first.session.reached.along_pulse
     more = gus.controller.rows()[len(done) :]
     sent, length = reported(again, machine)
     assert sent.buffered.vel_end.tolist()[-1] == 50  # The light went off in full motion.
@@ -844,5 +843,5 @@ def test_what_signals_ask_for() -> None:
         with stop_on_signals(control):
             for number in numbers:
                 signal.raise_signal(number)
-        assert (control.stop, control.pause, control.asked) == (stop, pause, bool(stop or pause)), numbers
+        assert (control.stop, control.pause, control.requested) == (stop, pause, bool(stop or pause)), numbers
     assert before == {number: signal.getsignal(number) for number in before}

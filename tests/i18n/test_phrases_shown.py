@@ -37,11 +37,20 @@ from gusjob.controllers.control import Phase
 from gusjob.controllers.gus.driver.fifo import Interrupted
 from gusjob.controllers.gus.driver.library import _load_error
 from gusjob.controllers.gus.driver.link import MEANINGS, meaning
-from gusjob.controllers.gus.driver.session import Session, one_queue
+from gusjob.controllers.gus.driver.requirements import check_single_fifo
+from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.driver.shutdown import _laser_diagnostic, _motion_diagnostic
-from gusjob.controllers.journal import read_journal
+from gusjob.controllers.journal.reader import read_journal
 from gusjob.hardware import devices
-from gusjob.hardware.devices import KNOWN_USB, SearchPaths, Survey, UsbProblemKind, UsbDevice, UsbProblem, inspect_library
+from gusjob.hardware.devices import (
+    KNOWN_USB,
+    SearchPaths,
+    Survey,
+    UsbDevice,
+    UsbProblem,
+    UsbProblemKind,
+    inspect_library,
+)
 from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import localized
 from gusjob.report.earlier import read_earlier
@@ -408,7 +417,7 @@ def test_panel_and_lines(phase: Phase) -> None:
 def test_faults_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     stream.buffered.crd[-1] = 2
-    diagnostics = [*one_queue(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
+    diagnostics = [*check_single_fifo(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
     diagnostics += [_laser_diagnostic(0, code, powered) for code in MEANINGS for powered in (False, True)]
     monkeypatch.setattr(translate, "_catalogue", _Said("·"))
     for diagnostic in diagnostics:
@@ -481,7 +490,7 @@ def test_a_run_that_is_stopped(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def _stopped(session: Session, _part: object) -> None:
-    session.control.ask_stop(_STOP_KEYS["q"])
+    session.control.request_stop(_STOP_KEYS["q"])
     raise Interrupted
 
 

@@ -17,11 +17,13 @@ from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
+from gusjob.controllers.gus.driver.requirements import needed_calls, outputs_of
 from gusjob.controllers.gus.driver.resume import find_position, recorded_position
-from gusjob.controllers.gus.driver.session import Session, needed_calls, outputs_of
+from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.path_position import PathPosition
 from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
-from gusjob.controllers.journal import Journal, read_journal
+from gusjob.controllers.journal.reader import read_journal
+from gusjob.controllers.journal.writer import Journal
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.hardware.supervisor import Supervisor
 
@@ -103,7 +105,7 @@ class Bench:
     ) -> Ran:
         """A run as the command does it."""
         place = begin or PathPosition(row=0)
-        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [place.row, place.run_pulse]})
+        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [place.row, place.along_pulse]})
         control = Control()
         session = Session(
             link=Link(self.library(stream, machine), journal),
@@ -115,7 +117,11 @@ class Bench:
         runner = Supervisor(session, (lambda: tick(control)) if tick else (lambda: None))
 
         def from_there(session: Session) -> Remainder:
-            return whole_job(stream, session.head()) if begin is None else remainder_from(stream, begin, session.head())
+            return (
+                whole_job(stream, session.position_or_none())
+                if begin is None
+                else remainder_from(stream, begin, session.position_or_none())
+            )
 
         try:
             outcome = runner.run(part or from_there)

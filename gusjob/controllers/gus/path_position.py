@@ -13,20 +13,20 @@ from gusjob.kinematics.geometry import TURN
 from gusjob.simulate.clock import lay
 
 NEAR_PULSE = 2.0
-"""So near to a segment is on it: reported positions are rounded."""
+"""A position this near to a segment is on it: reported positions are rounded."""
 _DONE_PULSE = 1.0
-"""So near to its end a segment is done: what is left would round to nothing."""
+"""A segment is done this near to its end: what is left would round to nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathPosition:
-    """A place in a stream: the first buffered row that is not completely done, and how far the motion is along it.
+    """A position in a stream: the first buffered row that is not completely done, and the distance along it, pulse.
 
-    `sure`: whether the position lay on the path there.
+    `sure`: whether the reported position was on the path there.
     """
 
     row: int
-    run_pulse: float = 0.0
+    along_pulse: float = 0.0
     sure: bool = True
 
 
@@ -35,88 +35,110 @@ JOB_START = PathPosition(row=0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimedPath:
-    """Buffered calls as a route. `timed` (m,): the rows that take time; `start`: where the first one begins, pulse."""
+    """The path of buffered calls.
+
+    `timed` (m,): the rows that take time (motions and dwells); `start_pulse`: where the first one begins.
+    """
 
     calls: BufferedCalls
     timed: Indices
-    start: tuple[float, float]
+    start_pulse: tuple[float, float]
 
     @classmethod
-    def of(cls, calls: BufferedCalls, start: tuple[float, float]) -> TimedPath:
-        """The route of some calls."""
-        return cls(calls=calls, timed=np.flatnonzero(calls.kind <= Buffered.DELAY), start=start)
+    def of(cls, calls: BufferedCalls, start_pulse: tuple[float, float]) -> TimedPath:
+        """Make the path of some calls."""
+        return cls(calls=calls, timed=np.flatnonzero(calls.kind <= Buffered.DELAY), start_pulse=start_pulse)
 
     def nearest(self, number: int, x: float, y: float) -> tuple[float, float, float]:
-        """For a timed call: the distance of a point from it, how far along it that is, and its length; all pulse."""
+        """Project a point onto a timed call.
+
+        Args:
+            number: index into `timed`.
+            x: the point, pulse.
+            y: the point, pulse.
+
+        Returns:
+            The point's distance from the call, how far along it the nearest point is, and its length; all pulse.
+        """
         # The call before gives the start; a dwell gives none, so look back to a motion.
         first = number - 1
         while first > 0 and self.calls.kind[self.timed[first]] == Buffered.DELAY:
             first -= 1
         rows = self.timed[max(first, 0) : number + 1]
-        laid = lay(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start)
+        laid = lay(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start_pulse)
         at = len(rows) - 1
         x0, y0, length = float(laid.x0[at]), float(laid.y0[at]), float(laid.length[at])
         found, arcs = laid.arcs_among(np.array([at]))
         if len(found):
-            run = _run_on_arc(x - arcs.cx[0], y - arcs.cy[0], float(arcs.angle[0]), float(arcs.sweep[0]), length)
+            along = _along_arc(x - arcs.cx[0], y - arcs.cy[0], float(arcs.angle[0]), float(arcs.sweep[0]), length)
         elif length > 0:
             dx, dy = (float(laid.x1[at]) - x0) / length, (float(laid.y1[at]) - y0) / length
-            run = min(max((x - x0) * dx + (y - y0) * dy, 0.0), length)
+            along = min(max((x - x0) * dx + (y - y0) * dy, 0.0), length)
         else:
-            run = 0.0
-        px, py = laid.points(np.array([at]), np.array([run / length if length > 0 else 0.0]))
-        return math.hypot(x - float(px[0]), y - float(py[0])), run, length
+            along = 0.0
+        px, py = laid.points(np.array([at]), np.array([along / length if length > 0 else 0.0]))
+        return math.hypot(x - float(px[0]), y - float(py[0])), along, length
 
-    def place(self, low: int, high: int, x: float, y: float) -> PathPosition:
-        """Where the motion is: between `low` and `high` rows have left the FIFO, the head is at x, y.
+    def locate(self, low: int, high: int, x: float, y: float) -> PathPosition:
+        """Find the position of the motion.
 
-        The row in progress may have left the FIFO already or not (no manual says): the position tells. Where several
-        fit (a way there and back) the earliest is taken, and where none does the earliest of all: rather twice than
-        never.
+        The row in progress may have left the FIFO already or not (no manual says): x, y decides. Where several rows fit
+        (a line there and back) the earliest is taken, and where none fits the earliest of all: it is better to mark a
+        piece twice than to leave it out.
+
+        Args:
+            low: at least this many rows have left the FIFO.
+            high: at most this many rows have left the FIFO.
+            x: reported position, pulse.
+            y: reported position, pulse.
         """
         # From the last timed call that left the FIFO to the first one that is still in it.
         first, last = (int(np.searchsorted(self.timed, taken)) for taken in (low, high))
         numbers = range(max(first - 1, 0), min(last, len(self.timed) - 1) + 1)
-        found = [self._place_in(number, x, y) for number in numbers]
+        found = [self._locate_in(number, x, y) for number in numbers]
         if not found:
             return PathPosition(row=high)
         least = min(distance for distance, _ in found)
         if least > NEAR_PULSE:
             return PathPosition(row=found[0][1].row, sure=False)
         # At a joint the end of one call is the start of the next.
-        return next(place for distance, place in found if distance <= least + 0.5)
+        return next(position for distance, position in found if distance <= least + 0.5)
 
-    def _place_in(self, number: int, x: float, y: float) -> tuple[float, PathPosition]:
-        """How far a point is from a timed call, and the place there if it is on it."""
+    def _locate_in(self, number: int, x: float, y: float) -> tuple[float, PathPosition]:
+        """Return the distance of a point from a timed call, and the position if the point is on it."""
         row = int(self.timed[number])
-        distance, run, length = self.nearest(number, x, y)
+        distance, along, length = self.nearest(number, x, y)
         if self.calls.kind[row] == Buffered.DELAY:
             return distance, PathPosition(row=row)
-        # One that is done is done with all that stands before the next motion.
-        return distance, PathPosition(row=row, run_pulse=run) if run < length - _DONE_PULSE else PathPosition(row=row + 1)
+        # With a motion that is done, the untimed calls up to the next one are done.
+        done = along >= length - _DONE_PULSE
+        return distance, PathPosition(row=row + 1) if done else PathPosition(row=row, along_pulse=along)
 
-    def back(self, place: PathPosition, by_ms: float) -> PathPosition:
-        """A place so much earlier on the way, at full velocity all the while: rather too far than not far enough."""
-        row, run, left_ms = place.row, place.run_pulse, by_ms
+    def rewind(self, position: PathPosition, by_ms: float) -> PathPosition:
+        """Move a position back by a time, at full velocity throughout: rather too far than not far enough.
+
+        It never goes back over a dwell, which is run again as a whole.
+        """
+        row, along, left_ms = position.row, position.along_pulse, by_ms
         if row < len(self.calls) and self.calls.kind[row] == Buffered.DELAY:
-            return place  # It is run again as a whole.
+            return position
         number = int(np.searchsorted(self.timed, row))
         while left_ms > 0:
-            if row < len(self.calls) and run > 0:
+            if row < len(self.calls) and along > 0:
                 vel = float(self.calls.vel[row])
-                if run >= vel * left_ms:
-                    return PathPosition(row=row, run_pulse=run - vel * left_ms, sure=place.sure)
-                left_ms -= run / vel
+                if along >= vel * left_ms:
+                    return PathPosition(row=row, along_pulse=along - vel * left_ms, sure=position.sure)
+                left_ms -= along / vel
             number -= 1
             if number < 0 or self.calls.kind[self.timed[number]] == Buffered.DELAY:
-                return PathPosition(row=row, sure=place.sure)
+                return PathPosition(row=row, sure=position.sure)
             row = int(self.timed[number])
-            run = self.nearest(number, float(self.calls.x[row]), float(self.calls.y[row]))[2]
-        return PathPosition(row=row, run_pulse=run, sure=place.sure)
+            along = self.nearest(number, float(self.calls.x[row]), float(self.calls.y[row]))[2]
+        return PathPosition(row=row, along_pulse=along, sure=position.sure)
 
 
-def _run_on_arc(dx: float, dy: float, angle: float, sweep: float, length: float) -> float:
-    """How far along an arc a direction from its centre lies; beyond its ends the nearer end."""
+def _along_arc(dx: float, dy: float, angle: float, sweep: float, length: float) -> float:
+    """Return how far along an arc a direction from its centre lies; beyond its ends the nearer end."""
     turned = (math.copysign(1.0, sweep) * (math.atan2(dy, dx) - angle)) % TURN
     span = abs(sweep)
     if turned <= span:

@@ -15,12 +15,12 @@ from gusjob.config.machine import Interlock, Machine
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import Buffered
 from gusjob.controllers.gus.driver import fifo
+from gusjob.controllers.gus.driver.requirements import Outputs, check_single_fifo
 from gusjob.controllers.gus.driver.resume import recorded_position
-from gusjob.controllers.gus.driver.session import one_queue
-from gusjob.controllers.gus.driver.shutdown import Outputs, Shutdown
+from gusjob.controllers.gus.driver.shutdown import Shutdown
 from gusjob.controllers.gus.path_position import PathPosition, TimedPath
-from gusjob.controllers.gus.remainder import remainder_from, at_next_motion
-from gusjob.controllers.journal import read_journal
+from gusjob.controllers.gus.remainder import at_next_motion, remainder_from
+from gusjob.controllers.journal.reader import read_journal
 from gusjob.frontend import check_text, read_listing
 from gusjob.hardware.forecast import forecast
 from gusjob.simulate import interpret
@@ -94,9 +94,9 @@ def test_calls_of_two_queues_are_refused() -> None:
     text = "GT_LnXY(1,10,0,50,2,0,0)\nGT_LnXY(2,10,0,50,2,0,0)\n"
     source, _ = check_text(text.encode(), "two.gts")
     assert source is not None
-    (diagnostic,) = one_queue(read_listing(source)[0])
+    (diagnostic,) = check_single_fifo(read_listing(source)[0])
     assert (diagnostic.rule.code, diagnostic.span.line) == ("GJ917", 2)
-    assert one_queue(stream_of(EVERYTHING)) == []
+    assert check_single_fifo(stream_of(EVERYTHING)) == []
 
 
 # The way out.
@@ -107,9 +107,9 @@ def test_light_that_does_not_go_off_stops_the_motion_at_once(gus: Bench) -> None
     machine = gus.machine(Machine(), link_patience_s=1.0)
 
     def tick(control: Control) -> None:
-        if control.view.x_pulse > 500 and not control.stop:
+        if control.status.x_pulse > 500 and not control.stop:
             gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, 6, -7)
-            control.ask_stop("test")
+            control.request_stop("test")
 
     gus.controller.option("poll_us", 3_000)
     text = MARK + "VEL 10\nLASER POWER 9\nLASER ON\nLINE X 100\nLASER OFF\n"
@@ -131,8 +131,8 @@ def test_where_the_light_went_off_is_told_by_the_channel_that_went_first(gus: Be
     way = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
     ran.session.link.journal.write = lambda _line: None
     began = ran.session.link.journal.now_s() + ran.session.link.journal.start_s
-    assert way.light_off() == []
-    assert way.off_s - began < 0.015  # Channel 1 took two naps of 20 ms more.
+    assert way.laser_off() == []
+    assert way.laser_off_s - began < 0.015  # Channel 1 took two naps of 20 ms more.
 
 
 # Places.
@@ -144,21 +144,21 @@ def test_a_place_near_an_arcs_end_is_its_end() -> None:
     row = int(np.flatnonzero(stream.buffered.kind == Buffered.ARC_CENTRE)[0])
     length = 5000 * np.pi / 2
     for left in (0.0, 0.2, 0.4, 0.6, 0.69, 0.9):
-        calls = remainder_from(stream, PathPosition(row=row, run_pulse=length - left)).stream.buffered
+        calls = remainder_from(stream, PathPosition(row=row, along_pulse=length - left)).stream.buffered
         arcs = np.flatnonzero(calls.kind == Buffered.ARC_CENTRE)
         route = TimedPath.of(calls, (0, 0))
         lengths = [route.nearest(int(np.searchsorted(route.timed, at)), 0.0, 0.0)[2] for at in arcs]
         assert max(lengths, default=0.0) < 2, left
     for left in (2.0, 10.0, 5000.0):
-        part = remainder_from(stream, PathPosition(row=row, run_pulse=length - left))
+        part = remainder_from(stream, PathPosition(row=row, along_pulse=length - left))
         assert (part.stream.buffered.kind == Buffered.ARC_CENTRE).sum() == 1, left
 
 
 def test_a_full_circle_that_hardly_began_is_whole() -> None:
     stream = stream_of(MARK + "LASER POWER 9\nLASER ON\nARC CW I 3 J 0\nLASER OFF\n")
     row = int(np.flatnonzero(stream.buffered.kind == Buffered.ARC_CENTRE)[0])
-    assert at_next_motion(stream.buffered, PathPosition(row=row, run_pulse=0.3)) == PathPosition(row=row)
-    done = at_next_motion(stream.buffered, PathPosition(row=row, run_pulse=2 * np.pi * 3000 - 0.3))
+    assert at_next_motion(stream.buffered, PathPosition(row=row, along_pulse=0.3)) == PathPosition(row=row)
+    done = at_next_motion(stream.buffered, PathPosition(row=row, along_pulse=2 * np.pi * 3000 - 0.3))
     assert done.row == len(stream.buffered)
 
 
@@ -166,13 +166,13 @@ def test_a_place_goes_back_over_several_segments() -> None:
     text = MARK + "VEL 100\n" + "".join(f"LINE X {i / 10}\n" for i in range(1, 50))
     calls = stream_of(text).buffered  # 100 pulse each, at 100 pulse/ms.
     route = TimedPath.of(calls, (0, 0))
-    assert route.back(PathPosition(row=20, run_pulse=30), 0.2) == PathPosition(row=20, run_pulse=10)
-    there = route.back(PathPosition(row=20, run_pulse=30), 2.5)
+    assert route.rewind(PathPosition(row=20, along_pulse=30), 0.2) == PathPosition(row=20, along_pulse=10)
+    there = route.rewind(PathPosition(row=20, along_pulse=30), 2.5)
     assert there.row == 17
-    assert there.run_pulse == pytest.approx(80)
-    assert route.back(PathPosition(row=1, run_pulse=30), 9.0) == PathPosition(row=0)
+    assert there.along_pulse == pytest.approx(80)
+    assert route.rewind(PathPosition(row=1, along_pulse=30), 9.0) == PathPosition(row=0)
     # Ten rows left the FIFO between two looks: the position tells which it is.
-    assert route.place(20, 30, 2450.0, 0.0) == PathPosition(row=24, run_pulse=50)
+    assert route.locate(20, 30, 2450.0, 0.0) == PathPosition(row=24, along_pulse=50)
 
 
 def test_light_that_goes_off_next_does_not_come_on() -> None:
@@ -201,7 +201,7 @@ def test_a_run_killed_while_it_was_paused_goes_on_where_the_light_went_off(gus: 
     ran.journal.write_bytes(b"".join([*lines, b'{"t":1.5,"broken":2,"run":1234.5,"line":9}\n']))
     recorded = read_journal(ran.journal)
     assert not isinstance(recorded, str)
-    assert recorded_position(recorded) == PathPosition(row=2, run_pulse=1234.5)
+    assert recorded_position(recorded) == PathPosition(row=2, along_pulse=1234.5)
 
 
 # Any job, from any row on.
@@ -242,7 +242,7 @@ def test_any_job_from_any_row(gus: Bench, seed: int) -> None:
     for number in rng.sample(range(len(timed)), min(len(timed), 4)):
         gus.controller.reset()
         gus.controller.options(poll_us=40_000, call_us=5)
-        begin = PathPosition(row=int(timed[number]), run_pulse=rng.choice([0.0, 0.0, 700.0]))
+        begin = PathPosition(row=int(timed[number]), along_pulse=rng.choice([0.0, 0.0, 700.0]))
         if stream.buffered.kind[begin.row] == Buffered.DELAY or whole[number, Row.LENGTH] < 1500:
             begin = PathPosition(row=begin.row)
         assert gus.run(stream, machine, begin=begin).faults == []
@@ -250,7 +250,7 @@ def test_any_job_from_any_row(gus: Bench, seed: int) -> None:
         wanted = whole[number:]
         assert rows[:, [Row.X1, Row.Y1]] == pytest.approx(wanted[:, [Row.X1, Row.Y1]], abs=1e-6)
         assert rows[1:, Row.LENGTH] == pytest.approx(wanted[1:, Row.LENGTH], abs=1e-6)
-        assert rows[0, Row.LENGTH] == pytest.approx(wanted[0, Row.LENGTH] - begin.run_pulse, abs=6)
+        assert rows[0, Row.LENGTH] == pytest.approx(wanted[0, Row.LENGTH] - begin.along_pulse, abs=6)
         for lit, power in ((Row.EMISSION0_MS, Row.POWER0_MS), (Row.EMISSION1_MS, Row.POWER1_MS)):
             share = rows[:, lit] / rows[:, Row.DURATION_MS] > 0.5
             assert share.tolist() == (wanted[:, lit] / wanted[:, Row.DURATION_MS] > 0.5).tolist()
@@ -266,7 +266,7 @@ def test_a_channel_that_refuses_is_tried_three_times(gus: Bench) -> None:
     way = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
     for refusals, channels in ((4, []), (5, [0]), (6, [0, 1])):
         gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, refusals, 7)
-        assert [diagnostic.fields["channel"] for diagnostic in way.light_off()] == channels
+        assert [diagnostic.fields["channel"] for diagnostic in way.laser_off()] == channels
 
 
 def test_a_library_that_hangs_before_it_is_known_is_left_alone(gus: Bench) -> None:
@@ -302,8 +302,8 @@ def test_a_controller_that_did_something_else_meanwhile_is_not_asked(gus: Bench)
     gus.controller.option("poll_us", 3_000)
 
     def tick(control: Control) -> None:
-        if control.view.row > 12 and not control.stop:
-            control.ask_stop("test", abrupt=True)
+        if control.status.row > 12 and not control.stop:
+            control.request_stop("test", abrupt=True)
 
     ran = gus.run(stream, machine, tick=tick)
     lines = ran.journal.read_bytes().splitlines(keepends=True)
