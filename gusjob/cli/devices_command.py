@@ -17,10 +17,12 @@ from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_machine
 from gusjob.frontend import read_source
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import FileResult, Rejected
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.
-    from gusjob.hardware.devices import Survey, UsbDevice, UsbProblem, VendorLibrary
+    from gusjob.controllers.gus.driver.inspection import VendorLibrary
+    from gusjob.hardware.devices import Survey
+    from gusjob.hardware.devices.usb import UsbDevice, UsbProblem
 
 _COLUMNS = 110
 _SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
@@ -50,17 +52,20 @@ def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) ->
     sys.exit(exit_code(profile))
 
 
-def _profile(machine_path: Path | None) -> Loaded:
+def _profile(machine_path: Path | None) -> FileResult:
     """The profile that a job in this folder would have. Its diagnostics don't keep us from looking around."""
     path = machine_path or find_profile(Path.cwd() / "x.job")
-    loaded = Loaded(path=path or Path())
-    if path is not None:
-        loaded.machine, loaded.diagnostics = read_machine(path)
-        if loaded.diagnostics:
-            source, _ = read_source(path)
-            loaded.unreadable = source is None
-            loaded.sources = {source.name: source} if source is not None else {}
-    return loaded
+    if path is None:
+        return FileResult(path=Path())
+    machine, found = read_machine(path)
+    source, _ = read_source(path)
+    return Rejected(
+        path=path,
+        machine=machine,
+        diagnostics=tuple(found),
+        sources={source.name: source} if source is not None else {},
+        unreadable=bool(found) and source is None,
+    )
 
 
 # As text.
@@ -147,7 +152,7 @@ def _usb(device: UsbDevice) -> Iterator[str]:
 
 
 def _known() -> str:
-    from gusjob.hardware.devices import KNOWN_USB
+    from gusjob.hardware.devices.usb import KNOWN_USB
 
     return all_of(Phrase("{ids} {name}", ids=known.ids, name=known.short or known.name) for known in KNOWN_USB)
 

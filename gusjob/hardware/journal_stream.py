@@ -1,4 +1,4 @@
-"""A journal as a stream: what a controller was really sent, as far as it was run."""
+"""Read a journal as a stream: the calls that a controller was really sent, as far as they were run."""
 
 from __future__ import annotations
 
@@ -25,19 +25,22 @@ _LINE = re.compile(
     re.MULTILINE,
 )
 _BRACES = bytes.maketrans(b"[]", b"{}")
-_WAITED = b"GT_CrdStatus(%d,run,segment,%d)"
+_WAIT = b"GT_CrdStatus(%d,run,segment,%d)"
 _NOT_OF_THE_JOB = {*HOST_CALLS, "GT_CrdStatus", "GT_GetHSIOOpt"}
 
 
 def journal_stream(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
-    """The calls of a journal that returned 0, with the job's lines; None if it is damaged.
+    """Read the calls of a journal that returned 0, with the job's lines.
 
-    Polls are left out, and so is what was sent but not run since the run was stopped or paused before: what the last
-    call did of it ends where the light went off. GT_CrdStatus stands where the motion was at rest.
+    Polls are left out, and so are calls that were sent but not run because the run was paused or stopped before: the
+    last call that was run in part ends where the laser went off. GT_CrdStatus marks where the axes were at rest.
+
+    Returns:
+        The stream, or None if the journal is damaged; and diagnostics.
     """
     collected = _CallCollector()
     try:
-        name = _job(source)
+        name = _job_name(source)
         for row, line, call, args, mark in _LINE.findall(source.data):
             if mark:
                 collected.mark(orjson.loads(b"{" + mark))
@@ -47,41 +50,42 @@ def journal_stream(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
         reason = Phrase("it begins as a journal, but can't be read as {schema}: it is damaged", schema=JOURNAL_SCHEMA)
         return None, [Diagnostic(rule=rules.NOT_TEXT, span=NOWHERE, fields={"reason": reason}, path=source.name)]
     text = b"\n".join(collected.texts)
-    stream, faults = read_listing(Source(name=name, data=text + b"\n"))
+    stream, found = read_listing(Source(name=name, data=text + b"\n"))
     lines = np.array([0, *collected.lines], dtype=np.int32)
     calls = tuple(replace(call, line=int(lines[call.line])) for call in stream.calls)
-    at = np.searchsorted(stream.buffered.line, np.array(list(collected.cut), dtype=np.int64) + 1)
-    buffered = _cut(stream.buffered, dict(zip(at.tolist(), collected.cut.values(), strict=True)))
-    own = replace(buffered, line=lines[buffered.line])
-    placed = [replace(f, span=Span(line=int(lines[min(f.span.line, len(lines) - 1)]))) for f in faults]
-    if collected.running is not None and len(own):
-        # Nothing says how it ended: it was killed.
-        left = min(collected.since_look, len(own))
-        fields, last = {"calls": left}, Span(line=int(own.line[-1]))
-        placed.append(Diagnostic(rule=rules.RAN_ON, span=last, fields=fields, path=name))
-    return replace(stream, buffered=own, calls=calls), placed
+    at = np.searchsorted(stream.buffered.line, np.array(list(collected.shortened), dtype=np.int64) + 1)
+    lengths = dict(zip(at.tolist(), collected.shortened.values(), strict=True))
+    shortened = _with_lengths(stream.buffered, lengths)
+    buffered = replace(shortened, line=lines[shortened.line])
+    located = [replace(d, span=Span(line=int(lines[min(d.span.line, len(lines) - 1)]))) for d in found]
+    if collected.running is not None and len(buffered):
+        # The journal does not say how it ended: the process was killed.
+        left = min(collected.since_poll, len(buffered))
+        fields, last = {"calls": left}, Span(line=int(buffered.line[-1]))
+        located.append(Diagnostic(rule=rules.RAN_ON, span=last, fields=fields, path=name))
+    return replace(stream, buffered=buffered, calls=calls), located
 
 
-def _job(source: Source) -> str:
-    """The job's name: the lines are its own."""
+def _job_name(source: Source) -> str:
+    """Return the job's name: the lines are the job's."""
     head = orjson.loads(source.data[: source.data.find(b"\n")])
     return str(head.get("job", source.name))
 
 
 class _CallCollector:
-    """Calls as the text of a listing, and which of them were not run to their end."""
+    """Collects calls as the text of a listing, and which of them were not run to their end."""
 
     def __init__(self) -> None:
         self.texts: list[bytes] = []
         self.lines: list[int] = []
         self.rows: list[int] = []
         """The job's row of each text; -1 if it is none."""
-        self.cut: dict[int, float] = {}
-        """Texts that were run a part of the way: how far, pulse."""
+        self.shortened: dict[int, float] = {}
+        """Texts that were run in part: the length that was run, pulse."""
         self.part_at, self.begin = 0, (0, 0.0)
         self.running: tuple[int, int] | None = None
-        self.since_look = 0
-        """Buffered calls that had not been run yet when the controller was asked last."""
+        self.since_poll = 0
+        """Buffered calls that had not been run yet at the last poll, with those that were sent since."""
 
     def add(self, text: bytes, line: int, row: int = -1) -> None:
         self.texts.append(text)
@@ -89,55 +93,57 @@ class _CallCollector:
         self.rows.append(row)
 
     def call(self, row: int | None, line: int, name: str, args: bytes) -> None:
-        """One call that was taken."""
+        """Add one call that returned 0."""
         if row is not None:
-            self.since_look += 1
+            self.since_poll += 1
             self.add(b"%s(%s)" % (name.encode(), args), line, row)
             return
         if name == "GT_CrdSpace":
-            self.since_look = FIFO_SLOTS - int(args.split(b",")[1])
+            self.since_poll = FIFO_SLOTS - int(args.split(b",")[1])
         if name in _NOT_OF_THE_JOB:
             return
-        self.rest(line)
+        self.wait(line)
         self.add(b"%s(%s)" % (name.encode(), args), line)
         if name == "GT_CrdStart":
             mask, option = (int(float(value)) for value in args.split(b","))
             self.running = (mask, option >> (mask - 1) & 1)
 
-    def rest(self, line: int) -> None:
-        """What comes now comes at rest."""
+    def wait(self, line: int) -> None:
+        """Wait for rest before the next call, if something was started."""
         if self.running is not None:
-            self.add(_WAITED % self.running, line)
+            self.add(_WAIT % self.running, line)
             self.running = None
 
     def mark(self, found: dict[str, Any]) -> None:
-        """Where a part begins or a run ends."""
+        """Evaluate a line about where a part begins, or where the run was interrupted or ended."""
         if "part" in found:
             self.part_at, self.begin = len(self.texts), (found["part"], found["run"])
         elif "broken" in found:
-            self.broken(found["broken"], found["run"])
+            self.interrupt(found["broken"], found["run"])
         elif found["end"] == "failed":
-            self.broken(found["row"], found["run"])
+            self.interrupt(found["row"], found["run"])
             self.running = None
 
-    def broken(self, row: int, along_pulse: float) -> None:
-        """The part was run up to a place: what was sent beyond was not run."""
+    def interrupt(self, row: int, along_pulse: float) -> None:
+        """End the part at a position: what was sent beyond it was not run."""
         later = [i for i in range(self.part_at, len(self.texts)) if self.rows[i] >= row]
         for i in later:
-            begun = self.begin[1] if row == self.begin[0] else 0.0
-            if self.rows[i] == row and along_pulse > begun:
-                self.cut[i] = along_pulse - begun
+            begun_pulse = self.begin[1] if row == self.begin[0] else 0.0
+            if self.rows[i] == row and along_pulse > begun_pulse:
+                self.shortened[i] = along_pulse - begun_pulse
             else:
                 self.texts[i] = b""
 
 
-def _cut(calls: BufferedCalls, at: dict[int, float]) -> BufferedCalls:
-    """The calls, some of which end earlier, where the light went off."""
-    for index, along_pulse in at.items():
-        (x, y), start = point_pulse(calls, PathPosition(row=index, along_pulse=along_pulse)), point_pulse(calls, PathPosition(row=index))
+def _with_lengths(calls: BufferedCalls, lengths: dict[int, float]) -> BufferedCalls:
+    """Shorten calls to the lengths that were run before the laser went off, pulse by index."""
+    for index, length in lengths.items():
+        end = point_pulse(calls, PathPosition(row=index, along_pulse=length))
+        start = point_pulse(calls, PathPosition(row=index))
         as_centre_arc(calls, index)
-        # The light went off in full motion; an arc back to its start would be a full circle.
-        calls.x[index], calls.y[index], calls.vel_end[index] = x, y, calls.vel[index]
-        if (x, y) == start:
+        calls.x[index], calls.y[index] = end
+        # The laser went off at full velocity; an arc back to its start would be a full circle.
+        calls.vel_end[index] = calls.vel[index]
+        if end == start:
             calls.kind[index] = Buffered.LINE
     return calls

@@ -24,11 +24,12 @@ import pytest
 from support.tools import MARK, ROOT, stream_of
 
 from gusjob.cli.keys import Keys
-from gusjob.cli.panel import ProgressDisplay, watch
+from gusjob.cli.run_display import run_display
 from gusjob.config.machine import Machine
 from gusjob.controllers.control import Control, Phase, RunStatus
 from gusjob.controllers.gus.calls import Stream
 from gusjob.hardware.forecast import Forecast, forecast
+from gusjob.hardware.progress import ProgressDisplay, ProgressMeter
 from gusjob.simulate import interpret
 
 MACHINE = Machine(pulses_per_mm=(1000.0, 500.0))
@@ -72,7 +73,8 @@ class Bench:
         def clock() -> float:
             return self.now_s
 
-        watching = watch(mode, self.control, self.forecast, self.stream, MACHINE, line_of, clock)
+        meter = ProgressMeter.of(self.control, self.forecast, self.stream, MACHINE, line_of)
+        watching = run_display(mode, clock)(meter)
         with redirect_stderr(self.stderr) if self.stderr else nullcontext(), watching as watcher:
             yield watcher
 
@@ -478,7 +480,7 @@ def test_keys_steer(
     who: str,
 ) -> None:  # fmt: skip
     keys, control = Typed(), bench.control
-    monkeypatch.setattr("gusjob.cli.panel.Keys", lambda: keys)
+    monkeypatch.setattr("gusjob.cli.run_display.Keys", lambda: keys)
     with bench.watch(mode) as watcher:
         bench.be(Phase.PAUSED)
         watcher.tick()
@@ -486,7 +488,7 @@ def test_keys_steer(
         bench.ticks(watcher, 0.02)  # Keys are heeded in every tick.
         assert (control.pause, control.stop, control.stopped_by) == (pause, stop, who)
     if mode == "auto":
-        assert shown(terminal.getvalue())[""] == "p go on q stop (twice: at once)".replace(" q", "  q")
+        assert shown(terminal.getvalue())[""] == "p continue q stop (twice: at once)".replace(" q", "  q")
 
 
 def test_no_keys_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

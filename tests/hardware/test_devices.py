@@ -25,20 +25,17 @@ from support.controller import GTS, GTS_MULTI, GUS, build, needs_controller
 
 from gusjob.cli.devices_command import command
 from gusjob.config.machine import Abi
+from gusjob.controllers.gus.driver import inspection
+from gusjob.controllers.gus.driver.inspection import inspect_library
 from gusjob.controllers.gus.driver.library import BITS
 from gusjob.hardware import devices
-from gusjob.hardware.devices import (
-    SearchPaths,
-    UsbProblemKind,
-    inspect_library,
-    search_paths,
-    usb_devices,
-    vendor_libraries,
-)
+from gusjob.hardware.devices import usb
+from gusjob.hardware.devices.libraries import SearchPaths, find_libraries, search_paths
+from gusjob.hardware.devices.usb import UsbProblemKind, find_usb_devices
 
 NOWHERE = SearchPaths(names=("libgus.so", "libgts.so"), folders=())
 FOLLOW, RATIO = "GT_BufLaserPrfFollow", "GT_BufLaserFollowRatio"
-REAL_BACKEND = devices.usb_backend
+REAL_BACKEND = usb.usb_backend
 
 
 def run(*args: object) -> Result:
@@ -53,8 +50,8 @@ def data(*args: object) -> Any:
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder without a profile, a search that finds nothing, no USB."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(devices, "search_places", lambda: NOWHERE)
-    monkeypatch.setattr(devices, "usb_backend", Bus)
+    monkeypatch.setattr(devices, "search_paths", lambda: NOWHERE)
+    monkeypatch.setattr(usb, "usb_backend", Bus)
     return tmp_path
 
 
@@ -111,7 +108,7 @@ def test_another_library_is_of_no_use() -> None:
         pytest.skip("needs a library of the system that can be found by name")
     found = inspect_library(name)
     assert (found.loaded, found.abis, found.missing) == (True, (), {})
-    assert found.reason == "it has not the calls of a Googol library"
+    assert found.reason == "it does not have the calls of a Googol library"
     assert found.next_steps
 
 
@@ -134,7 +131,7 @@ def test_a_library_that_is_cut_short_is_not_loaded(made: Made, tmp_path: Path, s
     path = tmp_path / "libgus.so"
     path.write_bytes(whole[: int(share * len(whole))])
     found = inspect_library(str(path))
-    assert (found.loaded, found.reason) == (False, "the file is cut short")
+    assert (found.loaded, found.reason) == (False, "the file is truncated")
     assert "copy it again" in found.next_steps[0]
 
 
@@ -158,7 +155,7 @@ def test_a_part_must_be_there_to_its_last_byte(
     path = tmp_path / "libgus.so"
     path.write_bytes((head.ljust(64, b"\0") + rows).ljust(begin + length + there, b"\0"))
     monkeypatch.setattr(ctypes, "WinDLL" if sys.platform == "win32" else "CDLL", _refusing)
-    assert inspect_library(str(path)).reason == ("the file is cut short" if there < 0 else "the loader's word")
+    assert inspect_library(str(path)).reason == ("the file is truncated" if there < 0 else "the loader's word")
 
 
 def _refusing(_path: str) -> None:
@@ -194,7 +191,7 @@ def test_a_library_for_other_bits(made: Made, tmp_path: Path) -> None:
 def test_each_reason_has_its_next_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: str, step: str) -> None:
     path = tmp_path / "libgts.so"
     path.touch()
-    monkeypatch.setattr(devices, "opened", lambda _: error)
+    monkeypatch.setattr(inspection, "open_library", lambda _: error)
     found = inspect_library(str(path))
     assert not found.loaded
     assert error.endswith(found.reason)
@@ -211,7 +208,7 @@ def test_what_is_not_there(name: str) -> None:
 def test_a_folder_is_no_library(tmp_path: Path) -> None:
     (tmp_path / "libgts.so").mkdir()
     assert inspect_library(str(tmp_path / "libgts.so")).reason == "it is a folder, not a library"
-    assert vendor_libraries((), SearchPaths(names=("libgts.so",), folders=(str(tmp_path),))) == ()
+    assert find_libraries((), SearchPaths(names=("libgts.so",), folders=(str(tmp_path),))) == ()
 
 
 @needs_controller
@@ -225,16 +222,16 @@ def test_each_library_is_listed_once_the_named_ones_first(
     (folder / "libgus.so").symlink_to(first)
     (folder / "libgts.so").symlink_to(second)
     search = SearchPaths(names=("libgus.so", "libgts.so"), folders=(str(folder), str(folder)))
-    found = vendor_libraries((second.name, str(second)), search)
+    found = find_libraries((second.name, str(second)), search)
     assert [library.path for library in found] == [str(second), str(folder / "libgus.so")]
 
 
 def test_the_loader_is_asked_for_what_is_in_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ctypes.util, "find_library", {"gts": "libgts.so.7"}.get)
     assert [
-        library.path for library in vendor_libraries((), SearchPaths(names=NOWHERE.names, folders=(), system=True))
+        library.path for library in find_libraries((), SearchPaths(names=NOWHERE.names, folders=(), system=True))
     ] == ["libgts.so.7"]
-    assert vendor_libraries((), NOWHERE) == ()
+    assert find_libraries((), NOWHERE) == ()
 
 
 def test_the_current_folder_is_not_searched(tmp_path: Path) -> None:
@@ -244,7 +241,7 @@ def test_the_current_folder_is_not_searched(tmp_path: Path) -> None:
         assert all(Path(folder).is_absolute() for folder in search.folders)
         assert search.system == (entries == "")  # An empty entry among others is the current folder, too.
     assert str(tmp_path) in search_paths("linux", {"LD_LIBRARY_PATH": str(tmp_path)}).folders
-    assert vendor_libraries((), SearchPaths(names=("libgts.so",), folders=())) == ()
+    assert find_libraries((), SearchPaths(names=("libgts.so",), folders=())) == ()
 
 
 def test_where_is_looked_on_windows() -> None:
@@ -339,7 +336,7 @@ class Bus:
 
 
 def plug(monkeypatch: pytest.MonkeyPatch, *fakes: Fake) -> None:
-    monkeypatch.setattr(devices, "usb_backend", lambda: Bus(*fakes))
+    monkeypatch.setattr(usb, "usb_backend", lambda: Bus(*fakes))
 
 
 def text(said: str) -> bytes:
@@ -349,7 +346,7 @@ def text(said: str) -> bytes:
 def test_known_devices_are_listed_with_their_texts(monkeypatch: pytest.MonkeyPatch) -> None:
     card = Fake(texts={2: text("USBLMCV4"), 3: text("A1\0")}, kernel_driver=True)
     plug(monkeypatch, Fake(vendor=0x1D6B, product=2), card, Fake(texts={3: text("B2")}))
-    ((device, _), problem) = usb_devices()
+    ((device, _), problem) = find_usb_devices()
     assert (device.known.ids, device.bus, device.address, problem) == ("9588:9899", 1, 6, None)
     assert (device.product, device.serial, device.kernel_driver, device.problem) == ("USBLMCV4", "A1", True, None)
     assert card.opened == 0, "it is closed again"
@@ -361,7 +358,7 @@ def test_known_devices_are_listed_with_their_texts(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(("vendor", "product"), [(0x1A86, 0x5512), (0x0403, 0x6001), (0x0471, 0x0999)])
 def test_general_chips_only_may_be_controllers(monkeypatch: pytest.MonkeyPatch, vendor: int, product: int) -> None:
     plug(monkeypatch, Fake(vendor=vendor, product=product))
-    ((device,), _) = usb_devices()
+    ((device,), _) = find_usb_devices()
     assert not device.known.sure
     assert f"{vendor:04x}:{product:04x}" in run().output
     assert "may be a" in device.known.name
@@ -378,7 +375,7 @@ def test_texts_of_devices_are_harmless(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_texts_that_are_no_texts(monkeypatch: pytest.MonkeyPatch) -> None:
     plug(monkeypatch, Fake(texts={2: b"\x00\xd8", 3: b""}))
-    ((device,), _) = usb_devices()
+    ((device,), _) = find_usb_devices()
     assert (device.product, device.serial, device.problem) == ("", "", None)
 
 
@@ -403,7 +400,7 @@ def test_why_a_device_cannot_be_read(
     monkeypatch: pytest.MonkeyPatch, error: Exception, platform: str, kind: UsbProblemKind, step: str
 ) -> None:
     plug(monkeypatch, Fake(texts={3: text("A1")}, error=error), Fake(texts={3: text("B2")}))
-    ((shut, other), problem) = usb_devices(platform)
+    ((shut, other), problem) = find_usb_devices(platform)
     assert problem is None
     assert (other.serial, other.problem) == ("B2", None)
     assert shut.problem is not None
@@ -415,7 +412,7 @@ def test_why_a_device_cannot_be_read(
 @pytest.mark.parametrize("error", [NotImplementedError("no"), usb_error(errno.ENOENT)])
 def test_an_unknown_driver_is_no_problem(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     plug(monkeypatch, Fake(texts={3: text("A1")}, kernel_driver=error))
-    ((device,), _) = usb_devices()
+    ((device,), _) = find_usb_devices()
     assert (device.serial, device.kernel_driver, device.problem) == ("A1", None, None)
 
 
@@ -426,8 +423,8 @@ def test_without_libusb(monkeypatch: pytest.MonkeyPatch, platform: str, step: st
     for name in ("libusb0", "libusb1", "openusb"):
         monkeypatch.setattr(import_module(f"usb.backend.{name}"), "get_backend", lambda: None)
     monkeypatch.setitem(sys.modules, "libusb_package", None)
-    monkeypatch.setattr(devices, "usb_backend", REAL_BACKEND)
-    found, problem = usb_devices(platform)
+    monkeypatch.setattr(usb, "usb_backend", REAL_BACKEND)
+    found, problem = find_usb_devices(platform)
     assert found == ()
     assert problem is not None
     assert (problem.kind, problem.reason) == (UsbProblemKind.NO_BACKEND, "libusb was not found")
@@ -446,7 +443,7 @@ def test_usb_that_cannot_be_listed(monkeypatch: pytest.MonkeyPatch) -> None:
         def enumerate_devices(self) -> Sequence[Fake]:
             raise usb_error(errno.EIO)
 
-    monkeypatch.setattr(devices, "usb_backend", Broken)
+    monkeypatch.setattr(usb, "usb_backend", Broken)
     assert "  can't be read: " in run().output
     assert data()["usb_problem"]["kind"] == "other"
 

@@ -16,7 +16,6 @@ from support.controller import GUS, Fault, Row, needs_controller
 from support.hardware import EVERYTHING, Bench, Ran, bench
 from support.tools import MARK, stream_of
 
-from gusjob.cli.hardware import fingerprint
 from gusjob.cli.run_command import command
 from gusjob.config.machine import Interlock, Machine
 from gusjob.controllers.control import Control, Phase
@@ -26,9 +25,10 @@ from gusjob.controllers.gus.driver.requirements import outputs_of
 from gusjob.controllers.gus.path_position import PathPosition, TimedPath
 from gusjob.controllers.gus.remainder import remainder_from
 from gusjob.frontend import check_text, read_listing
+from gusjob.hardware.begin import fingerprint
 from gusjob.hardware.forecast import forecast
 from gusjob.hardware.journal_stream import journal_stream
-from gusjob.hardware.supervisor import stop_on_signals
+from gusjob.hardware.signals import stop_on_signals
 from gusjob.simulate import interpret
 from gusjob.simulate.clock import lay
 
@@ -808,8 +808,8 @@ def test_what_may_still_be_on_is_not_called_safe(gus: Bench, tmp_path: Path) -> 
     code, localized = invoked(gus, tmp_path, EVERYTHING)
     assert code == 1
     assert "GJ912" in localized
-    assert "LOOK AT THE MACHINE" in localized
-    assert "the light is off" not in localized
+    assert "CHECK THE MACHINE" in localized
+    assert "the laser is off" not in localized
 
 
 def test_two_streams_that_differ_in_any_call_have_two_fingerprints() -> None:

@@ -142,7 +142,7 @@ def test_it_asks_and_does_nothing_without_an_answer(desk: Desk) -> None:
 @pytest.mark.parametrize(("answer", "code"), [("n\n", 1), ("\n", 1), ("y\n", 0)])
 def test_the_answer_counts(desk: Desk, monkeypatch: pytest.MonkeyPatch, answer: str, code: int) -> None:
     job = desk.job(MARK + "LASER POWER 40\nLASER ON\nLINE X 1\nLASER OFF\n")
-    monkeypatch.setattr("gusjob.cli.hardware._answers", lambda: True)
+    monkeypatch.setattr("gusjob.cli.hardware._can_ask", lambda: True)
     options = ["--backend", "gts", "--library", str(desk.library), "--abi", "gus", "--progress", "none"]
     done = CliRunner().invoke(command, [str(job), *options], input=answer)
     assert done.exit_code == code, done.output
@@ -168,7 +168,7 @@ def test_a_job_with_errors_is_refused(desk: Desk, text: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--frame", "--no-laser"], "leave --no-laser out"),
+        (["--frame", "--no-laser"], "leave out --no-laser"),
         (["--from-line", "99999"], "no motion or laser call"),
         (["--from-line", "0"], "no motion or laser call"),
         (["--resume", "nothing.journal"], "can't read the journal"),
@@ -257,14 +257,14 @@ def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(desk: Desk, sign
     assert "GJ911" in err
     assert f"stopped here by {said}" in err
     assert re.search(r"part\.job:8:", err)
-    assert "the light is off and the motion stopped" in err
+    assert "the laser is off and the motion stopped" in err
     assert not desk.lit()
     first = desk.rows()
     assert len(first) < 200
     # The journal says with what to go on, without naming the job.
     done = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
     assert done.returncode == 0, done.stderr
-    assert "the head goes there with the light off" in done.stderr
+    assert "the head moves there with the laser off" in done.stderr
     rows = desk.rows()[len(first) :]
     assert rows[-1, [Row.X1, Row.Y1]].tolist() == [3000, 1990]
     left = 200 - len(first)
@@ -272,10 +272,10 @@ def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(desk: Desk, sign
     assert not desk.lit()
     twice = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
     assert twice.returncode == 2
-    assert f"gone on with already: go on with {desk.journals()[1]}" in twice.stderr
+    assert f"resumed already: resume {desk.journals()[1]}" in twice.stderr
     again = desk.run("--resume", desk.journals()[1], "--yes", "--progress", "none")
     assert again.returncode == 0
-    assert "nothing to go on with" in again.stderr
+    assert "nothing to resume" in again.stderr
 
 
 def test_ctrl_z_pauses(desk: Desk) -> None:

@@ -81,7 +81,7 @@ def gone_on(folder: Path, library: Path, state: Path, journal: Path, whole: Floa
     if done.returncode:
         return f"exit {done.returncode}: {done.stderr.strip()[-400:]}"
     rows = executed(library, state)
-    if "nothing to go on with" in done.stderr:
+    if "nothing to resume" in done.stderr:
         return "" if len(rows) >= len(whole) else "not all was done"
     # What the killed process had sent went on by itself, up to where the run that goes on stopped it.
     return "" if _goes_on_somewhere(rows, before, whole) else "the path is not whole"

@@ -321,5 +321,5 @@ def test_a_channel_that_changes_its_mode_is_forecast_in_each_unit() -> None:
     stream = stream_of(text + "LASER ON\nLINE X 9\nLASER OFF\n")
     trace, _ = interpret(stream, Machine())
     assert trace is not None
-    found = {channel.unit: channel.left(0)[1] for channel in forecast(stream, trace, Machine()).channels}
+    found = {channel.unit: channel.remaining(0)[1] for channel in forecast(stream, trace, Machine()).channels}
     assert found == {"%": 40, "V": 3}
