@@ -77,32 +77,34 @@ def _can_ask() -> bool:
 
 def _exit_code(result: Simulated, outcome: RunOutcome) -> int:
     """Show how a run ended; return the exit code."""
+    if outcome.ending is Ending.UNCONFIRMED:
+        stop(Phrase("a run on hardware asks before it starts: answer on a terminal, or give --yes"))
+    if outcome.refusal is not None:
+        stop(outcome.refusal.localized)
     show(replace(result, diagnostics=outcome.diagnostics))
+    if message := _closing_message(outcome):
+        click.echo(f"gusjob: {localized(message)}", err=True)
+    return int(outcome.ending not in (Ending.DONE, Ending.NOTHING_LEFT))
+
+
+def _closing_message(outcome: RunOutcome) -> str:
+    """Say how a run ended; '' if its diagnostics say it."""
     journal = printable(str(outcome.journal))
     match outcome.ending:
-        case Ending.UNCONFIRMED:
-            stop(Phrase("a run on hardware asks before it starts: answer on a terminal, or give --yes"))
-        case Ending.REFUSED:
-            assert outcome.refusal is not None
-            stop(outcome.refusal.localized)
-        case Ending.INVALID:
-            return 1
         case Ending.DECLINED:
-            _echo(Phrase("not started"))
-            return 1
+            return Phrase("not started")
         case Ending.NOTHING_LEFT:
-            _echo(Phrase("the job was run to its end; there is nothing to resume"))
-            return 0
+            return Phrase("the job was run to its end; there is nothing to resume")
         case Ending.FAILED:
             safe = Phrase("the laser is off and the motion stopped")
             state = safe if outcome.is_safe else Phrase("CHECK THE MACHINE")
             if outcome.location:
                 state = Phrase("{state}; the job was reached at {place}", state=state, place=outcome.location)
-            _echo(Phrase("{state}; journal: {journal}", state=state, journal=journal))
-            return 1
+            return Phrase("{state}; journal: {journal}", state=state, journal=journal)
         case Ending.DONE:
-            _echo(Phrase("done in {time} s; journal: {journal}", time=f"{outcome.elapsed_s:.2f}", journal=journal))
-            return 0
+            return Phrase("done in {time} s; journal: {journal}", time=f"{outcome.elapsed_s:.2f}", journal=journal)
+        case _:
+            return ""
 
 
 def _plan_text(plan: RunPlan) -> str:
@@ -154,10 +156,6 @@ def _question(plan: RunPlan) -> str:
     if plan.forecast.emits:
         return localized(Phrase("The laser will be on. Is everybody safe? Start"))
     return localized(Phrase("The axes will move. Start"))
-
-
-def _echo(text: str) -> None:
-    click.echo(f"gusjob: {localized(text)}", err=True)
 
 
 def recorded_run(path: Path) -> RecordedRun:

@@ -134,7 +134,7 @@ def run_on(
     begin = begin_position(prepared.request)
     if isinstance(begin, Refusal):
         return RunOutcome(ending=Ending.REFUSED, refusal=begin)
-    if confirm is False:
+    if confirm is not True and not callable(confirm):
         refusal = Refusal(reason=Phrase("a run on hardware must be confirmed"))
         return RunOutcome(ending=Ending.UNCONFIRMED, refusal=refusal)
     journal = _open_journal(prepared, begin)
@@ -162,7 +162,7 @@ def _run(
             return _outcome(prepared, searched, journal, None)
     if begin != JOB_START and begin.row >= len(request.stream.buffered):
         return RunOutcome(ending=Ending.NOTHING_LEFT, journal=journal.path)
-    if confirm is not True and not (callable(confirm) and confirm(_plan(prepared, begin, journal))):
+    if callable(confirm) and not confirm(_plan(prepared, begin, journal)):
         return RunOutcome(ending=Ending.DECLINED, journal=journal.path)
     session = _session(prepared, link, control)
     meter = ProgressMeter.of(control, prepared.forecast, request.stream, request.machine, request.location_of_row)

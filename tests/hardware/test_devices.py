@@ -184,7 +184,7 @@ def test_a_library_for_other_bits(made: Made, tmp_path: Path) -> None:
         ("libhost.so.1: cannot open shared object file: No such file or directory", "ldd"),
         ("libgts.so: undefined symbol: host_open", "ldd"),
         ("Could not find module 'C:\\gts.dll' (or one of its dependencies).", "driver package"),
-        ("[WinError 5] Access is denied", "run what is in it"),
+        ("[WinError 5] Access is denied", "read and execute it"),
         ("something that nobody has seen", ""),
     ],
 )

@@ -333,7 +333,7 @@ def test_a_journal_of_other_calls_is_refused(desk: Desk) -> None:
     (desk.folder / "kill.job").write_text(JOB.replace("POWER 40", "POWER 41"), encoding="utf-8")
     done = desk.run("--resume", journal, "--yes", "--progress", "none")
     assert done.returncode == 2
-    assert "the job or its profile have changed" in done.stderr
+    assert "the job or its profile has changed" in done.stderr
 
 
 # Where to begin, and without light.

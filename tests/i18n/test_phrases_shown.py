@@ -393,8 +393,8 @@ def test_too_long() -> None:
 # The panel, and faults of a run.
 
 NOW = Progress(
-    job="J.job", phase=Phase.RUNNING, row=1, rows=9, segment=1000, segments=2000, location="J.job:7", x_mm=1.0, y_mm=-2.0,
-    queued=100, slots=4096, elapsed_s=3.0, done_ms=1000.0, total_ms=9000.0,
+    job="J.job", phase=Phase.RUNNING, row=1, rows=9, segment=1000, segments=2000, location="J.job:7",
+    x_mm=1.0, y_mm=-2.0, queued=100, slots=4096, elapsed_s=3.0, done_ms=1000.0, total_ms=9000.0,
     lasers=(PlannedPower(channel=0, unit="%", power=40.0), PlannedPower(channel=1, unit="V", power=float("nan"))),
 )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """Keep the controller's FIFO full: buffered calls in order, none twice, none left out.
 
-A full FIFO refuses a call; then GT_CrdSpace is polled and the SAME call is sent again (sister). Sending is a Python loop
-since each call is a call into C; everything else is prepared by columns (prepared.py).
+A full FIFO refuses a call; then GT_CrdSpace is polled and the SAME call is sent again (sister). Sending is a loop in
+Python since each call is a call into C; everything else is prepared by columns (prepared.py).
 """
 
 from __future__ import annotations
