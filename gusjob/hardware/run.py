@@ -19,6 +19,7 @@ from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed
 from gusjob.controllers.gus.driver.resume import find_position
 from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.dry_run import frame, without_laser
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition
 from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
 from gusjob.controllers.journal.reader import RecordedRun
@@ -32,7 +33,6 @@ from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.hardware.signals import stop_on_signals
 from gusjob.hardware.supervisor import SessionOutcome, Supervisor
 from gusjob.i18n.phrases import Phrase, reason_of
-from gusjob.simulate import interpret
 from gusjob.version import __version__
 
 _UNSAFE = (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI)
@@ -192,7 +192,7 @@ def _prepare(request: RunRequest) -> _PreparedRun | RunOutcome:
         stream = _dry_stream(request)
         if stream is None:
             return RunOutcome(ending=Ending.REFUSED, refusal=Refusal(reason=Phrase("nothing moves in this job")))
-        trace, simulated = interpret(stream, machine)
+        trace, simulated = simulate_stream(stream, machine)
         found += request.report(simulated)
         if trace is None or has_errors(simulated):
             return RunOutcome(ending=Ending.INVALID, diagnostics=tuple(found))

@@ -9,12 +9,12 @@ import pytest
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.diagnostics.model import REMARKS, Diagnostic, Rule, Severity, has_errors
 from gusjob.diagnostics.rules import RULES, VARIANTS
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.lint import check
 from gusjob.pipeline import Checked, examine, load
-from gusjob.simulate import find_diagnostics
 
 WITHOUT_EXAMPLE = {
     "GJ001", "GJ002", "GJ003", "GJ005", "GJ006",  # The file as such.

@@ -17,11 +17,11 @@ from support.tools import MARK, stream_of
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.driver import fifo, session
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.path_position import JOB_START
 from gusjob.hardware.progress import Progress, report_to
 from gusjob.hardware.request import Refusal, RunMode, RunOptions, RunRequest, read_recorded_run
 from gusjob.hardware.run import Ending, RunPlan, run_on
-from gusjob.simulate import interpret
 
 pytestmark = needs_controller
 
@@ -47,7 +47,7 @@ def gus(made: Bench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 def request_of(gus: Bench, folder: Path, text: str, **options: Any) -> RunRequest:
     """A request as a program makes it from a job that was compiled and simulated."""
     stream, machine = stream_of(text), gus.machine(Machine())
-    trace, _ = interpret(stream, machine)
+    trace, _ = simulate_stream(stream, machine)
     assert trace is not None
     given = RunOptions(**({"library": str(gus.path), "abi": Abi.GUS} | options))
     return RunRequest(path=folder / "part.job", stream=stream, trace=trace, machine=machine, options=given)

@@ -60,11 +60,11 @@ def box_pulse(trace: Trace) -> tuple[float, float, float, float] | None:
     Returns:
         (x low, x high, y low, y high) in pulse; None without motion.
     """
-    emitting = np.zeros(len(trace.clock.row), dtype=np.bool_)
+    emitting = np.zeros(len(trace), dtype=np.bool_)
     for channel in trace.channels:
         emitting |= channel.emitted.emission_ms > 0
-    taken = np.flatnonzero(emitting if emitting.any() else ~trace.clock.dwell)
+    taken = np.flatnonzero(emitting if emitting.any() else ~trace.schedule.dwell)
     if not len(taken):
         return None
-    x_low, x_high, y_low, y_high = trace.clock.laid.extent(taken)
+    x_low, x_high, y_low, y_high = trace.segments.extent(taken)
     return float(x_low.min()), float(x_high.max()), float(y_low.min()), float(y_high.max())

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
+from gusjob.controllers.gus.geometry import call_segments
 from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.geometry import TURN
-from gusjob.simulate.clock import lay
 
 NEAR_PULSE = 2.0
 """A position this near to a segment is on it: reported positions are rounded."""
@@ -65,18 +65,18 @@ class TimedPath:
         while first > 0 and self.calls.kind[self.timed[first]] == Buffered.DELAY:
             first -= 1
         rows = self.timed[max(first, 0) : number + 1]
-        laid = lay(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start_pulse)
+        segments = call_segments(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start_pulse)
         at = len(rows) - 1
-        x0, y0, length = float(laid.x0[at]), float(laid.y0[at]), float(laid.length[at])
-        found, arcs = laid.arcs_among(np.array([at]))
+        x0, y0, length = float(segments.x0[at]), float(segments.y0[at]), float(segments.length[at])
+        found, arcs = segments.arcs_among(np.array([at]))
         if len(found):
             along = _along_arc(x - arcs.cx[0], y - arcs.cy[0], float(arcs.angle[0]), float(arcs.sweep[0]), length)
         elif length > 0:
-            dx, dy = (float(laid.x1[at]) - x0) / length, (float(laid.y1[at]) - y0) / length
+            dx, dy = (float(segments.x1[at]) - x0) / length, (float(segments.y1[at]) - y0) / length
             along = min(max((x - x0) * dx + (y - y0) * dy, 0.0), length)
         else:
             along = 0.0
-        px, py = laid.points(np.array([at]), np.array([along / length if length > 0 else 0.0]))
+        px, py = segments.points(np.array([at]), np.array([along / length if length > 0 else 0.0]))
         return math.hypot(x - float(px[0]), y - float(py[0])), along, length
 
     def locate(self, low: int, high: int, x: float, y: float) -> PathPosition:

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
+from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import reachable_ends
-from gusjob.simulate.clock import lay
 
 CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
 """Immediate calls of the coordinate system; all others are calls of a laser."""
@@ -228,8 +228,8 @@ def point_pulse(calls: BufferedCalls, position: PathPosition) -> tuple[float, fl
     start = (float(calls.x[before[-1]]), float(calls.y[before[-1]])) if len(before) else (0.0, 0.0)
     if position.along_pulse <= 0:
         return start
-    laid = lay(calls, np.array([position.row]), np.zeros(1, dtype=np.bool_), start)
-    x, y = laid.points(np.array([0]), position.along_pulse / laid.length)
+    segments = call_segments(calls, np.array([position.row]), np.zeros(1, dtype=np.bool_), start)
+    x, y = segments.points(np.array([0]), position.along_pulse / segments.length)
     return float(np.rint(x[0])), float(np.rint(y[0]))
 
 
@@ -263,7 +263,7 @@ def _centre(calls: BufferedCalls, row: int) -> tuple[float, float]:
 
 def _segment(calls: BufferedCalls, row: int) -> Segments:
     """Return one motion as a segment."""
-    return lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point_pulse(calls, PathPosition(row=row)))
+    return call_segments(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point_pulse(calls, PathPosition(row=row)))
 
 
 def _concatenated(pieces: list[BufferedCalls]) -> BufferedCalls:
@@ -279,8 +279,8 @@ def _lower_end_velocities(stream: Stream, start: tuple[float, float]) -> None:
     if not len(rows):
         return
     dwell = calls.kind[rows] == Buffered.DELAY
-    laid = lay(calls, rows, dwell, start)
+    segments = call_segments(calls, rows, dwell, start)
     given = calls.vel_end[rows]
     ends = np.array([0, len(rows)])
-    reached = np.minimum(given, reachable_ends(laid.length, calls.vel[rows], calls.acc[rows], given, dwell, ends))
+    reached = np.minimum(given, reachable_ends(segments.length, calls.vel[rows], calls.acc[rows], given, dwell, ends))
     calls.vel_end[rows] = np.where(dwell, calls.vel_end[rows], reached)
