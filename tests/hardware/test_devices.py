@@ -99,7 +99,7 @@ def test_a_library_without_laser_calls_says_what_it_misses(made: Made) -> None:
     assert "calls are missing" in found.reason
     assert found.missing[Abi.GTS] == ("GT_LaserPowerMode", "GT_BufLaserOn")
     assert found.missing[Abi.GUS] == ("GT_LaserPowerMode", "GT_BufLaserOn", FOLLOW)
-    assert "gts misses GT_LaserPowerMode, GT_BufLaserOn\n" in run("--library", path).output
+    assert "for gts it lacks GT_LaserPowerMode, GT_BufLaserOn\n" in run("--library", path).output
 
 
 def test_another_library_is_of_no_use() -> None:
@@ -455,9 +455,9 @@ def test_nothing_found_is_no_error() -> None:
     result = run()
     assert result.exit_code == 0
     flat = " ".join(result.output.split())
-    assert "none that fits; looked for libgus.so and libgts.so in no folder" in flat
-    assert "no known laser controller; looked for 9588:9899 BJJCZ (LMC) galvo card," in flat
-    assert "a Googol GUS or GTS is not recognised here, since no USB id of one is public" in flat
+    assert "no library that fits; searched for libgus.so and libgts.so in no folder" in flat
+    assert "no known laser controller; searched for 9588:9899 BJJCZ (LMC) galvo card," in flat
+    assert "a Googol GUS or GTS is found by its library alone: none of its USB ids is public" in flat
     assert "no controller was opened, no device was changed." in flat
 
 
@@ -498,4 +498,4 @@ def test_json_of_a_library(made: Made) -> None:
             "missing": {"gus": [FOLLOW]}, "next_steps": [],
         }
     ]  # fmt: skip
-    assert f"{path}: gts or gts-multi: only opening the controller tells which" in run("--library", path).output
+    assert f"{path}: gts or gts-multi: only opening the controller shows which" in run("--library", path).output
