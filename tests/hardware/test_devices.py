@@ -76,7 +76,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
         (GUS, ("-DVC_NO_FOLLOW",), set(Abi), {}),
     ],
 )
-def test_a_library_says_which_abis_it_fits(
+def test_a_library_fits_its_abis(
     made: Made, abi: int, flags: Sequence[str], fits: set[Abi], missing: dict[Abi, tuple[str, ...]]
 ) -> None:
     found = inspect_library(str(made(abi, *flags)))
@@ -92,7 +92,7 @@ def test_no_call_is_made(made: Made) -> None:
 
 
 @needs_controller
-def test_a_library_without_laser_calls_says_what_it_misses(made: Made) -> None:
+def test_a_library_without_laser_calls_lists_what_it_lacks(made: Made) -> None:
     path = made(GTS, "-DGT_LaserPowerMode=GT_Another", "-DGT_BufLaserOn=GT_AnotherOne")
     found = inspect_library(str(path))
     assert (found.loaded, found.abis) == (True, ())
@@ -102,7 +102,7 @@ def test_a_library_without_laser_calls_says_what_it_misses(made: Made) -> None:
     assert "for gts it lacks GT_LaserPowerMode, GT_BufLaserOn\n" in run("--library", path).output
 
 
-def test_another_library_is_of_no_use() -> None:
+def test_another_library_can_not_be_used() -> None:
     name = ctypes.util.find_library("m") or ctypes.util.find_library("c") or ctypes.util.find_library("kernel32")
     if name is None:
         pytest.skip("needs a library of the system that can be found by name")
@@ -126,7 +126,7 @@ def test_a_text_is_no_library(tmp_path: Path) -> None:
 @needs_controller
 @pytest.mark.skipif(sys.platform != "linux", reason="needs ELF files")
 @pytest.mark.parametrize("share", [0.0005, 0.002, 0.1, 0.5])
-def test_a_library_that_is_cut_short_is_not_loaded(made: Made, tmp_path: Path, share: float) -> None:
+def test_a_truncated_library_is_not_loaded(made: Made, tmp_path: Path, share: float) -> None:
     whole = made(GUS).read_bytes()
     path = tmp_path / "libgus.so"
     path.write_bytes(whole[: int(share * len(whole))])
@@ -226,7 +226,7 @@ def test_each_library_is_listed_once_the_named_ones_first(
     assert [library.path for library in found] == [str(second), str(folder / "libgus.so")]
 
 
-def test_the_loader_is_asked_for_what_is_in_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loader_finds_what_is_in_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ctypes.util, "find_library", {"gts": "libgts.so.7"}.get)
     assert [
         library.path for library in find_libraries((), SearchPaths(names=NOWHERE.names, folders=(), system=True))
@@ -244,7 +244,7 @@ def test_the_current_folder_is_not_searched(tmp_path: Path) -> None:
     assert find_libraries((), SearchPaths(names=("libgts.so",), folders=())) == ()
 
 
-def test_where_is_looked_on_windows() -> None:
+def test_search_paths_on_windows() -> None:
     entries = os.pathsep.join(["/gts/bin", '"/quoted"', ".", ""])
     search = search_paths("win32", {"PATH": entries, "LD_LIBRARY_PATH": "/no"})
     assert search == SearchPaths(names=("gus.dll", "gts.dll"), folders=("/gts/bin", "/quoted"))
@@ -264,7 +264,7 @@ def test_the_profiles_library_is_tried(made: Made, tmp_path: Path) -> None:
     assert f"  {path}: gus\n" in run("--machine", other).output
 
 
-def test_a_profile_with_faults_does_not_keep_us_from_looking(tmp_path: Path) -> None:
+def test_a_profile_with_errors_does_not_prevent_the_search(tmp_path: Path) -> None:
     (tmp_path / "gusjob.toml").write_text("nonsense = 1\n", encoding="utf-8")
     wrong = run("--format", "json")
     assert (wrong.exit_code, "nonsense" in wrong.stderr) == (1, True)
@@ -431,7 +431,7 @@ def test_without_libusb(monkeypatch: pytest.MonkeyPatch, platform: str, step: st
     assert step in problem.next_steps[0]
 
 
-def test_the_package_stands_in_for_the_systems_libusb(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_package_replaces_the_systems_libusb(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = Bus()
     monkeypatch.setattr(import_module("usb.backend.libusb1"), "get_backend", lambda: None)
     monkeypatch.setitem(sys.modules, "libusb_package", SimpleNamespace(get_libusb1_backend=lambda: bus))
@@ -458,7 +458,7 @@ def test_nothing_found_is_no_error() -> None:
     assert "no library that fits; searched for libgus.so and libgts.so in no folder" in flat
     assert "no known laser controller; searched for 9588:9899 BJJCZ (LMC) galvo card," in flat
     assert "a Googol GUS or GTS is found by its library alone: none of its USB ids is public" in flat
-    assert "no controller was opened, no device was changed." in flat
+    assert "No controller was opened, no device was changed." in flat
 
 
 def test_json_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 import signal
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.controller import GUS, Fault, Row, needs_controller
-from support.hardware import EVERYTHING, Bench, bench
+from support.controller import Fault, Row, needs_controller
+from support.hardware import EVERYTHING, LONG, Bench, fresh
 from support.tools import MARK, stream_of
 
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
-from gusjob.controllers.gus.driver import fifo, session
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.path_position import JOB_START
 from gusjob.hardware.progress import Progress, report_to
@@ -25,23 +23,10 @@ from gusjob.hardware.run import Ending, RunPlan, run_on
 
 pytestmark = needs_controller
 
-LONG = MARK + "VEL 50\nLASER POWER 40\nLASER ON\nREPEAT 60 AS i\nLINE X (i % 2 * 3) Y (i / 10)\nEND\nLASER OFF\n"
 
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    return bench(tmp_path_factory.mktemp("controller"), GUS)
-
-
-@pytest.fixture
-def gus(made: Bench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    """A GUS in virtual time, switched off and on again."""
-    monkeypatch.setattr(fifo, "POLL_S", 0.0005)
-    monkeypatch.setattr(session, "_PAUSE_S", 0.002)
-    made.controller.reset()
-    made.controller.options(poll_us=3_000, call_us=5)
-    yield made
-    made.controller.reset()
+@pytest.fixture(autouse=True)
+def _poll_often(gus: Bench) -> None:
+    fresh(gus, poll_us=3_000)
 
 
 def request_of(gus: Bench, folder: Path, text: str, **options: Any) -> RunRequest:

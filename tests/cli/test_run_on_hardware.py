@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from support.controller import GTS_MULTI, GUS, Floats, Row, needs_controller
 from support.controller import build as build_controller
 from support.hardware import EVERYTHING
-from support.kill import JOB, executed, gone_on, killed, whole_run
+from support.kill import JOB, executed, killed, resume, whole_run
 from support.tools import MARK
 
 from gusjob.cli.run_command import command
@@ -131,7 +131,7 @@ def test_the_report_of_a_journal_is_that_of_the_job(desk: Desk) -> None:
     assert of_journal["segments"] == of_job["segments"]
 
 
-def test_it_asks_and_does_nothing_without_an_answer(desk: Desk) -> None:
+def test_without_an_answer_nothing_is_done(desk: Desk) -> None:
     done = desk.run(desk.job(SLOW))
     assert done.returncode == 2
     assert "--yes" in done.stderr
@@ -183,14 +183,14 @@ def test_wrong_usage(desk: Desk, arguments: list[str], said: str) -> None:
 
 
 @pytest.mark.parametrize("option", ["--library", "--abi", "--yes", "--frame", "--no-laser", "--journal", "--from-line"])
-def test_options_of_hardware_are_refused_by_the_interpreter(desk: Desk, option: str) -> None:
+def test_options_of_hardware_are_refused_by_the_simulator(desk: Desk, option: str) -> None:
     value = {"--abi": ["gus"], "--from-line": ["3"], "--library": ["x"], "--journal": ["x"]}.get(option, [])
     done = CliRunner().invoke(command, [str(desk.job(SLOW)), option, *value])
     assert done.exit_code == 2
     assert f"{option}: only with --backend gts" in done.output
 
 
-def test_library_and_abi_may_stand_in_the_profile(desk: Desk) -> None:
+def test_library_and_abi_may_be_in_the_profile(desk: Desk) -> None:
     profile = desk.folder / "gusjob.toml"
     profile.write_text(f"[controller]\nlibrary = '{desk.library}'\nabi = \"gus\"\n", encoding="utf-8")
     job = desk.job(MARK + "LINE X 1\n")
@@ -205,7 +205,7 @@ def test_library_and_abi_may_stand_in_the_profile(desk: Desk) -> None:
     assert len(desk.rows()) == 1
 
 
-def test_no_library_says_what_to_give(desk: Desk) -> None:
+def test_without_a_library_the_message_names_the_options(desk: Desk) -> None:
     argv = [sys.executable, "-m", "gusjob", "run", str(desk.job(SLOW)), "--backend", "gts", "--yes"]
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     assert done.returncode == 2
@@ -246,7 +246,7 @@ def in_motion(desk: Desk, process: subprocess.Popen[str], row: int = 20) -> None
         (["SIGQUIT"], "SIGQUIT"),
     ],
 )
-def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(desk: Desk, signals: list[str], said: str) -> None:
+def test_signals_switch_the_laser_off_and_the_run_is_resumed(desk: Desk, signals: list[str], said: str) -> None:
     job = desk.job(SLOW)
     process = desk.started(job, "--yes", "--progress", "none")
     in_motion(desk, process)
@@ -315,10 +315,10 @@ def test_killed_runs_resume(desk: Desk) -> None:
         state, journal, _ = killed(
             desk.folder, desk.library, chance.uniform(0, took_s), number, chance.choice([64, 4096])
         )
-        assert gone_on(desk.folder, desk.library, state, journal, whole, chance.choice([0.0, 0.5])) == ""
+        assert resume(desk.folder, desk.library, state, journal, whole, chance.choice([0.0, 0.5])) == ""
 
 
-def test_a_controller_that_was_started_anew_is_not_guessed_at(desk: Desk) -> None:
+def test_a_controller_that_was_restarted_is_an_error(desk: Desk) -> None:
     state, journal, _ = killed(desk.folder, desk.library, 0.4, 0)
     state.unlink()
     done = desk.run("--resume", journal, "--yes", "--progress", "none")
@@ -385,7 +385,7 @@ def test_progress_for_a_parent_program(desk: Desk) -> None:
     assert told[-1]["segments"] == 80
 
 
-def test_light_is_not_left_to_a_controller_that_is_lit_and_moves_when_it_is_opened(desk: Desk) -> None:
+def test_a_controller_that_marks_when_it_is_opened_is_stopped(desk: Desk) -> None:
     process = desk.started(desk.job(SLOW), "--yes", "--progress", "none")
     in_motion(desk, process)
     process.kill()
