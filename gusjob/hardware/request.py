@@ -1,4 +1,4 @@
-"""What a run on hardware is asked to do, and why it can refuse."""
+"""The request of a run on hardware, and why it can be refused."""
 
 from __future__ import annotations
 

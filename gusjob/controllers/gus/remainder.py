@@ -70,7 +70,7 @@ def whole_job(stream: Stream, head_pulse: tuple[float, float] | None) -> Remaind
     if not len(timed) or not away:
         return Remainder(stream=stream)
     first = int(timed[0])
-    emits = any(_laser_state(stream, first, channel).on for channel in (0, 1))
+    emits = any(_switch_state(stream, first, channel).on for channel in (0, 1))
     if stream.buffered.kind[first] == Buffered.LINE and not emits:
         return Remainder(stream=stream)
     return remainder_from(stream, JOB_START, head_pulse)
@@ -101,7 +101,7 @@ def remainder_from(stream: Stream, position: PathPosition, head_pulse: tuple[flo
         vel, acc = _velocity_and_acceleration(calls, row)
         lead.add(Buffered.LINE, x=start[0], y=start[1], vel=vel, acc=acc)
     for channel in (0, 1):
-        state = _laser_state(stream, row, channel)
+        state = _switch_state(stream, row, channel)
         if isinstance(state.power, int):
             lead.rows.append(calls.pick(np.array([state.power])))
         elif state.power is not None:
@@ -158,14 +158,14 @@ class _LeadIn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _LaserState:
+class _SwitchState:
     """A channel's state before a row. `power`: the row that set it, a power that was set immediately, or None."""
 
     on: bool
     power: int | float | None
 
 
-def _laser_state(stream: Stream, row: int, channel: int) -> _LaserState:
+def _switch_state(stream: Stream, row: int, channel: int) -> _SwitchState:
     """Find the state that the calls before a row leave. A new power mode revokes the power."""
     calls = stream.buffered
     mine = (calls.channel[:row] == channel) & (calls.kind[:row] >= Buffered.ON)
@@ -188,7 +188,7 @@ def _laser_state(stream: Stream, row: int, channel: int) -> _LaserState:
             if call.args[0] != mode and call.at >= power[0]:
                 power = (call.at, None)
             mode = call.args[0]
-    return _LaserState(on=bool(switch[1]), power=power[1])
+    return _SwitchState(on=bool(switch[1]), power=power[1])
 
 
 def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int) -> Iterator[Call]:
