@@ -210,9 +210,9 @@ def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Re
         "sources": MappingProxyType({source.name: source}),
     }
     if source.data.startswith(JOURNAL_START):
-        from gusjob.hardware.sent import sent_calls
+        from gusjob.hardware.journal_stream import journal_stream
 
-        stream, found = sent_calls(source)
+        stream, found = journal_stream(source)
         if stream is None:
             return Rejected(**common, diagnostics=tuple(found), unreadable=True)
         return Parsed(**common, source=source, content=stream, origin=Origin.JOURNAL, diagnostics=tuple(found))

@@ -22,7 +22,7 @@ _MARK = re.compile(r"(error|warning|note): (GJ\d+)")
 Found = Counter[tuple[int, str, str]]
 
 ELSEWHERE = {"GJ001", "GJ002", "GJ003", "GJ004", "GJ005", "GJ006", *(code for code in RULES if code[:3] == "GJ9")}
-"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: test_hardware."""
+"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: tests/hardware."""
 
 
 def files() -> list[Path]:

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from support.controller import GTS_MULTI, GUS, Floats, Row, needs_controller
 from support.controller import build as build_controller
 from support.hardware import EVERYTHING
-from support.kill import JOB, executed, gone_on, killed, whole_run
+from support.kill import JOB, executed, killed, resume, whole_run
 from support.tools import MARK
 
 from gusjob.cli.run_command import command
@@ -131,7 +131,7 @@ def test_the_report_of_a_journal_is_that_of_the_job(desk: Desk) -> None:
     assert of_journal["segments"] == of_job["segments"]
 
 
-def test_it_asks_and_does_nothing_without_an_answer(desk: Desk) -> None:
+def test_without_an_answer_nothing_is_done(desk: Desk) -> None:
     done = desk.run(desk.job(SLOW))
     assert done.returncode == 2
     assert "--yes" in done.stderr
@@ -142,7 +142,7 @@ def test_it_asks_and_does_nothing_without_an_answer(desk: Desk) -> None:
 @pytest.mark.parametrize(("answer", "code"), [("n\n", 1), ("\n", 1), ("y\n", 0)])
 def test_the_answer_counts(desk: Desk, monkeypatch: pytest.MonkeyPatch, answer: str, code: int) -> None:
     job = desk.job(MARK + "LASER POWER 40\nLASER ON\nLINE X 1\nLASER OFF\n")
-    monkeypatch.setattr("gusjob.cli.hardware._answers", lambda: True)
+    monkeypatch.setattr("gusjob.cli.hardware._can_ask", lambda: True)
     options = ["--backend", "gts", "--library", str(desk.library), "--abi", "gus", "--progress", "none"]
     done = CliRunner().invoke(command, [str(job), *options], input=answer)
     assert done.exit_code == code, done.output
@@ -168,7 +168,7 @@ def test_a_job_with_errors_is_refused(desk: Desk, text: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--frame", "--no-laser"], "leave --no-laser out"),
+        (["--frame", "--no-laser"], "leave out --no-laser"),
         (["--from-line", "99999"], "no motion or laser call"),
         (["--from-line", "0"], "no motion or laser call"),
         (["--resume", "nothing.journal"], "can't read the journal"),
@@ -183,14 +183,14 @@ def test_wrong_usage(desk: Desk, arguments: list[str], said: str) -> None:
 
 
 @pytest.mark.parametrize("option", ["--library", "--abi", "--yes", "--frame", "--no-laser", "--journal", "--from-line"])
-def test_options_of_hardware_are_refused_by_the_interpreter(desk: Desk, option: str) -> None:
+def test_options_of_hardware_are_refused_by_the_simulator(desk: Desk, option: str) -> None:
     value = {"--abi": ["gus"], "--from-line": ["3"], "--library": ["x"], "--journal": ["x"]}.get(option, [])
     done = CliRunner().invoke(command, [str(desk.job(SLOW)), option, *value])
     assert done.exit_code == 2
     assert f"{option}: only with --backend gts" in done.output
 
 
-def test_library_and_abi_may_stand_in_the_profile(desk: Desk) -> None:
+def test_library_and_abi_may_be_in_the_profile(desk: Desk) -> None:
     profile = desk.folder / "gusjob.toml"
     profile.write_text(f"[controller]\nlibrary = '{desk.library}'\nabi = \"gus\"\n", encoding="utf-8")
     job = desk.job(MARK + "LINE X 1\n")
@@ -205,7 +205,7 @@ def test_library_and_abi_may_stand_in_the_profile(desk: Desk) -> None:
     assert len(desk.rows()) == 1
 
 
-def test_no_library_says_what_to_give(desk: Desk) -> None:
+def test_without_a_library_the_message_names_the_options(desk: Desk) -> None:
     argv = [sys.executable, "-m", "gusjob", "run", str(desk.job(SLOW)), "--backend", "gts", "--yes"]
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     assert done.returncode == 2
@@ -246,7 +246,7 @@ def in_motion(desk: Desk, process: subprocess.Popen[str], row: int = 20) -> None
         (["SIGQUIT"], "SIGQUIT"),
     ],
 )
-def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(desk: Desk, signals: list[str], said: str) -> None:
+def test_signals_switch_the_laser_off_and_the_run_is_resumed(desk: Desk, signals: list[str], said: str) -> None:
     job = desk.job(SLOW)
     process = desk.started(job, "--yes", "--progress", "none")
     in_motion(desk, process)
@@ -257,14 +257,14 @@ def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(desk: Desk, sign
     assert "GJ911" in err
     assert f"stopped here by {said}" in err
     assert re.search(r"part\.job:8:", err)
-    assert "the light is off and the motion stopped" in err
+    assert "the laser is off and the motion stopped" in err
     assert not desk.lit()
     first = desk.rows()
     assert len(first) < 200
     # The journal says with what to go on, without naming the job.
     done = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
     assert done.returncode == 0, done.stderr
-    assert "the head goes there with the light off" in done.stderr
+    assert "the head moves there with the laser off" in done.stderr
     rows = desk.rows()[len(first) :]
     assert rows[-1, [Row.X1, Row.Y1]].tolist() == [3000, 1990]
     left = 200 - len(first)
@@ -272,10 +272,10 @@ def test_signals_turn_the_light_off_and_the_run_is_gone_on_with(desk: Desk, sign
     assert not desk.lit()
     twice = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
     assert twice.returncode == 2
-    assert f"gone on with already: go on with {desk.journals()[1]}" in twice.stderr
+    assert f"resumed already: resume {desk.journals()[1]}" in twice.stderr
     again = desk.run("--resume", desk.journals()[1], "--yes", "--progress", "none")
     assert again.returncode == 0
-    assert "nothing to go on with" in again.stderr
+    assert "nothing to resume" in again.stderr
 
 
 def test_ctrl_z_pauses(desk: Desk) -> None:
@@ -315,10 +315,10 @@ def test_killed_runs_resume(desk: Desk) -> None:
         state, journal, _ = killed(
             desk.folder, desk.library, chance.uniform(0, took_s), number, chance.choice([64, 4096])
         )
-        assert gone_on(desk.folder, desk.library, state, journal, whole, chance.choice([0.0, 0.5])) == ""
+        assert resume(desk.folder, desk.library, state, journal, whole, chance.choice([0.0, 0.5])) == ""
 
 
-def test_a_controller_that_was_started_anew_is_not_guessed_at(desk: Desk) -> None:
+def test_a_controller_that_was_restarted_is_an_error(desk: Desk) -> None:
     state, journal, _ = killed(desk.folder, desk.library, 0.4, 0)
     state.unlink()
     done = desk.run("--resume", journal, "--yes", "--progress", "none")
@@ -333,7 +333,7 @@ def test_a_journal_of_other_calls_is_refused(desk: Desk) -> None:
     (desk.folder / "kill.job").write_text(JOB.replace("POWER 40", "POWER 41"), encoding="utf-8")
     done = desk.run("--resume", journal, "--yes", "--progress", "none")
     assert done.returncode == 2
-    assert "the job or its profile have changed" in done.stderr
+    assert "the job or its profile has changed" in done.stderr
 
 
 # Where to begin, and without light.
@@ -385,7 +385,7 @@ def test_progress_for_a_parent_program(desk: Desk) -> None:
     assert told[-1]["segments"] == 80
 
 
-def test_light_is_not_left_to_a_controller_that_is_lit_and_moves_when_it_is_opened(desk: Desk) -> None:
+def test_a_controller_that_marks_when_it_is_opened_is_stopped(desk: Desk) -> None:
     process = desk.started(desk.job(SLOW), "--yes", "--progress", "none")
     in_motion(desk, process)
     process.kill()

@@ -1,4 +1,4 @@
-"""The motion of a stream without light: all of it, or round the box of what it marks."""
+"""Dry runs: the motion of a stream without laser, and the frame around its marks."""
 
 from __future__ import annotations
 
@@ -10,26 +10,35 @@ from gusjob.simulate import Trace
 
 
 def without_laser(stream: Stream) -> Stream:
-    """The stream without any call to a laser."""
+    """Remove every call of a laser from a stream."""
     calls = stream.buffered
     kept = calls.kind <= Buffered.DELAY
-    before = np.concatenate([[0], np.cumsum(kept)])
-    left = tuple(
-        Call(name=c.name, args=c.args, at=int(before[c.at]), line=c.line) for c in stream.calls if c.name in CRD_CALLS
+    kept_before = np.concatenate([[0], np.cumsum(kept)])
+    immediate = tuple(
+        Call(name=c.name, args=c.args, at=int(kept_before[c.at]), line=c.line)
+        for c in stream.calls
+        if c.name in CRD_CALLS
     )
-    return Stream(name=stream.name, buffered=calls.pick(np.flatnonzero(kept)), calls=left)
+    return Stream(name=stream.name, buffered=calls.pick(np.flatnonzero(kept)), calls=immediate)
 
 
 def frame(stream: Stream, trace: Trace) -> Stream | None:
-    """Once round the box of all marks (of all motion, if nothing is marked), and back to its first corner.
+    """Make a stream that goes once round the bounding box of a job and back to its first corner, without laser.
 
-    None if nothing moves. Velocity and acceleration are those of the first motion.
+    Velocity and acceleration are those of the first motion.
+
+    Args:
+        stream: the job.
+        trace: its simulation, which has the box (see box_pulse).
+
+    Returns:
+        The stream, or None if nothing moves.
     """
     box = box_pulse(trace)
     motions = np.flatnonzero(stream.buffered.kind < Buffered.DELAY)
     if box is None or not len(motions):
         return None
-    dark, calls, first = without_laser(stream), stream.buffered, int(motions[0])
+    calls, first = stream.buffered, int(motions[0])
     x_low, x_high, y_low, y_high = box
     corners = np.rint([(x_low, y_low), (x_high, y_low), (x_high, y_high), (x_low, y_high), (x_low, y_low)])
     rows = calls.pick(np.full(len(corners), first))
@@ -38,19 +47,23 @@ def frame(stream: Stream, trace: Trace) -> Stream | None:
     kind = np.full(len(corners), Buffered.LINE, dtype=np.uint8)
     framed = BufferedCalls(**(fields | zeros | {"kind": kind, "x": corners[:, 0], "y": corners[:, 1]}))
     crd, fifo, line = int(rows.crd[0]), int(rows.fifo[0]), int(rows.line[0])
-    built = [c for c in dark.calls if c.name == "GT_SetCrdPrm" and c.args[0] == crd][:1]
+    built = [c for c in stream.calls if c.name == "GT_SetCrdPrm" and c.args[0] == crd][:1]
+    at_rest = [Call(name=c.name, args=c.args, at=0, line=c.line) for c in built]
     clear = Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=0, line=line)
     start = crd_start(crd, fifo, at=len(corners), line=line)
-    at_rest = [Call(name=c.name, args=c.args, at=0, line=c.line) for c in built]
     return Stream(name=stream.name, buffered=framed, calls=(*at_rest, clear, start))
 
 
 def box_pulse(trace: Trace) -> tuple[float, float, float, float] | None:
-    """(x low, x high, y low, y high) of all marks, or of all motion if nothing is marked; None without motion."""
-    lit = np.zeros(len(trace), dtype=np.bool_)
+    """Return the bounding box of all marks, or of all motion if there is no mark.
+
+    Returns:
+        (x low, x high, y low, y high) in pulse; None without motion.
+    """
+    emitting = np.zeros(len(trace), dtype=np.bool_)
     for channel in trace.channels:
-        lit |= channel.emitted.emission_ms > 0
-    taken = np.flatnonzero(lit if lit.any() else ~trace.schedule.dwell)
+        emitting |= channel.emitted.emission_ms > 0
+    taken = np.flatnonzero(emitting if emitting.any() else ~trace.schedule.dwell)
     if not len(taken):
         return None
     x_low, x_high, y_low, y_high = trace.segments.extent(taken)
