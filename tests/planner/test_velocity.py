@@ -1,4 +1,4 @@
-"""The planner: corners, forced ends, arcs, rounding, and that nothing asks for what it can't get."""
+"""End velocities: corners, arcs, stops, forced ends; and that no segment has a velocity that it can't reach."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from support.tools import MARK, diagnostics_in, path_calls, run_job, stream_of
+from support.tools import MACHINE, MARK, path_calls, run_job, stream_of
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.lower import compile_job
+from gusjob.frontend import check_text, read_job
 
 
 def ends(text: str, machine: Machine | None = None) -> list[float]:
@@ -42,13 +44,13 @@ def test_an_arc_stays_within_the_machines_acceleration() -> None:
     assert calls[1].split(",")[6] == "100"
 
 
-def test_short_segments_get_what_length_and_acceleration_give() -> None:
+def test_short_segments_have_what_length_and_acceleration_allow() -> None:
     # 1 mm at 10 pulse/ms2 in front of a stop: sqrt(2*10*1000) = 141 > 100; 0.1 mm: 44.7.
     assert ends("LINE X 50\nLINE X 50.1\n") == pytest.approx([math.sqrt(2000), 0])
     assert ends("LINE X 0.1\nLINE X 50\n") == pytest.approx([math.sqrt(2000), 0])
 
 
-def test_off_means_stop_and_dwell_and_stage_stop_too() -> None:
+def test_lookahead_off_a_dwell_and_a_stage_stop() -> None:
     assert ends("LOOKAHEAD OFF\nLINE X 20\nLINE X 50\nLOOKAHEAD\nLINE X 60\nLINE X 70\n") == [0, 0, 100, 0]
     assert ends("LINE X 20\nDWELL 5\nLINE X 50\n") == [0, 0]
     assert ends("LINE X 20\nWAIT\nLINE X 50\n") == [0, 0]
@@ -60,47 +62,22 @@ def test_a_forced_end_is_kept_and_limits_its_neighbours() -> None:
     assert ends("LINE X 20 END 30\nLINE Y 50\n") == [30, 0]
     # 0.5 mm in front of END 0 can lose sqrt(2*10*500) = 100.
     assert ends("LINE X 20\nLINE X 20.1 END 0\nLINE X 40\n") == pytest.approx([math.sqrt(2000), 0, 0])
-    # The last one may end at speed if that is forced: the calls say so, the interpreter warns.
+    # The last one may end at speed if that is forced: the calls have it, the simulator warns.
     assert ends("LINE X 20 END 30\n") == [30]
     assert "GJ706" in run_job(MARK + "LINE X 20 END 30\n").codes()
 
 
-def test_a_tiny_arc_never_becomes_a_circle() -> None:
-    calls = path_calls(MARK + "LINE X 10\nARC CCW X 10.0001 Y 0.0002 R 5\n")
-    assert calls[1].startswith("GT_LnXY(1,10000,0,")
-
-
-@pytest.mark.parametrize("arc", ["X 0 Y -0.0004 I 5 J 0", "X 0.0004 Y 0 I 5 J 0.0001", "X 0.0004 Y 0 R -5"])
-def test_a_nearly_full_circle_stays_one(arc: str) -> None:
-    """Ends that fall on one pulse: what was meant as nearly a whole turn is a whole turn."""
-    for way in ("CW", "CCW"):
-        # The first two are nearly full one way round and next to nothing the other.
-        ran = run_job(MARK + f"ARC {way} {arc}\n")
-        assert ran.column("length_mm") in ([pytest.approx(10 * math.pi, abs=0.01)], [0])
-    lengths = [run_job(MARK + f"ARC {way} {arc}\n").column("length_mm")[0] for way in ("CW", "CCW")]
-    assert max(lengths) == pytest.approx(10 * math.pi, abs=0.01)
-
-
-def test_an_arc_smaller_than_a_pulse_is_a_line() -> None:
-    calls = path_calls(MARK + "LINE X 1\nARC CW I 0.0004 J 0\nLINE X 2\n")
-    assert calls[1].startswith("GT_LnXY(1,1000,0,100,")
-    assert "GJ701" not in run_job(MARK + "LINE X 1\nARC CW I 0.0004 J 0\nLINE X 2\n").codes()
-
-
-def test_the_centre_is_whole_pulses_from_a_whole_start() -> None:
-    (_, call) = path_calls(MARK + "LINE X 0.0004\nARC CCW I 3.3336 J 0\n")
-    assert call.split(",")[3:5] == ["3334", "0"]
-
-
-def test_a_radius_just_short_of_half_the_chord_still_reaches() -> None:
-    (call,) = path_calls(MARK + "ARC CW X 3.3336 Y 0 R 1.6667\n")
-    assert float(call.split(",")[3]) == 1667.0
-    assert diagnostics_in(MARK + "ARC CW X 3.3336 Y 0 R 1.6\n") == [(4, "GJ505")]
+@pytest.mark.parametrize(("end", "expected"), [(3.5, []), (3.6, ["GJ514"])])
+def test_a_right_angle_changes_the_velocity_by_the_root_of_two(end: float, expected: list[str]) -> None:
+    """Look-ahead allows 5 ms x 1 pulse/ms2, that is 5 mm/s: 3.535 mm/s through a right angle."""
+    source, _ = check_text(f"{MARK}LINE X 5 END {end}\nLINE Y 5\n".encode(), "x.job")
+    assert source is not None
+    assert [f.rule.code for f in compile_job(read_job(source, MACHINE)[0], MACHINE)[1]] == expected
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_no_segment_asks_for_what_it_cant_get(seed: int) -> None:
-    """Random paths: whatever is planned, the interpreter reaches, and corners keep to TIME * ACC."""
+def test_no_segment_has_a_velocity_that_it_cant_reach(seed: int) -> None:
+    """Random paths: the simulator reaches whatever is planned, and corners keep to TIME * ACC."""
     rng = np.random.default_rng(seed)
     n = 300
     lines = [MARK]
