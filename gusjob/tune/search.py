@@ -65,7 +65,7 @@ def nearest_delays(
     marks = marks[np.unique(np.linspace(0, len(marks) - 1, min(len(marks), _MOST_MARKS)).astype(np.intp))]
     most = int(min(_LAGS * machine.scanner.tracking_error_us, most_us))
     on, off = (
-        _MarkEnds(
+        _TargetPoints(
             trace=trace,
             machine=machine,
             stage=emission.stage[marks],
@@ -79,7 +79,7 @@ def nearest_delays(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _MarkEnds:
+class _TargetPoints:
     """The begins or ends of marks: intended points, and the times at which the command reaches them."""
 
     trace: Trace

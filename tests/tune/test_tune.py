@@ -212,13 +212,13 @@ def test_a_scanner_that_lags_too_much_is_refused(tune: Tune, model: str, args: t
 @pytest.mark.parametrize("model", FILTERS)
 def test_a_slow_scanner_is_not_searched_us_by_us(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[float] = []
-    miss = search._MarkEnds.miss_mm
+    miss = search._TargetPoints.miss_mm
 
-    def counted(side: search._MarkEnds, delay_us: float) -> float:
+    def counted(side: search._TargetPoints, delay_us: float) -> float:
         tried.append(delay_us)
         return miss(side, delay_us)
 
-    monkeypatch.setattr(search._MarkEnds, "miss_mm", counted)
+    monkeypatch.setattr(search._TargetPoints, "miss_mm", counted)
     delays(DUTY + SPEEDS + FROM_REST, f"{model}:65ms")
     assert len(tried) < 1500
     assert max(tried) <= 65535
