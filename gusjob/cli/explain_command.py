@@ -11,7 +11,7 @@ from gusjob.cli.language import Command
 from gusjob.cli.text import padded, wrapped
 from gusjob.diagnostics.model import Rule
 from gusjob.diagnostics.rules import RULES
-from gusjob.frontend.parse.lines import nearest
+from gusjob.frontend.parse.misread import nearest
 from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, localized, printable
 

@@ -36,8 +36,8 @@ from gusjob.diagnostics.rules import (
     VARIANTS,
 )
 from gusjob.frontend import check_text, read_job, read_source
-from gusjob.frontend.parse.expressions import FUNCTIONS
-from gusjob.frontend.parse.lines import END_OF_LINE
+from gusjob.frontend.parse.misread import END_OF_LINE
+from gusjob.frontend.parse.operators import FUNCTIONS
 from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, did_you_mean, localized
 from gusjob.kinematics.units import UNITS

@@ -29,7 +29,7 @@ from gusjob.cli import cli
 from gusjob.controllers.gus.ranges import Range
 from gusjob.diagnostics.model import Span
 from gusjob.frontend.parse.forms import FORMS
-from gusjob.frontend.parse.lines import keywords
+from gusjob.frontend.parse.grammar import keywords
 from gusjob.kinematics.units import UNITS
 from gusjob.lsp.completion import accepted, unit_fits
 from gusjob.lsp.diagnostics import SourceLocations, diagnose, lsp_diagnostics

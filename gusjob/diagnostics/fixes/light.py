@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gusjob.diagnostics.fixes.text import Edit, Edits, Look
 from gusjob.diagnostics.model import Diagnostic, Severity
-from gusjob.frontend.files import may_be_a_part
+from gusjob.frontend.includes import may_be_included
 
 _BLANKS = b" \t\r\n"
 
@@ -16,7 +16,7 @@ def left_on(look: Look, diagnostic: Diagnostic) -> Edits:
     that another job includes, or that can't run alone, may leave the light on for what comes behind it there.
     """
     job = look.loaded.job
-    if job is None or not job.complete or may_be_a_part(look.loaded.path):
+    if job is None or not job.complete or may_be_included(look.loaded.path):
         return ()
     if any(other.severity is Severity.ERROR and other.rule is not diagnostic.rule for other in look.loaded.diagnostics):
         return ()

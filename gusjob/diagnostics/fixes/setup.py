@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gusjob.diagnostics.fixes.text import Edits, Look
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend.parse.statements import read_statement
+from gusjob.frontend.parse.statement_parser import parse_statement
 
 
 def off_delay(look: Look, diagnostic: Diagnostic) -> Edits:
@@ -13,7 +13,7 @@ def off_delay(look: Look, diagnostic: Diagnostic) -> Edits:
     Only where both are plain numbers: what a name comes to hangs on other lines, which need it, too.
     """
     number = diagnostic.span.line
-    statement, _ = read_statement(look.line(number), number)
+    statement, _ = parse_statement(look.line(number), number)
     if statement is None or statement.form != "laser_delay" or statement.has_expressions:
         return ()
     text, on, off = look.line(number), statement.words["ON"], statement.words["OFF"]
@@ -26,7 +26,7 @@ def off_delay(look: Look, diagnostic: Diagnostic) -> Edits:
 def sky_writing_off(look: Look, diagnostic: Diagnostic) -> Edits:
     """TIMELAG 0 is a way to say SKYWRITE OFF. Of any other number that small nobody knows what was meant."""
     number = diagnostic.span.line
-    statement, _ = read_statement(look.line(number), number)
+    statement, _ = parse_statement(look.line(number), number)
     if statement is None or statement.form != "skywrite" or statement.has_expressions:
         return ()
     if statement.words["TIMELAG"].value != 0:

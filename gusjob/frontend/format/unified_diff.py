@@ -1,7 +1,7 @@
-"""What a new layout changes, as a unified diff.
+"""What formatting changes, as a unified diff.
 
-Lines stand for each other one by one, save for blank lines that were left out and for lines that are added at the end:
-nothing has to be searched for, so the diff of a million lines takes no longer than reading them.
+Lines correspond one to one, except for blank lines that were removed and lines that are added at the end. So nothing
+has to be searched for, and the diff of a million lines takes no longer than reading them.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ _SAME, _OLD, _NEW = b" ", b"-", b"+"
 _BLANKS = b" \t\r\n"
 
 
-def difference(name: str, before: bytes, after: bytes) -> Iterator[bytes]:
-    """The pieces of the diff; none if the texts are equal."""
+def unified_diff(name: str, before: bytes, after: bytes) -> Iterator[bytes]:
+    """The parts of the diff; none if the texts are equal."""
     rows = list(_rows(_lines(before), _lines(after)))
     changed = [i for i, (mark, _) in enumerate(rows) if mark != _SAME]
     if changed:
@@ -33,13 +33,13 @@ def difference(name: str, before: bytes, after: bytes) -> Iterator[bytes]:
 
 
 def _lines(data: bytes) -> list[bytes]:
-    """With their ends."""
+    """Lines with their ends."""
     *lines, last = data.split(b"\n")
     return [line + b"\n" for line in lines] + ([last] if last else [])
 
 
 def _rows(before: list[bytes], after: list[bytes]) -> Iterator[tuple[bytes, bytes]]:
-    """Every line with its mark, of those that follow each other the old ones first."""
+    """Every line with its mark; in a sequence of changed lines the old ones come first."""
     olds: list[bytes] = []
     news: list[bytes] = []
     j = 0
@@ -58,7 +58,7 @@ def _rows(before: list[bytes], after: list[bytes]) -> Iterator[tuple[bytes, byte
 
 
 def _hunks(changed: list[int], count: int) -> Iterator[tuple[int, int]]:
-    """The rows from and to which a hunk goes: changes that are near each other, and what stands around them."""
+    """Start and end of each hunk: changes that are near each other, with their context."""
     first = 0
     for i, at in enumerate(changed):
         if i + 1 == len(changed) or changed[i + 1] - at > 2 * CONTEXT + 1:

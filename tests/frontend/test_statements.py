@@ -1,4 +1,4 @@
-"""What a job may say, and what each statement becomes: language.md, by hand."""
+"""What each statement becomes: calls worked out by hand from language.md."""
 
 from __future__ import annotations
 
@@ -117,12 +117,12 @@ def test_relative_coordinates_accumulate_nothing() -> None:
     assert ends[1001] == ["1100", "2000"]
 
 
-def test_relative_goes_on_from_the_last_absolute_place() -> None:
+def test_relative_continues_from_the_last_absolute_position() -> None:
     text = "COORDS REL\nLINE X 1\nLINE X 1\nCOORDS ABS\nLINE X 5\nCOORDS REL\nLINE X 1\nLINE X -0.5\n"
     assert [c.split(",")[1] for c in body(text)] == ["1000", "2000", "5000", "6000", "5500"]
 
 
-def test_units_change_on_the_way() -> None:
+def test_units_can_change_within_a_job() -> None:
     text = "UNITS PULSE\nVEL 200\nLINE X 100\nLINE X 0.2mm\nUNITS MM\nLINE X 0.3 Y 5pulse\n"
     assert [c.split(",")[1:4] for c in body(text)] == [["100", "0", "200"], ["200", "0", "200"], ["300", "5", "200"]]
 
@@ -142,20 +142,43 @@ def test_channels() -> None:
 def test_coordinate_system_and_fifo() -> None:
     calls = calls_of("CRD 2 FIFO 1\n" + MARK + "LINE X 1\nWAIT\nLINE X 2\n")
     assert [c for c in calls if "Crd" in c and "Prm" not in c] == [
-        "GT_CrdClear(2,1)", "GT_CrdStart(2,2)", "GT_CrdStatus(2,run,segment,1)", "GT_CrdClear(2,1)", "GT_CrdStart(2,2)",
-    ]  # fmt: skip
+        "GT_CrdClear(2,1)",
+        "GT_CrdStart(2,2)",
+        "GT_CrdStatus(2,run,segment,1)",
+        "GT_CrdClear(2,1)",
+        "GT_CrdStart(2,2)",
+    ]
     assert "GT_LnXY(2,1000,0,100,10,0,1)" in calls
 
 
 def test_stages() -> None:
-    calls = [c.split("(")[0] for c in calls_of(MARK + "LASER DELAY ON 1 OFF 2\nLASER POWER 5\nLASER ON\nLINE X 1\nLASER OFF\nLASER POWER 6 NOW\nLINE X 2\nWAIT\nWAIT\nLINE X 3\nLASER OFF NOW\n")]  # fmt: skip  # noqa: E501
+    first = "LASER DELAY ON 1 OFF 2\nLASER POWER 5\nLASER ON\nLINE X 1\nLASER OFF\n"
+    others = "LASER POWER 6 NOW\nLINE X 2\nWAIT\nWAIT\nLINE X 3\nLASER OFF NOW\n"
+    calls = [c.split("(")[0] for c in calls_of(MARK + first + others)]
     assert calls == [
-        "GT_SetAxisMode", "GT_LaserPowerMode", "GT_LaserOutFrq", "GT_SetLevelDelay", "GT_SetCrdPrm", "GT_CrdClear",
-        "GT_BufLaserPrfCmd", "GT_BufLaserOn", "GT_LnXY", "GT_BufLaserOff", "GT_CrdStart",
-        "GT_CrdStatus", "GT_LaserPrfCmd", "GT_CrdClear", "GT_LnXY", "GT_CrdStart",
-        "GT_CrdStatus", "GT_CrdClear", "GT_LnXY", "GT_CrdStart",
-        "GT_CrdStatus", "GT_SetHSIOOpt",
-    ]  # fmt: skip
+        "GT_SetAxisMode",
+        "GT_LaserPowerMode",
+        "GT_LaserOutFrq",
+        "GT_SetLevelDelay",
+        "GT_SetCrdPrm",
+        "GT_CrdClear",
+        "GT_BufLaserPrfCmd",
+        "GT_BufLaserOn",
+        "GT_LnXY",
+        "GT_BufLaserOff",
+        "GT_CrdStart",
+        "GT_CrdStatus",
+        "GT_LaserPrfCmd",
+        "GT_CrdClear",
+        "GT_LnXY",
+        "GT_CrdStart",
+        "GT_CrdStatus",
+        "GT_CrdClear",
+        "GT_LnXY",
+        "GT_CrdStart",
+        "GT_CrdStatus",
+        "GT_SetHSIOOpt",
+    ]
 
 
 def test_fast_and_slow_reading_agree() -> None:
@@ -165,7 +188,7 @@ def test_fast_and_slow_reading_agree() -> None:
     assert body(plain) == body(odd)
 
 
-def test_a_line_of_many_shapes_is_read_by_its_own() -> None:
+def test_each_line_is_read_by_its_own_shape() -> None:
     # 'X 1 5 Y' and 'X 1 Y 5' have the same letters and as many digits.
     assert diagnostics_in(MARK + "LINE X 1 Y 5\nLINE X 1 5 Y\nLINE X 1  Y5\n") == [(5, "GJ101")]
     assert diagnostics_in(MARK + "VEL 5mm/s\nVEL 5mm/s2\nACC 5mm/s2\nACC 5mm/s3\n") == [(5, "GJ203"), (7, "GJ101")]
@@ -178,8 +201,9 @@ def test_the_same_mode_again_keeps_the_power_and_another_does_not() -> None:
     assert diagnostics_in(head + "LASER MODE DUTY2 CARRIER 20" + tail) == [(8, "GJ304"), (9, "GJ403")]
 
 
-def test_a_fault_does_not_hide_the_rest() -> None:
-    assert diagnostics_in(MARK + "QQ\nLINE X 999\nLINE X\nLASER POWER 101\n") == [(4, "GJ102"), (6, "GJ101"), (5, "GJ503"), (7, "GJ201")]  # fmt: skip  # noqa: E501
+def test_an_error_does_not_hide_the_rest() -> None:
+    found = diagnostics_in(MARK + "QQ\nLINE X 999\nLINE X\nLASER POWER 101\n")
+    assert found == [(4, "GJ102"), (6, "GJ101"), (5, "GJ503"), (7, "GJ201")]
 
 
 def test_units_of_axes_that_differ() -> None:
@@ -215,7 +239,7 @@ def test_a_forced_end_on_an_arc_of_chords_is_that_of_the_last_chord() -> None:
     assert ends[-2:] == ["1", "0"]
 
 
-def test_spans_are_found_again() -> None:
+def test_spans_of_words() -> None:
     job = job_of(MARK + "  LINE X 10 Y=-20 VEL 50mm/s ; x\n")
     span = job.locate(4, "Y")
     assert (span.line, span.column, span.end_column) == (4, 15, 18)
@@ -233,12 +257,10 @@ def test_spans_are_found_again() -> None:
     ],
 )
 def test_rounding_gives_no_minus_zero(expression: str, value: float) -> None:
-    assert body(f"LINE X 1 Y ({expression} / 100)") == [
-        f"GT_LnXY(1,1000,{value * 10:.0f},100,10,0,0)"
-    ]  # fmt: skip
+    assert body(f"LINE X 1 Y ({expression} / 100)") == [f"GT_LnXY(1,1000,{value * 10:.0f},100,10,0,0)"]
 
 
-def test_a_line_that_ends_too_soon_has_no_hint_of_names() -> None:
+def test_a_line_that_ends_too_soon_has_no_hint() -> None:
     source, _ = check_text(b"LINE X\n", "a.job")
     assert source is not None
     _, (diagnostic, *_) = read_job(source, Machine())

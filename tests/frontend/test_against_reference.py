@@ -46,22 +46,22 @@ class Names:
         return Names(set(self.plain), set(self.speeds), set(self.lengths))
 
     def both(self, other: Names) -> Names:
-        """What is sure on both ways."""
+        """Names that have a value in either case."""
         return Names(self.plain & other.plain, self.speeds & other.speeds, self.lengths & other.lengths)
 
 
 @dataclass
 class Writer:
-    """Writes a job; what it says is mostly without faults."""
+    """Writes a job, mostly one without errors."""
 
     rng: Random
     arcs: bool = True
     lines: list[str] = field(default_factory=list)
     routines: list[tuple[str, int]] = field(default_factory=list)
-    rounds: int = 1
-    """How often the place written at is about to be carried out."""
+    repeats: int = 1
+    """How often the current position in the text runs."""
     variables: list[str] = field(default_factory=list)
-    """Names of the loops around the place written at, and of the routine's own values."""
+    """Names of the loops around the current position, and of the routine's own values."""
     job_names: Names | None = None
     """In a routine: names of the job that are set before anything is called."""
 
@@ -130,7 +130,7 @@ class Writer:
             return f"floor({self.plain(names, 1)}) % 2 {sign} {self.some('0', '1')}"
         return f"{self.plain(names, 1)} {sign} {self.plain(names, 1)}"
 
-    def place(self, names: Names) -> str:
+    def position(self, names: Names) -> str:
         """The number of a word of motion."""
         lengths = sorted(names.lengths)
         match self.rng.randrange(6):
@@ -157,7 +157,7 @@ class Writer:
         elif pick < 9:
             self.let(names)
         elif pick < 11:
-            self.put(f"{self.some('repeat', 'REPEAT')} {self.count()}{self.loop_name(names)}")
+            self.put(f"{self.some('repeat', 'REPEAT')} {self.repeat_count()}{self.loop_name(names)}")
             self.looped(names, depth)
         elif pick < 13:
             self.counted(names, depth)
@@ -169,7 +169,7 @@ class Writer:
             self.call(names)
         elif pick < 22:
             self.other(names)
-        elif self.rounds <= 4:
+        elif self.repeats <= 4:
             self.run(names)
 
     def motion(self, names: Names) -> None:
@@ -178,7 +178,7 @@ class Writer:
             self.arc(names)
             return
         head = self.some("LINE", "LINE", "LINE", "JUMP")
-        x, y = f" X {self.place(names)}", f" Y={self.place(names)}"
+        x, y = f" X {self.position(names)}", f" Y={self.position(names)}"
         words = self.some(x + y, x + y, x, y, y + x)
         if head == "LINE" and self.one_in(6):
             words += f" VEL (5+{self.bounded(names, 90)})"
@@ -225,12 +225,12 @@ class Writer:
                 self.put(f"LET {name} = {self.plain(names)}")
         names.plain.add(name)
 
-    def count(self) -> str:
-        """How many rounds; more than four are carried out together."""
-        self.wanted = self.rng.choice((0, 1, 2, 3, 4, 5, 6, 7, 12)) if self.rounds <= 24 else self.rng.randrange(3)
-        return self.some(str(self.wanted), f"{self.wanted}", f"({self.wanted}*2)/2")
+    def repeat_count(self) -> str:
+        """How many iterations; more than four run together."""
+        self.count = self.rng.choice((0, 1, 2, 3, 4, 5, 6, 7, 12)) if self.repeats <= 24 else self.rng.randrange(3)
+        return self.some(str(self.count), f"{self.count}", f"({self.count}*2)/2")
 
-    wanted: int = 0
+    count: int = 0
 
     def loop_name(self, names: Names) -> str:
         self.variable = self.rng.choice(NAMES) if self.rng.randrange(4) else ""
@@ -239,18 +239,18 @@ class Writer:
     variable: str = ""
 
     def looped(self, names: Names, depth: int) -> None:
-        """The rounds of a loop whose head is written."""
-        before, rounds = names.copy(), self.rounds
+        """The body of a loop whose head is written."""
+        before, repeats = names.copy(), self.repeats
         inside = names.copy()
         if self.variable:
             inside.plain.add(self.variable)
-        always = self.wanted > 0
+        always = self.count > 0
         variable = self.variable
-        self.rounds *= max(self.wanted, 1)
+        self.repeats *= max(self.count, 1)
         self.variables += [variable] * bool(variable)
         self.block(inside, 4, depth - 1)
         self.put("END")
-        self.rounds = rounds
+        self.repeats = repeats
         self.variables = self.variables[: len(self.variables) - bool(variable)]
         if always:
             known = inside.plain - ({variable} if variable and variable not in before.plain else set())
@@ -258,8 +258,8 @@ class Writer:
 
     def counted(self, names: Names, depth: int) -> None:
         variable = self.rng.choice(NAMES)
-        self.count()
-        count = self.wanted
+        self.repeat_count()
+        count = self.count
         step = self.rng.choice((1.0, 0.5, 0.1, -1.0, -0.3, 2.0))
         first = self.rng.choice((0.0, 1.0, -2.5, 0.1))
         last = first + step * (count - 1 + self.rng.choice((0, 0, 0.5)))
@@ -284,7 +284,7 @@ class Writer:
 
     def frame(self, names: Names, depth: int) -> None:
         words = [
-            f" SHIFT{self.some(' X ', ' Y 2 X ')}{self.place(names)}",
+            f" SHIFT{self.some(' X ', ' Y 2 X ')}{self.position(names)}",
             f" ROTATE {self.some('90', '-90', '180', '30deg', '(' + self.plain(names) + ')')}",
             f" SCALE {self.some('2', '0.5', '(1+' + self.bounded(names, 2) + ')')}",
         ]
@@ -294,7 +294,7 @@ class Writer:
         self.put("END")
 
     def call(self, names: Names) -> None:
-        if self.routines and self.rounds <= 60:
+        if self.routines and self.repeats <= 60:
             name, takes = self.rng.choice(self.routines)
             values = [self.plain(names, 1) for _ in range(takes)]
             if name == "again":
@@ -312,9 +312,9 @@ class Writer:
                 self.put(f"VEL (2+{self.bounded(names, 90)})")
             case 4 if speeds:
                 self.put(f"{self.some('VEL', 'JUMPVEL')} (abs({self.rng.choice(speeds)})*2)")
-            case 5 if self.rounds <= 12:
+            case 5 if self.repeats <= 12:
                 self.put(f"LASER DELAY ON (floor({self.bounded(names, 30)})) OFF (40+floor({self.bounded(names, 9)}))")
-            case 6 if self.one_in(3) and self.rounds <= 12:
+            case 6 if self.one_in(3) and self.repeats <= 12:
                 self.put(f"LASER MODE DUTY CARRIER (5+{self.bounded(names, 9)}) MAX (50+{self.bounded(names, 40)})")
             case 7:
                 self.put(self.some("COORDS REL", "COORDS ABS", "COORDS ABS", "ACC (9000+1000)", "CHANNEL (1-1)"))
@@ -347,11 +347,11 @@ class Writer:
         takes = list(dict.fromkeys(self.rng.choice(NAMES) for _ in range(self.rng.randrange(4))))
         own = Names(plain=set(takes))
         self.put(f"DEF {name}({', '.join(takes)})" if takes or self.one_in(2) else f"DEF {name}")
-        rounds, self.rounds = self.rounds, 13
+        repeats, self.repeats = self.repeats, 13
         self.variables = takes[:1]
         self.block(own, 4, 2)
         self.variables = []
-        self.rounds = rounds
+        self.repeats = repeats
         self.put("END")
         self.routines.append((name, len(takes)))
         self.job_names = None
@@ -418,15 +418,15 @@ def compiled(text: str, machine: Machine) -> list[str] | None:
     return None if has_errors(diagnostics) else "".join(listing(stream)).splitlines()
 
 
-PLACE = re.compile(r" (X|Y|I|J|R) (-?[0-9.e+-]+)mm")
+COORDINATE = re.compile(r" (X|Y|I|J|R) (-?[0-9.e+-]+)mm")
 CALL = re.compile(r"(GT_\w+)\((.*)\)")
 MOTIONS = {"GT_LnXY": 2, "GT_ArcXYC": 4, "GT_ArcXYR": 2}
-"""How many coordinates a call begins with, behind the coordinate system."""
+"""How many coordinates a call has after the coordinate system."""
 
 
 @dataclass
 class Followed:
-    """Follows the flat motions, to know which places are so near a half pulse that rounding may go either way."""
+    """Follows the flat motions, to know which positions are so near a half pulse that rounding is ambiguous."""
 
     machine: Machine
     x: float = 0.0
@@ -435,7 +435,7 @@ class Followed:
     was_edge: bool = False
 
     def go(self, line: str) -> None:
-        words = {word: float(v) for word, v in PLACE.findall(line)}
+        words = {word: float(v) for word, v in COORDINATE.findall(line)}
         self.was_edge = self.edge
         self.edge = False
         centre_x, centre_y = self.x + words.get("I", 0.0), self.y + words.get("J", 0.0)
@@ -454,22 +454,22 @@ def arguments(call: str) -> tuple[str, list[float]]:
 
 
 def same(one: str, other: str, near: Followed, *, exact: bool) -> bool:
-    """Whether two calls agree; `near`: whether a place of this motion, or of the one before, is near a half pulse."""
+    """Whether two calls agree; `near`: whether a position of this motion or of the one before is near a half pulse."""
     name, ours = arguments(one)
     other_name, theirs = arguments(other)
     if name != other_name or len(ours) != len(theirs):
         return False
-    places = range(1, 1 + MOTIONS.get(name, 0))
+    coordinates = range(1, 1 + MOTIONS.get(name, 0))
     edge = near.edge or near.was_edge
     for k, (a, b) in enumerate(zip(ours, theirs, strict=True)):
-        if k in places:
+        if k in coordinates:
             if abs(a - b) > edge:
                 return False
         elif name == "GT_ArcXYR" and k == 3:
             if not math.isclose(a, b, rel_tol=1e-12):
                 return False
-        elif places and edge and not near.machine.equal_axes:
-            continue  # Velocity hangs on the direction, and so on the pulse.
+        elif coordinates and edge and not near.machine.equal_axes:
+            continue  # Velocity depends on the direction, and so on the pulse.
         elif a != b and (exact or not math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12)):
             return False
     return True
@@ -485,19 +485,19 @@ def difference(text: str, machine: Machine = MACHINE) -> str | None:
         return None
     if flat.delicate:
         return None
-    moves = [line for line in flat.lines if PLACE.search(line)]
-    if any(abs(float(v)) > FARTHEST for line in moves for _, v in PLACE.findall(line)):
+    moves = [line for line in flat.lines if COORDINATE.search(line)]
+    if any(abs(float(v)) > FARTHEST for line in moves for _, v in COORDINATE.findall(line)):
         return None
-    wanted = compiled("\n".join(flat.lines), machine)
+    expected = compiled("\n".join(flat.lines), machine)
     found = compiled(text, machine)
-    if wanted is None or found is None:
-        return None if wanted is found else f"refused: {found is None}, the flat job: {wanted is None}"
-    if len(wanted) != len(found):
-        return f"{len(found)} calls, the flat job {len(wanted)}"
+    if expected is None or found is None:
+        return None if expected is found else f"refused: {found is None}, the flat job: {expected is None}"
+    if len(expected) != len(found):
+        return f"{len(found)} calls, the flat job {len(expected)}"
     rest = iter(moves)
     near = Followed(machine)
     exact = flat.exact and machine.equal_axes
-    for n, (a, b) in enumerate(zip(wanted, found, strict=True)):
+    for n, (a, b) in enumerate(zip(expected, found, strict=True)):
         line = next(rest) if a.split("(")[0] in MOTIONS else ""
         if line:
             near.go(line)
