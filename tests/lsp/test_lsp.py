@@ -505,7 +505,7 @@ def test_tcp() -> None:
         port = taken.getsockname()[1]
         refused = CliRunner().invoke(cli, ["lsp", "--tcp", str(port)])
         assert refused.exit_code == 2
-        assert f"can't listen at port {port}" in refused.output
+        assert f"can't listen on port {port}" in refused.output
     with subprocess.Popen(
         [sys.executable, "-m", "gusjob", "lsp", "--tcp", str(port)], stderr=subprocess.PIPE
     ) as process:
@@ -916,4 +916,4 @@ def test_a_terminal_is_no_editor() -> None:
         os.close(ours)
         os.close(theirs)
     assert done.returncode == 2
-    assert b"for an editor to start" in done.stderr
+    assert b"an editor must start" in done.stderr
