@@ -108,23 +108,3 @@ def test_the_reference_names_every_statement() -> None:
 def test_the_compiled_example_is_what_compile_prints() -> None:
     job = next(e for e in examples("job") if e.startswith("UNITS PULSE\nLOOKAHEAD OFF"))
     assert calls_of(job) == examples("calls")[0].splitlines()
-
-
-def test_the_readme_example_checks_clean() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    first = re.findall(r"```\n(.*?)```", text, re.DOTALL)[0]
-    assert diagnostics_in(first) == []
-
-
-def test_the_readme_profile_is_the_default() -> None:
-    from dataclasses import replace
-
-    from gusjob.config.machine import Machine
-    from gusjob.config.profile import parse_machine
-
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    profile = re.findall(r"```toml\n(.*?)```", text.split("## The machine")[1], re.DOTALL)[0]
-    machine, diagnostics = parse_machine(profile)
-    assert diagnostics == []
-    assert replace(machine, lasers=()) == Machine()
-    assert machine.laser(0).rated_w == 30
