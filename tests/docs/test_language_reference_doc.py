@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.tools import ROOT, calls_of, diagnostics_in
+from support.tools import ROOT, calls_of
 
 from gusjob.cli.check_command import judged
 from gusjob.controllers.gus.calls import SIGNATURES

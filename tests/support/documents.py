@@ -28,7 +28,9 @@ def blocks(text: str, kind: str = "") -> list[str]:
 
 def prose(text: str) -> str:
     """A text without its code blocks, fenced and indented."""
-    return re.sub(r"^    .*$", "", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE), flags=re.MULTILINE)
+    return re.sub(
+        r"^    .*$", "", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE), flags=re.MULTILINE
+    )
 
 
 def links(text: str) -> list[str]:
