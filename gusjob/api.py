@@ -1,4 +1,4 @@
-"""gusjob for notebooks and programs: read, check, plan, simulate, look at the result.
+"""The Python interface of gusjob, for programs and notebooks: read a job, look at its diagnostics, simulate it.
 
     import gusjob
 
@@ -9,8 +9,8 @@
     print(run.totals["duration_ms"], run.frame())
     run.plot(by="energy")
 
-What is wrong with a job is data (`diagnostics`), not an exception: a job with errors has no calls and no run, and
-asking for them raises JobError, which names its errors.
+Problems of a job are data (`diagnostics`), not exceptions. A job with errors has no calls and no simulation: asking for
+them raises JobError. The diagnostics are those of `gusjob check`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -28,27 +29,30 @@ from gusjob.config.machine import Scanner, parse_scanner
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized, plural
-from gusjob.pipeline import Loaded, compiled, interpreted, load
+from gusjob.pipeline import Checked, Compiled, Rejected, Simulated, compile_calls, examine, load, simulate
 
 if TYPE_CHECKING:
     import polars
     from matplotlib.figure import Figure
 
-    from gusjob.controllers.gus.calls import Stream
     from gusjob.report.rows import Report
-    from gusjob.simulate import Trace
 
-__all__ = ["Fault", "Job", "JobError", "Run", "read", "set_language"]
+__all__ = ["JobError", "JobFile", "ReportedDiagnostic", "Simulation", "read", "read_text", "set_language"]
 
-Columns = dict[str, npt.NDArray[Any]]
+TableColumns = dict[str, npt.NDArray[Any]]
+"""A table: equally long columns by name."""
 
 
 class JobError(Exception):
-    """A job has errors, so there is nothing to run. `diagnostics`: all that was found."""
+    """A job has errors, so it has no calls and no simulation.
 
-    def __init__(self, name: str, diagnostics: tuple[Fault, ...]) -> None:
+    Attributes:
+        diagnostics: Everything that was found, a tuple of ReportedDiagnostic.
+    """
+
+    def __init__(self, name: str, diagnostics: tuple[ReportedDiagnostic, ...]) -> None:
         errors = [diagnostic for diagnostic in diagnostics if diagnostic.severity == "error"]
-        first = Phrase(": {fault}", diagnostic=str(errors[0])) if errors else ""
+        first = Phrase(": {fault}", fault=str(errors[0])) if errors else ""
         count = len(errors)
         found = plural(count, Phrase("{count} error", count=count), Phrase("{count} errors", count=count))
         super().__init__(localized(Phrase("{name} has {errors}{first}", name=name, errors=found, first=first)))
@@ -56,11 +60,17 @@ class JobError(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
-    """One diagnostic. Lines and columns from 1; `count`: how often it was met in loops and routines.
+class ReportedDiagnostic:
+    """One problem of a job, at its position in the source.
 
-    `message` is in English, or in the language that gusjob.set_language("zh") has chosen before the diagnostics were
-    asked for.
+    Attributes:
+        path: The file, which may be an included one or the machine profile.
+        line: Line, from 1.
+        column: Column in characters, from 1.
+        severity: "error", "warning" or "note".
+        code: The rule's code, such as "GJ402"; `gusjob explain GJ402` describes it.
+        message: The text in English, or in the language that `set_language` chose before it was asked for.
+        count: How often it was found in the iterations of loops and in calls of routines.
     """
 
     path: str
@@ -72,22 +82,291 @@ class Fault:
     count: int = 1
 
     def __str__(self) -> str:
+        severity = Severity(self.severity).localized
+        return f"{self.path}:{self.line}:{self.column}: {severity}[{self.code}]: {self.message}"
+
+
+def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | None = None) -> JobFile:
+    """Read and check a job, a listing of calls, or the journal of a run.
+
+    Args:
+        path: The file: a job (.job), a listing or C program (.gts, .c), or a journal.
+        machine: The machine profile; by default gusjob.toml beside the file or above it.
+        scanner: How the beam lags behind the command, in place of the profile's, such as "first-order:250us".
+
+    Returns:
+        The file with its diagnostics. A file with errors is returned, too.
+
+    Raises:
+        FileNotFoundError, PermissionError, IsADirectoryError: The file or the profile can't be opened.
+        OSError: It is not text, or too large.
+        ValueError: `scanner` is not a scanner model.
+    """
+    profile = None if machine is None else Path(machine)
+    loaded = load(Path(path), profile, scanner=_scanner(scanner))
+    return JobFile(_readable(loaded, loaded.path, loaded.profile))
+
+
+def read_text(
+    text: str, *, name: str | Path = "text.job", machine: str | Path | None = None, scanner: str | None = None
+) -> JobFile:
+    """Read and check a job or listing from a string.
+
+    Args:
+        text: The job or listing.
+        name: The file that the text stands for. It need not exist: its ending tells jobs from listings, files are
+            included relative to it, and the machine profile is looked for beside it and above.
+        machine: The machine profile; by default gusjob.toml beside `name` or above it.
+        scanner: As for `read`.
+
+    Returns:
+        The text with its diagnostics.
+
+    Raises:
+        OSError: The profile can't be read, or the text holds NUL characters.
+        ValueError: `scanner` is not a scanner model.
+    """
+    profile = None if machine is None else Path(machine)
+    loaded = load(Path(name), profile, scanner=_scanner(scanner), data=text.encode())
+    return JobFile(_readable(loaded, loaded.profile))
+
+
+class JobFile:
+    """A job, listing or journal that was read and checked."""
+
+    def __init__(self, loaded: Checked | Rejected) -> None:
+        self._loaded = loaded
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._loaded.path
+
+    @cached_property
+    def _examined(self) -> Checked | Rejected:
+        return examine(self._loaded) if isinstance(self._loaded, Checked) else self._loaded
+
+    @property
+    def diagnostics(self) -> tuple[ReportedDiagnostic, ...]:
+        """Everything that `gusjob check` reports, by position; those of a simulation are in `Simulation`."""
+        return tuple(map(_reported, self._examined.diagnostics))
+
+    @property
+    def faults(self) -> tuple[ReportedDiagnostic, ...]:
+        """The former name of `diagnostics`; it goes in 0.2."""
+        return self.diagnostics
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether there is no error: `gusjob check` exits with 0."""
+        return not has_errors(self._examined.diagnostics)
+
+    @cached_property
+    def _compiled(self) -> Checked | Rejected:
+        return compile_calls(self._loaded) if isinstance(self._loaded, Checked) else self._loaded
+
+    def calls(self) -> list[str]:
+        """List the controller's calls, one a string, as `gusjob compile` prints them.
+
+        Raises:
+            JobError: The job has errors.
+        """
+        from gusjob.controllers.gus.listing import listing
+
+        if not isinstance(self._compiled, Compiled):
+            raise JobError(str(self.path), self.diagnostics)
+        return "".join(listing(self._compiled.stream)).splitlines()
+
+    @cached_property
+    def _simulated(self) -> Checked | Rejected:
+        return simulate(self._compiled) if isinstance(self._compiled, Checked) else self._compiled
+
+    def simulate(self) -> Simulation:
+        """Run the calls on the built-in simulator.
+
+        Returns:
+            Time, velocity and laser power of every segment.
+
+        Raises:
+            JobError: The job has errors. (A listing with calls that the controller would refuse is simulated: these
+                calls have no effect.)
+        """
+        if not isinstance(self._simulated, Simulated):
+            raise JobError(str(self.path), tuple(map(_reported, self._simulated.diagnostics)))
+        return Simulation(self._simulated)
+
+    def __repr__(self) -> str:
+        return f"<gusjob.JobFile {self.path}: {_counts(self._examined.diagnostics)}>"
+
+    def _repr_html_(self) -> str:
+        """Table of the diagnostics, for notebooks."""
+        rows = [(d.path, d.line, d.column, d.severity, d.code, d.message) for d in self.diagnostics]
+        return _html_table(repr(self)[1:-1], ("path", "line", "column", "severity", "code", "message"), rows)
+
+
+class Simulation:
+    """What the controller does with a job's calls: time, velocity and laser power of every segment."""
+
+    def __init__(self, simulated: Simulated) -> None:
+        self._simulated = simulated
+
+    @cached_property
+    def _report(self) -> Report:
+        from gusjob.report.rows import make_report
+
+        return make_report(self._simulated.trace, self._simulated.machine, self._simulated.files, marking=True)
+
+    @property
+    def diagnostics(self) -> tuple[ReportedDiagnostic, ...]:
+        """What was found in the job and in its simulation, by position."""
+        return tuple(map(_reported, self._simulated.diagnostics))
+
+    @property
+    def faults(self) -> tuple[ReportedDiagnostic, ...]:
+        """The former name of `diagnostics`; it goes in 0.2."""
+        return self.diagnostics
+
+    @property
+    def totals(self) -> dict[str, Any]:
+        """Totals of the whole run, as `totals` of `gusjob report --format json`.
+
+        Returns:
+            segments: number of motion and dwell calls; stages: number of stages.
+            duration_ms: from the first stage's start to the last one's end.
+            mark_mm, jump_mm, run_in_mm, run_out_mm: path length by kind of segment.
+            channels: a list with an entry for each channel that the job uses:
+                channel: 0 or 1; unit: of its power, "%", "kHz" or "V" (with several modes a channel has several
+                entries); emission_ms: how long the laser emits; power_ms: integral of the emitted power, unit * ms;
+                power_max: highest emitted power, None without emission; joules: energy, None where the profile names
+                no rated power; clamped_ms: how long a limit held the power; before_motion_power_ms: integral of what
+                is emitted before the first motion, which belongs to no segment; off_output: what the output carries
+                while the laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
+            marking: a list with the quality of the marks by channel and unit: channel, unit, marks (their number),
+                worst (largest magnitude) and typical (median magnitude) of each quality column of `marks()`.
+        """
+        return self._report.totals
+
+    def segments(self) -> TableColumns:
+        """One row for each motion or dwell call, in order, as `segments` of the JSON report.
+
+        Returns:
+            Columns of equal length:
+                line: source line (a listing's own line); file: where several files are involved; stage: from 1.
+                kind: "mark", "jump", "run_in", "run_out" or "dwell".
+                x_mm, y_mm: end point; length_mm: path length.
+                start_ms: from the first stage's start, stages back to back; duration_ms.
+                vel_mean_mm_s, vel_max_mm_s: velocity along the path.
+                ch0_emission_ms: how long the laser of channel 0 emits; ch0_power_min, ch0_power_mean, ch0_power_max:
+                    emitted power in the mode's unit, NaN without emission; ch0_power_ms: its integral, unit * ms;
+                    ch0_joules: energy, NaN where the rated power is unknown; ch0_clamped_ms: how long a limit held
+                    the power. ch1_... likewise; the columns of a channel that the job never uses are absent.
+        """
+        words = self._report.words
+        return {
+            name: np.array(words[name])[column] if name in words else column
+            for name, column in self._report.columns.items()
+        }
+
+    def marks(self) -> TableColumns:
+        """One row for each mark (one emission interval of one channel), channel by channel in time order.
+
+        With a scanner model the figures are those of the beam, else those of the commanded path. Power is in the
+        mode's unit.
+
+        Returns:
+            Columns of equal length (none if no channel is used):
+                line: source line where the mark begins; channel: 0 or 1.
+                start_ms: begin of the emission; length_mm: length of the beam's path during it.
+                on_error_um, off_error_um: distance along the path between where the emission begins (ends) and where
+                    the mark is meant to begin (end); negative is before, positive after.
+                on_miss_um, off_miss_um: distance between beam and intended point at these moments.
+                outside_power_ms: integral of the power emitted outside the intended mark, unit * ms.
+                power_per_mm_mid, power_per_mm_peak: median and highest power integral per length, unit * ms / mm.
+                power_per_mm_rms_pct: root mean square of its deviation from the median, %.
+                corner_miss_um: largest distance by which the beam passes a corner of the path; NaN without corners.
+        """
+        return dict(self._report.marks or {})
+
+    def ticks(self) -> TableColumns:
+        """The whole run tick by tick; `tick_pieces` gives the same in pieces, for runs that do not fit into memory.
+
+        Returns:
+            Columns of equal length:
+                time_ms: from the first stage's start, off delays between stages included; stage: from 1.
+                segment: row of `segments()`, from 0; line: source line.
+                x_mm, y_mm: commanded position; vel_mm_s: velocity along the path.
+                beam_x_mm, beam_y_mm: position of the beam, with a scanner model only.
+                ch0_power: power of channel 0 held until the next tick, in the mode's unit; ch0_on: 1 where the laser
+                    emits at the tick; ch0_emission_us: how long it emits until the next tick. ch1_... likewise.
+                ch0_unit: unit of the power, only where the mode changes.
+        """
+        pieces = list(self.tick_pieces())
+        return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]} if pieces else {}
+
+    def tick_pieces(self) -> Iterator[TableColumns]:
+        """The run tick by tick in pieces of some thousand ticks, each with the columns of `ticks`."""
+        from gusjob.columns import Words
+        from gusjob.report.rows import own_lines
+        from gusjob.simulate.outputs.samples import samples
+
+        trace = self._simulated.trace
+        lines, _ = own_lines(trace.line, self._simulated.files)
+        for piece in samples(trace, self._simulated.machine, lines):
+            yield {n: np.array(c.words)[c.codes] if isinstance(c, Words) else c for n, c in piece.items()}
+
+    def frame(self) -> polars.DataFrame:
+        """The segments as a polars data frame, with the columns of `segments`; `.to_pandas()` makes a pandas one.
+
+        Raises:
+            ImportError: polars (the extra "data") is not installed.
+        """
+        import polars
+
+        return polars.DataFrame(self.segments(), nan_to_null=True)
+
+    def plot(self, by: Literal["power", "energy", "velocity", "order"] = "power", channel: int | None = None) -> Figure:
+        """Draw the path as `gusjob plot` does.
+
+        Args:
+            by: What the color shows: emitted power, energy per mm, velocity, or the order of the segments.
+            channel: Only this channel's emission, 0 or 1; None for all.
+
+        Returns:
+            A matplotlib figure.
+
+        Raises:
+            ImportError: matplotlib (the extra "plot") is not installed.
+            ValueError: `by` is none of the four.
+        """
+        from gusjob.view.plot.picture import Colour, figure_of
+
+        if by not in list(Colour):
+            raise ValueError(f"{by!r} is none of {', '.join(Colour)}")
+        return figure_of(self._simulated.trace, self._simulated.machine, by=Colour(by), channel=channel)
+
+    def __repr__(self) -> str:
+        totals = self.totals
+        channels = "".join(
+            f", channel {c['channel']}: {c['emission_ms']:.6g} ms emission"
+            + (f" up to {c['power_max']:.4g} {c['unit']}" if c["power_max"] is not None else "")
+            for c in totals["channels"]
+        )
         return (
-            f"{self.path}:{self.line}:{self.column}: {Severity(self.severity).localized}[{self.code}]: {self.message}"
+            f"<gusjob.Simulation {self._simulated.path}: {totals['segments']} segments, "
+            f"{totals['duration_ms']:.6g} ms, {totals['mark_mm']:.6g} mm marked{channels}>"
         )
 
-
-def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | None = None) -> Job:
-    """A job, listing or journal with its machine profile (`machine`: another one than gusjob.toml beside or above it).
-
-    `scanner`: how the beam lags, such as "first-order:250us", in place of the profile's. Raises OSError if the file
-    can't be read, ValueError for a scanner that is none.
-    """
-    lag = _scanner(scanner)
-    found = load(Path(path), None if machine is None else Path(machine), scanner=lag)
-    if found.unreadable:
-        raise OSError("; ".join(str(_fault(diagnostic)) for diagnostic in found.diagnostics))
-    return Job(found)
+    def _repr_html_(self) -> str:
+        """Table of the totals, for notebooks."""
+        names = ("segments", "duration_ms", "mark_mm", "jump_mm")
+        rows = [(name, f"{self.totals[name]:.6g}") for name in names]
+        for channel in self.totals["channels"]:
+            prefix = f"channel {channel['channel']}"
+            rows += [
+                (f"{prefix} {name}", "" if channel[name] is None else f"{channel[name]:.6g}")
+                for name in ("emission_ms", "power_ms", "power_max", "joules")
+            ]
+        return _html_table(f"gusjob.Simulation {self._simulated.path}", ("total", "value"), rows)
 
 
 def _scanner(text: str | None) -> Scanner | None:
@@ -99,121 +378,41 @@ def _scanner(text: str | None) -> Scanner | None:
     return scanner
 
 
-def _fault(diagnostic: Diagnostic) -> Fault:
-    severity: dict[Severity, Literal["error", "warning", "note"]] = {
+def _readable(loaded: Checked | Rejected, *files: Path | None) -> Checked | Rejected:
+    """Raise what opening its files raises, where a job or its profile can't be read."""
+    if not loaded.is_unreadable:
+        return loaded
+    for path in files:
+        if path is not None:
+            with path.open("rb"):
+                pass
+    raise OSError("; ".join(str(_reported(diagnostic)) for diagnostic in loaded.diagnostics))
+
+
+def _reported(diagnostic: Diagnostic) -> ReportedDiagnostic:
+    severities: dict[Severity, Literal["error", "warning", "note"]] = {
         Severity.ERROR: "error",
         Severity.WARNING: "warning",
         Severity.NOTE: "note",
     }
-    return Fault(
+    return ReportedDiagnostic(
         path=diagnostic.file,
         line=diagnostic.span.line,
         column=diagnostic.span.column,
-        severity=severity[diagnostic.severity],
+        severity=severities[diagnostic.severity],
         code=diagnostic.rule.code,
         message=diagnostic.localized,
         count=diagnostic.count,
     )
 
 
-class Job:
-    """A file that was read and checked."""
-
-    def __init__(self, loaded: Loaded) -> None:
-        self._loaded = loaded
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._loaded.path
-
-    @property
-    def diagnostics(self) -> tuple[Fault, ...]:
-        """What was found, by place; planning and simulating may add to it."""
-        return tuple(map(_fault, self._loaded.diagnostics))
-
-    @property
-    def is_clean(self) -> bool:
-        """Whether there is no error."""
-        return not has_errors(self._loaded.diagnostics)
-
-    @cached_property
-    def _stream(self) -> Stream | None:
-        return compiled(self._loaded)
-
-    def calls(self) -> list[str]:
-        """The GT_ calls, as gusjob compile prints them. Raises JobError."""
-        from gusjob.controllers.gus.listing import listing
-
-        if self._stream is None:
-            raise JobError(str(self.path), self.diagnostics)
-        return "".join(listing(self._stream)).splitlines()
-
-    @cached_property
-    def _trace(self) -> Trace | None:
-        return interpreted(self._loaded)
-
-    def simulate(self) -> Run:
-        """Run it on the built-in interpreter. Raises JobError."""
-        if self._trace is None:
-            raise JobError(str(self.path), self.diagnostics)
-        return Run(self._loaded, self._trace)
+def _counts(diagnostics: tuple[Diagnostic, ...]) -> str:
+    """'2 errors, 1 warning', or 'clean'."""
+    counts = [(severity.value, sum(d.severity is severity for d in diagnostics)) for severity in Severity]
+    return ", ".join(f"{count} {name}{'s' if count > 1 else ''}" for name, count in counts if count) or "clean"
 
 
-class Run:
-    """What the controller would do: every segment's time, speed and laser power."""
-
-    def __init__(self, loaded: Loaded, trace: Trace) -> None:
-        self._loaded, self._trace = loaded, trace
-
-    @cached_property
-    def _report(self) -> Report:
-        from gusjob.report.rows import make_report
-
-        return make_report(self._trace, self._loaded.machine, self._loaded.files, marking=True)
-
-    @property
-    def diagnostics(self) -> tuple[Fault, ...]:
-        """What was found in the job and in its run."""
-        return tuple(map(_fault, self._loaded.diagnostics))
-
-    @property
-    def totals(self) -> dict[str, Any]:
-        """As `totals` of gusjob report --format json."""
-        return self._report.totals
-
-    def segments(self) -> Columns:
-        """Columns of the segments, by name, as in the JSON report; words as text."""
-        words = self._report.words
-        return {
-            name: np.array(words[name])[column] if name in words else column
-            for name, column in self._report.columns.items()
-        }
-
-    def marks(self) -> Columns:
-        """How good each mark is, column by column."""
-        return dict(self._report.marks or {})
-
-    def frame(self) -> polars.DataFrame:
-        """The segments as a data frame (polars; `.to_pandas()` for pandas). Raises ImportError without polars."""
-        import polars
-
-        return polars.DataFrame(self.segments(), nan_to_null=True)
-
-    def ticks(self) -> Iterator[Columns]:
-        """The run tick by tick, in pieces, as gusjob trace --format csv has it."""
-        from gusjob.columns import Words
-        from gusjob.report.rows import own_lines
-        from gusjob.simulate.outputs.samples import samples
-
-        lines, _ = own_lines(self._trace.line, self._loaded.files)
-        for piece in samples(self._trace, self._loaded.machine, lines):
-            yield {n: np.array(c.words)[c.codes] if isinstance(c, Words) else c for n, c in piece.items()}
-
-    def plot(self, by: Literal["power", "energy", "velocity", "order"] = "power", channel: int | None = None) -> Figure:
-        """The path as a matplotlib figure, as gusjob plot draws it. Raises ImportError without matplotlib."""
-        from gusjob.view.plot.picture import Colour, figure_of
-
-        if by not in list(Colour):
-            raise ValueError(f"{by!r} is none of {', '.join(Colour)}")
-        return figure_of(self._trace, self._loaded.machine, by=Colour(by), channel=channel)
+def _html_table(caption: str, head: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+    cells = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<table><caption>{escape(caption)}</caption><tr>{cells}</tr>{body}</table>"

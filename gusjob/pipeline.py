@@ -1,218 +1,351 @@
-"""A file with its machine profile: read, judged, compiled, run. What commands, editors and programs share."""
+"""From a file to what is known of it: Parsed -> Checked -> Compiled -> Simulated.
+
+Each phase takes the result of the one before and returns a new one with more in it; nothing is changed in place. Where
+diagnostics forbid the next phase, the same result comes back with these diagnostics added. The commands, the editor
+server and the Python interface all take this way.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gusjob.config.machine import Budget, Machine, Scanner
 from gusjob.config.profile import find_profile, read_machine
+from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
 from gusjob.diagnostics.select import SelectionLayer
-from gusjob.diagnostics.suppress import Suppressions
+from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
 from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
 from gusjob.frontend.files import may_be_a_part
 from gusjob.frontend.source import shown_name
-from gusjob.hardware import JOURNAL_START
 from gusjob.ir.job import Job
-from gusjob.lint import check as check_job
+from gusjob.lint import check as lint_job
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
     from gusjob.controllers.gus.calls import Stream
     from gusjob.simulate import Trace
 
+_Sources = Mapping[str, Source]
+_P = TypeVar("_P", bound="Parsed")
 
-@dataclass(slots=True, kw_only=True)
-class Loaded:
-    """A file that was read and judged. `unreadable`: it (or its profile) could not be read at all."""
+
+class Origin(Enum):
+    """What kind of file the calls or statements come from."""
+
+    JOB = "job"
+    LISTING = "listing"
+    JOURNAL = "journal"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileResult:
+    """What is known of one file: its machine and its diagnostics, by position.
+
+    `profile`: the machine profile that was read, None for the defaults. `sources`: the texts that spans point into, by
+    name.
+    """
 
     path: Path
     machine: Machine = field(default_factory=Machine)
-    source: Source | None = None
-    job: Job | None = None
-    stream: Stream | None = None
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-    unreadable: bool = False
     profile: Path | None = None
-    journal: bool = False
-    """It is the journal of a run."""
-    sources: dict[str, Source] = field(default_factory=dict)
-    allowances: Suppressions = field(default_factory=Suppressions)
+    diagnostics: tuple[Diagnostic, ...] = ()
+    sources: _Sources = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def is_unreadable(self) -> bool:
+        """Whether the file or its profile could not be read at all (exit status 2)."""
+        return False
+
+    @property
+    def files(self) -> tuple[tuple[str, int], ...]:
+        """Name and number of lines of each file that a job consists of, if there are several."""
+        return ()
 
     @property
     def inputs(self) -> list[Path]:
         """Every file that was read."""
         return [self.path, *(Path(name) for name, _ in self.files), *([self.profile] if self.profile else [])]
 
-    @property
-    def foreign(self) -> bool:
-        """Whether the calls come from a listing."""
-        return self.stream is not None and self.job is None
-
-    @property
-    def files(self) -> tuple[tuple[str, int], ...]:
-        """The files that a job is made of, if they are more than one."""
-        return self.job.files if self.job is not None else ()
-
-    def add(self, diagnostics: list[Diagnostic]) -> None:
-        """More diagnostics: with the severities of the profile, and without those that a comment allows."""
-        left = self.allowances.without_allowed(self.machine.selection.weighed(diagnostics))
-        # Where the listed ones are allowed, those that are not listed must not go unseen.
-        seen = [f.at_least(self._hidden(f)) if f.rule is rules.MORE else f for f in left]
-        self.diagnostics = in_order([*self.diagnostics, *seen])
-
-    def _hidden(self, more: Diagnostic) -> Severity:
-        """How heavy diagnostics are that are counted, and may be others than those that are allowed."""
-        rule = rules.RULES.get(str(more.fields["code"]))
-        return rule.severity if rule and rule.code in self.allowances.allowed() else Severity.NOTE
-
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""
-        if span.path and self.job is not None:
-            return self.job.text_of(span)
         source = self.sources.get(path)
         return source.line(span.line) if source is not None else ""
 
 
-def load(path: Path, machine_path: Path | None, *, scanner: Scanner | None = None, data: bytes | None = None) -> Loaded:
-    """Read a job or listing with its machine profile; a job is checked, a listing is read.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rejected(FileResult):
+    """A file that was not parsed: it, or its profile, can't be read, or the profile has errors."""
 
-    `scanner`: in place of the profile's. `data`: in place of the file's content, for a text that is not on the disk.
+    unreadable: bool = False
+
+    @property
+    def is_unreadable(self) -> bool:
+        """Whether the file or its profile could not be read at all (exit status 2)."""
+        return self.unreadable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parsed(FileResult):
+    """A file that was read: a job's statements, or the calls of a listing or journal."""
+
+    source: Source
+    content: Job | Stream
+    origin: Origin
+    suppressions: Suppressions = NO_SUPPRESSIONS
+
+    @property
+    def job(self) -> Job | None:
+        """The job, None for a listing or journal."""
+        return self.content if isinstance(self.content, Job) else None
+
+    @property
+    def is_listing(self) -> bool:
+        """Whether the calls come from a listing or journal, not from our planner."""
+        return self.origin is not Origin.JOB
+
+    @property
+    def files(self) -> tuple[tuple[str, int], ...]:
+        """Name and number of lines of each file that a job consists of, if there are several."""
+        return self.content.files if isinstance(self.content, Job) else ()
+
+    def text_of(self, span: Span, path: str) -> str:
+        """The source line of a span in this file, in its profile, or in a file that it includes."""
+        if span.path and isinstance(self.content, Job):
+            return self.content.text_of(span)
+        return FileResult.text_of(self, span, path)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checked(Parsed):
+    """A parsed file after the lint rules of a job."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiled(Checked):
+    """A checked file without errors, and its calls."""
+
+    stream: Stream
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulated(Compiled):
+    """A compiled file and the trace of its run."""
+
+    trace: Trace
+
+
+def load(
+    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None, data: bytes | None = None
+) -> Checked | Rejected:
+    """Parse and check a file. Arguments as for `parse`."""
+    parsed = parse(path, profile_path, scanner=scanner, data=data)
+    return check(parsed) if isinstance(parsed, Parsed) else parsed
+
+
+def examine_file(path: Path, profile_path: Path | None = None) -> Checked | Rejected:
+    """Everything that `gusjob check` reports of a file."""
+    loaded = load(path, profile_path)
+    return examine(loaded) if isinstance(loaded, Checked) else loaded
+
+
+def compile_file(path: Path, profile_path: Path | None = None) -> Compiled | Checked | Rejected:
+    """Load a file and compile it if there are no errors."""
+    loaded = load(path, profile_path)
+    return compile_calls(loaded) if isinstance(loaded, Checked) else loaded
+
+
+def simulate_file(
+    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None
+) -> Simulated | Checked | Rejected:
+    """Load a file and simulate it if there are no errors. `scanner`: in place of the profile's."""
+    loaded = load(path, profile_path, scanner=scanner)
+    return simulate(loaded) if isinstance(loaded, Checked) else loaded
+
+
+def parse(
+    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None, data: bytes | None = None
+) -> Parsed | Rejected:
+    """Read a job, listing or journal with its machine profile.
+
+    Args:
+        path: The file.
+        profile_path: The machine profile; None for gusjob.toml beside the file or above it.
+        scanner: In place of the profile's.
+        data: In place of the file's content, for a text that is not on the disk.
     """
-    loaded = Loaded(path=path)
-    source, diagnostics = read_source(path) if data is None else check_text(data, shown_name(path), path)
+    source, found = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
-        loaded.diagnostics, loaded.unreadable = diagnostics, True
-        return loaded
-    loaded.journal = source.data.startswith(JOURNAL_START)
-    loaded.source, loaded.sources[source.name] = source, source
-    profile = loaded.profile = machine_path or find_profile(path)
+        return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
+    sources = {source.name: source}
+    profile = profile_path or find_profile(path)
+    machine = Machine()
     if profile is not None:
-        loaded.machine, loaded.diagnostics = read_machine(profile)
-        if loaded.diagnostics:
+        machine, found = read_machine(profile)
+        if found:
             text, _ = read_source(profile)
-            loaded.unreadable = text is None
             if text is not None:
-                loaded.sources[text.name] = text
-            return loaded
+                sources[text.name] = text
+            return Rejected(
+                path=path, machine=machine, profile=profile, diagnostics=tuple(found),
+                sources=MappingProxyType(sources), unreadable=text is None,
+            )  # fmt: skip
     if scanner is not None:
-        loaded.machine = replace(loaded.machine, scanner=scanner)
-    if loaded.journal:
+        machine = replace(machine, scanner=scanner)
+    return parse_source(source, path=path, machine=machine, profile=profile)
+
+
+def parse_source(source: Source, *, path: Path, machine: Machine, profile: Path | None = None) -> Parsed | Rejected:
+    """Read a text for a machine."""
+    sources = MappingProxyType({source.name: source})
+    common: dict[str, Any] = {"path": path, "machine": machine, "profile": profile, "sources": sources}
+    if source.data.startswith(JOURNAL_START):
         from gusjob.hardware.sent import sent_calls
 
-        loaded.stream, loaded.diagnostics = sent_calls(source)
-        loaded.unreadable = loaded.stream is None
-        return loaded
-    judge(loaded, source)
-    return loaded
-
-
-def judge(loaded: Loaded, source: Source) -> None:
-    """Read a job or listing for the loaded machine; a job is checked, too."""
-    loaded.allowances.add(source.name, source.data, top=True)
+        stream, found = sent_calls(source)
+        if stream is None:
+            return Rejected(**common, diagnostics=tuple(found), unreadable=True)
+        return Parsed(**common, source=source, content=stream, origin=Origin.JOURNAL, diagnostics=tuple(found))
+    suppressions = NO_SUPPRESSIONS.added(source.name, source.data, top=True)
     if is_listing(source):
-        loaded.stream, diagnostics = read_listing(source)
-        loaded.add(diagnostics)
-        return
-    loaded.job, diagnostics = read_job(source, loaded.machine)
-    for name, data in loaded.job.included:
-        loaded.allowances.add(name, data, top=False)
-    # After a line that can't be read the state of what follows is unknown, but most of it can still be judged.
-    loaded.add([*diagnostics, *check_job(loaded.job, loaded.machine)])
+        calls, found = read_listing(source)
+        parsed = Parsed(**common, source=source, content=calls, origin=Origin.LISTING, suppressions=suppressions)
+        return _with_diagnostics(parsed, found)
+    job, found = read_job(source, machine)
+    for name, text in job.included:
+        suppressions = suppressions.added(name, text, top=False)
+    parsed = Parsed(**common, source=source, content=job, origin=Origin.JOB, suppressions=suppressions)
+    return _with_diagnostics(parsed, found)
 
 
-def look_closer(loaded: Loaded) -> None:
-    """Add what reading and checking alone do not see: of a listing what the controller would say, of a job what only
-    the planner can tell, and what is above the budget."""
-    if loaded.machine.budget != Budget():
-        interpreted(loaded)
-    elif loaded.stream is not None:
-        from gusjob.simulate import find_diagnostics
+def check(parsed: Parsed) -> Checked:
+    """Apply the lint rules to a job; a listing has none before it is simulated.
 
-        simulation_diagnostics(loaded, find_diagnostics(loaded.stream, loaded.machine))
-    elif loaded.job is not None and (loaded.job.has_forced_ends or loaded.job.sky_writes):
-        compiled(loaded)
-    loaded.add(_idle_allowances(loaded))
+    After a line that can't be read the state of what follows is unknown, but most of it can still be checked.
+    """
+    checked = _next(Checked, parsed)
+    job = parsed.job
+    return checked if job is None else _with_diagnostics(checked, lint_job(job, parsed.machine))
 
 
-def _idle_allowances(loaded: Loaded) -> list[Diagnostic]:
-    """Comments that allow what can't be allowed or is not there. After an error not all has been looked for."""
-    if loaded.source is None or loaded.journal:
-        return []
-    clean = not has_errors(loaded.diagnostics)
-    not_listed = {str(diagnostic.fields["code"]) for diagnostic in loaded.diagnostics if diagnostic.rule is rules.MORE}
-    ran = loaded.foreign or loaded.machine.budget != Budget()
-    # What hangs on an entry of the profile may be right on another machine.
-    asks = {"GJ515": loaded.machine.host_calls_per_s is not None, "GJ813": loaded.machine.scanner is not None}
-
-    def judged(code: str) -> bool:
-        return clean and code not in not_listed and asks.get(code, ran or not code.startswith("GJ7"))
-
-    found = loaded.allowances.diagnostics(loaded.source.name, judged)
-    idle = any(diagnostic.rule is rules.ALLOWS_NOTHING for diagnostic in found)
-    if idle and may_be_a_part(loaded.path):  # What it allows may come about where it is included.
-        return [diagnostic for diagnostic in found if diagnostic.rule is not rules.ALLOWS_NOTHING]
-    return found
-
-
-def selected(loaded: Loaded, asked: SelectionLayer) -> list[Diagnostic]:
-    """The diagnostics that count by the profile's [check] and by what is asked for; what makes a file unreadable
-    does."""
-    if loaded.unreadable or (loaded.source is not None and loaded.job is None and loaded.stream is None):
-        return loaded.diagnostics
-    return [diagnostic for diagnostic in loaded.diagnostics if loaded.machine.selection.wants(diagnostic, asked)]
-
-
-def in_order(diagnostics: list[Diagnostic]) -> list[Diagnostic]:
-    """By place: the file's own first, then those of the files that it includes."""
-    return sorted(diagnostics, key=lambda f: (f.span.path, f.span.line, f.span.column))
-
-
-def compiled(loaded: Loaded) -> Stream | None:
-    """The calls of a loaded file; None if an error forbids it. Diagnostics that only the planner sees are added."""
-    if loaded.stream is not None or loaded.job is None or has_errors(loaded.diagnostics):
-        return None if has_errors(loaded.diagnostics) else loaded.stream
+def compile_calls(checked: Checked) -> Compiled | Checked:
+    """Plan a job and lower it to calls; the same result, with the planner's diagnostics, if there are errors."""
+    if isinstance(checked, Compiled) or has_errors(checked.diagnostics):
+        return checked
+    if not isinstance(checked.content, Job):
+        return _next(Compiled, checked, stream=checked.content)
     from gusjob.planner import compile_job
 
-    stream, diagnostics = compile_job(loaded.job, loaded.machine)
-    loaded.add(diagnostics)
-    loaded.stream = None if has_errors(loaded.diagnostics) else stream
-    return loaded.stream
+    stream, found = compile_job(checked.content, checked.machine)
+    planned = _with_diagnostics(checked, found)
+    return planned if has_errors(planned.diagnostics) else _next(Compiled, planned, stream=stream)
 
 
-def interpreted(loaded: Loaded) -> Trace | None:
-    """The run of a loaded file; None if an error forbids it. What the run finds is added to its diagnostics."""
-    stream = compiled(loaded)
-    if stream is None:
-        return None
+def simulate(checked: Checked) -> Simulated | Checked:
+    """Compile and simulate a file; the same result, with what was found, if it can't be simulated."""
+    compiled = compile_calls(checked)
+    if not isinstance(compiled, Compiled) or isinstance(compiled, Simulated):
+        return compiled
     from gusjob.simulate import interpret
 
-    trace, diagnostics = interpret(stream, loaded.machine, foreign=loaded.foreign)
-    simulation_diagnostics(loaded, [*diagnostics, *budget_diagnostics(loaded, trace)])
-    return trace
+    trace, found = interpret(compiled.stream, compiled.machine, foreign=compiled.is_listing)
+    if trace is None:
+        return with_simulation(compiled, found)
+    if compiled.machine.budget != Budget():
+        from gusjob.simulate.quality.budget import over_budget
+
+        found = [*found, *over_budget(trace, compiled.machine)]
+    return _next(Simulated, with_simulation(compiled, found), trace=trace)
 
 
-def budget_diagnostics(loaded: Loaded, trace: Trace | None) -> list[Diagnostic]:
-    """What of a run is above the profile's budget."""
-    if trace is None or loaded.machine.budget == Budget():
+def examine(checked: Checked) -> Checked:
+    """Find everything that `gusjob check` reports.
+
+    Beyond reading and lint: what the controller would return for a listing's calls, what only planning a job can tell,
+    what exceeds the profile's budget, and comments that suppress nothing.
+    """
+    if checked.machine.budget != Budget():
+        checked = simulate(checked)
+    elif not isinstance(checked.content, Job):
+        from gusjob.simulate import find_diagnostics
+
+        checked = with_simulation(checked, find_diagnostics(checked.content, checked.machine))
+    elif checked.content.has_forced_ends or checked.content.sky_writes:
+        checked = compile_calls(checked)
+    return _with_diagnostics(checked, _idle_suppressions(checked))
+
+
+def selected(result: FileResult, chosen: SelectionLayer) -> FileResult:
+    """The result with the diagnostics that count by the profile's [check] and by a choice of rules.
+
+    What keeps a file from being parsed always counts.
+    """
+    if isinstance(result, Rejected):
+        return result
+    selection = result.machine.selection
+    return replace(result, diagnostics=tuple(f for f in result.diagnostics if selection.wants(f, chosen)))
+
+
+def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Sort by position: the file's own first, then those of the files that it includes."""
+    return tuple(sorted(diagnostics, key=lambda f: (f.span.path, f.span.line, f.span.column)))
+
+
+def _next(phase: type[_P], result: Parsed, **more: Any) -> _P:
+    """A result of a later phase: all of an earlier one, and what is new."""
+    known = {f.name: getattr(result, f.name) for f in fields(Parsed)}
+    if isinstance(result, Compiled):
+        known["stream"] = result.stream
+    return phase(**known, **more)
+
+
+def _with_diagnostics(result: _P, found: Iterable[Diagnostic]) -> _P:
+    """Add diagnostics: with the profile's severities, and without those that a comment suppresses."""
+    left, suppressions = result.suppressions.applied(result.machine.selection.weighed(list(found)))
+    # Where the listed ones are suppressed, those that are only counted must not go unseen.
+    seen = [f.at_least(_hidden_severity(f, suppressions)) if f.rule is rules.MORE else f for f in left]
+    return replace(result, diagnostics=in_order([*result.diagnostics, *seen]), suppressions=suppressions)
+
+
+def _hidden_severity(more: Diagnostic, suppressions: Suppressions) -> Severity:
+    """The severity of diagnostics that are only counted, and may be others than those that are suppressed."""
+    rule = rules.RULES.get(str(more.fields["code"]))
+    return rule.severity if rule and rule.code in suppressions.used_codes() else Severity.NOTE
+
+
+def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
+    """Add what the simulation found, at its spans in the source."""
+    if checked.origin is Origin.JOURNAL:  # Their lines are the job's; what ends within a segment was stopped there.
+        return _with_diagnostics(checked, [f for f in found if f.rule is not rules.STOPS_HARD])
+    job = checked.job
+    if job is None:
+        return _with_diagnostics(checked, locate_calls(list(found), checked.source))
+    # What is reported of a line already is not reported again of the line's calls.
+    known = {(f.rule.code, f.file, f.span.line) for f in checked.diagnostics}
+    placed = [replace(f, span=job.locate(f.span.line, "")) for f in found]
+    return _with_diagnostics(checked, [f for f in placed if (f.rule.code, f.file, f.span.line) not in known])
+
+
+def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
+    """Comments that suppress what can't be suppressed or is not there. After an error not all has been looked for."""
+    if checked.origin is Origin.JOURNAL:
         return []
-    from gusjob.simulate.quality.budget import over_budget
+    clean = not has_errors(checked.diagnostics)
+    not_listed = {str(f.fields["code"]) for f in checked.diagnostics if f.rule is rules.MORE}
+    was_run = checked.is_listing or checked.machine.budget != Budget()
+    # What depends on an entry of the profile may be right on another machine.
+    needs = {"GJ515": checked.machine.host_calls_per_s is not None, "GJ813": checked.machine.scanner is not None}
 
-    return over_budget(trace, loaded.machine)
+    def was_looked_for(code: str) -> bool:
+        return clean and code not in not_listed and needs.get(code, was_run or not code.startswith("GJ7"))
 
-
-def simulation_diagnostics(loaded: Loaded, diagnostics: list[Diagnostic]) -> None:
-    """Add what the interpreter found, with spans."""
-    if loaded.source is not None:
-        if loaded.journal:  # Their lines are the job's; what ends within a segment was stopped there.
-            found = [f for f in diagnostics if f.rule is not rules.STOPS_HARD]
-        elif loaded.job is None:
-            found = locate_calls(diagnostics, loaded.source)
-        else:
-            # What the check has said of a line already is not said again of the line's calls.
-            found = [replace(f, span=loaded.job.locate(f.span.line, "")) for f in diagnostics]
-            said = {(f.rule.code, f.file, f.span.line) for f in loaded.diagnostics}
-            found = [f for f in found if (f.rule.code, f.file, f.span.line) not in said]
-        loaded.add(found)
+    found = checked.suppressions.diagnostics(checked.source.name, was_looked_for)
+    idle = any(f.rule is rules.ALLOWS_NOTHING for f in found)
+    if idle and may_be_a_part(checked.path):  # What it suppresses may occur where the file is included.
+        return [f for f in found if f.rule is not rules.ALLOWS_NOTHING]
+    return found

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
 
-from gusjob.cli.common import Verdict, files_of, machine_option, output_option, show, write
+from gusjob.cli.common import ExitStatus, files_of, machine_option, output_option, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.cli.mending import Mending
@@ -20,7 +21,7 @@ from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
-from gusjob.pipeline import Loaded, load, look_closer, selected
+from gusjob.pipeline import FileResult, examine_file, selected
 
 _CHECKED = (".job", ".gts")
 """Endings of the files in a folder that are checked."""
@@ -69,51 +70,50 @@ def command(
     """
     _refuse(form, output, statistics=statistics, diffs=diffs)
     asked = SelectionLayer(select=select, ignore=ignore)
-    sums = _Sums(asked=asked, verdict=Verdict(strict=strict))
+    sums = _Sums(status=ExitStatus(strict=strict))
     gathered = gathering(form, strict=strict, by_rule=sums.by_rule if statistics else None)
     mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
         _keep(output, files)
     for path in files:
-        loaded = judged(path, machine_path)
-        loaded = loaded if mending is None else mending.mended(loaded)
-        sums.add(loaded)
+        examined: FileResult = examine_file(path, machine_path)
+        examined = examined if mending is None else mending.mended(examined)
+        chosen = selected(examined, asked)
+        sums.add(examined, chosen)
         if gathered is not None:
-            gathered.add(loaded)
+            gathered.add(chosen)
         elif not statistics:
-            show(loaded, err=diffs)
+            show(chosen, err=diffs)
     if gathered is not None:
         write([gathered.written()], output, sources=sums.read)
     elif statistics:
         _print_statistics(sums.by_rule)
     if gathered is None or output is not None or mending is not None:
         click.echo(sums.told + (mending.told if mending else ""), err=True)
-    sys.exit(max(sums.verdict.exit_code, mending.exit_code if mending else 0))
+    sys.exit(max(sums.status.code, mending.exit_code if mending else 0))
 
 
 @dataclass(slots=True, kw_only=True)
 class _Sums:
     """What all files come to. `left_out`: what is not selected, by severity; `read`: every file that was."""
 
-    asked: SelectionLayer
-    verdict: Verdict
+    status: ExitStatus
     files: int = 0
     counts: Counter[Severity] = field(default_factory=Counter)
     left_out: Counter[Severity] = field(default_factory=Counter)
     by_rule: Counter[str] = field(default_factory=Counter)
     read: list[Path] = field(default_factory=list)
 
-    def add(self, loaded: Loaded) -> None:
-        """One more file; only the diagnostics that are selected stay."""
-        every, loaded.diagnostics = loaded.diagnostics, selected(loaded, self.asked)
-        chosen = Counter(diagnostic.severity for diagnostic in loaded.diagnostics)
+    def add(self, examined: FileResult, chosen: FileResult) -> None:
+        """Add a file with all its diagnostics, and with those that are selected."""
+        counts = Counter(diagnostic.severity for diagnostic in chosen.diagnostics)
         self.files += 1
-        self.counts += chosen
-        self.left_out += Counter(diagnostic.severity for diagnostic in every) - chosen
-        self.by_rule += _counted(loaded.diagnostics)
-        self.verdict.add(loaded)
-        self.read += loaded.inputs
+        self.counts += counts
+        self.left_out += Counter(diagnostic.severity for diagnostic in examined.diagnostics) - counts
+        self.by_rule += _counted(chosen.diagnostics)
+        self.status.add(chosen)
+        self.read += examined.inputs
 
     @property
     def told(self) -> str:
@@ -152,7 +152,7 @@ def _keep(output: Path, files: list[Path]) -> None:
             raise click.UsageError(localized(wrong))
 
 
-def _counted(diagnostics: list[Diagnostic]) -> Counter[str]:
+def _counted(diagnostics: Iterable[Diagnostic]) -> Counter[str]:
     """Diagnostics of each rule, those that are not listed or come in many rounds included."""
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:
@@ -168,10 +168,3 @@ def _counted(diagnostics: list[Diagnostic]) -> Counter[str]:
 def _print_statistics(counts: Counter[str]) -> None:
     for code, times in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
         click.echo(f"{times:>9}  {code}  {padded(RULES[code].severity.localized, 7)}  {translated(RULES[code].title)}")
-
-
-def judged(path: Path, machine_path: Path | None) -> Loaded:
-    """A file with all its diagnostics."""
-    loaded = load(path, machine_path)
-    look_closer(loaded)
-    return loaded

@@ -16,7 +16,7 @@ import click
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.i18n.phrases import Phrase, localized, plural, printable, reason_of
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import FileResult
 
 machine_option = click.option(
     "--machine",
@@ -50,35 +50,35 @@ output_option = click.option(
 
 
 @dataclass(slots=True, kw_only=True)
-class Verdict:
-    """What files come to together: 0 clean, 1 an error (or a warning with strict), 2 something could not be read."""
+class ExitStatus:
+    """Exit status of several files: 0 clean, 1 an error (or a warning with `strict`), 2 a file that can't be read."""
 
     strict: bool = False
-    exit_code: int = 0
+    code: int = 0
 
-    def add(self, loaded: Loaded) -> None:
-        """One more file."""
-        failed = has_errors(loaded.diagnostics)
-        failed |= self.strict and any(f.severity is Severity.WARNING for f in loaded.diagnostics)
-        self.exit_code = max(self.exit_code, 2 if loaded.unreadable else int(failed))
-
-
-def exit_code(loaded: Loaded) -> int:
-    """0 clean, 1 an error, 2 it could not be read."""
-    verdict = Verdict()
-    verdict.add(loaded)
-    return verdict.exit_code
+    def add(self, result: FileResult) -> None:
+        """Add a file."""
+        failed = has_errors(result.diagnostics)
+        failed |= self.strict and any(f.severity is Severity.WARNING for f in result.diagnostics)
+        self.code = max(self.code, 2 if result.is_unreadable else int(failed))
 
 
-def show(loaded: Loaded, *, err: bool = True, notes: bool = True) -> None:
+def exit_code(result: FileResult) -> int:
+    """Exit status of one file: 0 clean, 1 an error, 2 it can't be read."""
+    status = ExitStatus()
+    status.add(result)
+    return status.code
+
+
+def show(result: FileResult, *, err: bool = True, notes: bool = True) -> None:
     """Print diagnostics with their source lines."""
     from gusjob.cli.text import diagnostic_text
 
     stream = sys.stderr if err else sys.stdout
     color = stream is not None and stream.isatty()  # A closed stream is None.
-    for diagnostic in loaded.diagnostics:
+    for diagnostic in result.diagnostics:
         if notes or diagnostic.severity is not Severity.NOTE:
-            click.echo(diagnostic_text(diagnostic, loaded.text_of, color=color), err=err, color=color)
+            click.echo(diagnostic_text(diagnostic, result.text_of, color=color), err=err, color=color)
 
 
 def write(

@@ -9,7 +9,7 @@ import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, output_option, show, write
 from gusjob.cli.language import Command
-from gusjob.pipeline import compiled, load
+from gusjob.pipeline import Compiled, compile_file
 
 
 @click.command(name="compile", cls=Command)
@@ -24,15 +24,14 @@ def command(path: Path, machine_path: Path | None, form: str, output: Path | Non
     """
     from gusjob.controllers.gus.listing import listing, listing_json
 
-    loaded = load(path, machine_path)
-    stream = compiled(loaded)
-    show(loaded, notes=False)
-    if stream is not None:
+    result = compile_file(path, machine_path)
+    show(result, notes=False)
+    if isinstance(result, Compiled):
         if form == "json":
-            write(listing_json(stream), output, sources=loaded.inputs)
+            write(listing_json(result.stream), output, sources=result.inputs)
         else:
             text_of = listing
             if form == "c":
                 from gusjob.controllers.gus.c_program import c_program as text_of
-            write((text.encode() for text in text_of(stream)), output, sources=loaded.inputs)
-    sys.exit(exit_code(loaded))
+            write((text.encode() for text in text_of(result.stream)), output, sources=result.inputs)
+    sys.exit(exit_code(result))

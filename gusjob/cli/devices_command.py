@@ -17,7 +17,7 @@ from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_machine
 from gusjob.frontend import read_source
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import FileResult, Rejected
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.
     from gusjob.hardware.devices import Survey, UsbDevice, UsbProblem, VendorLibrary
@@ -50,17 +50,20 @@ def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) ->
     sys.exit(exit_code(profile))
 
 
-def _profile(machine_path: Path | None) -> Loaded:
+def _profile(machine_path: Path | None) -> FileResult:
     """The profile that a job in this folder would have. Its diagnostics don't keep us from looking around."""
     path = machine_path or find_profile(Path.cwd() / "x.job")
-    loaded = Loaded(path=path or Path())
-    if path is not None:
-        loaded.machine, loaded.diagnostics = read_machine(path)
-        if loaded.diagnostics:
-            source, _ = read_source(path)
-            loaded.unreadable = source is None
-            loaded.sources = {source.name: source} if source is not None else {}
-    return loaded
+    if path is None:
+        return FileResult(path=Path())
+    machine, found = read_machine(path)
+    source, _ = read_source(path)
+    return Rejected(
+        path=path,
+        machine=machine,
+        diagnostics=tuple(found),
+        sources={source.name: source} if source is not None else {},
+        unreadable=bool(found) and source is None,
+    )
 
 
 # As text.

@@ -15,7 +15,7 @@ from gusjob.cli.language import Command
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend import Source, check_text, is_listing, read_source
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import FileResult
 
 _STANDARD_INPUT = Path("-")
 _FORMATTED = (".job",)
@@ -65,7 +65,7 @@ class _Run:
         """One more file."""
         bom, source, diagnostics = _read(path)
         if source is None:
-            show(Loaded(path=path, diagnostics=diagnostics))
+            show(FileResult(path=path, diagnostics=tuple(diagnostics)))
             self.fail(2)
         elif is_listing(source):
             click.echo(printable(localized(Phrase("{path}: a listing is left alone", path=source.name))), err=True)
@@ -81,7 +81,7 @@ class _Run:
 
         data, diagnostics = laid_out(source)
         if data is None:
-            show(Loaded(path=path, source=source, diagnostics=diagnostics, sources={source.name: source}))
+            show(FileResult(path=path, diagnostics=tuple(diagnostics), sources={source.name: source}))
             self.fail(1)
             return
         changed = data != source.data

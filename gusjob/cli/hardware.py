@@ -33,8 +33,8 @@ from gusjob.diagnostics.model import Diagnostic, Span, has_errors
 from gusjob.hardware.forecast import ChannelForecast, Forecast, forecast
 from gusjob.hardware.runner import Outcome, Runner, signals
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
-from gusjob.pipeline import Loaded, simulation_diagnostics
-from gusjob.simulate import Trace, interpret
+from gusjob.pipeline import Compiled, FileResult, Simulated, with_simulation
+from gusjob.simulate import interpret
 from gusjob.version import __version__
 
 
@@ -58,7 +58,7 @@ class Wishes:
 class Prepared:
     """All that a run needs before the controller is opened."""
 
-    loaded: Loaded
+    loaded: Compiled
     machine: Machine
     stream: Stream
     forecast: Forecast
@@ -66,11 +66,11 @@ class Prepared:
     wishes: Wishes
 
 
-def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> int:
+def run_on_controller(loaded: Simulated, wishes: Wishes) -> int:
     """Show what is going to happen, ask, run; the exit code."""
-    prepared = _prepared(loaded, stream, trace, wishes)
-    if prepared is None:
-        show(loaded)
+    prepared = _prepared(loaded, wishes)
+    if not isinstance(prepared, Prepared):
+        show(prepared)
         return 1
     begin = _begin(prepared)
     if not wishes.yes and not _answers():
@@ -97,8 +97,10 @@ def run_on_controller(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wish
         journal.close()
 
 
-def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> Prepared | None:
-    """The stream to run, its forecast and the library; None with faults in `loaded`."""
+def _prepared(loaded: Simulated, wishes: Wishes) -> Prepared | FileResult:
+    """The stream to run, its forecast and the library; where there are faults, these."""
+    stream, trace = loaded.stream, loaded.trace
+    loaded = replace(loaded, diagnostics=())  # They were shown; what is shown later is about the run.
     machine, controller = loaded.machine, loaded.machine.controller
     library_path = _named_here(wishes.library) or controller.library
     abi = Abi(wishes.abi) if wishes.abi else controller.abi
@@ -115,17 +117,16 @@ def _prepared(loaded: Loaded, stream: Stream, trace: Trace, wishes: Wishes) -> P
             stop(localized(Phrase("nothing moves in this job")))
         stream = dark
         run, faults = interpret(stream, machine)
-        simulation_diagnostics(loaded, faults)
+        loaded = with_simulation(loaded, faults)
         if run is None or has_errors(faults):
-            return None
+            return loaded
         trace = run
     if faults := one_queue(stream):
-        loaded.diagnostics += _of_job(loaded, faults)
-        return None
+        return replace(loaded, diagnostics=(*loaded.diagnostics, *_of_job(loaded, faults)))
     library, faults = load_library(library_path, abi, controller.card, needed_calls(stream, machine))
-    loaded.diagnostics += _of_job(loaded, faults)
+    loaded = replace(loaded, diagnostics=(*loaded.diagnostics, *_of_job(loaded, faults)))
     if library is None:
-        return None
+        return loaded
     expected = forecast(stream, trace, machine)
     return Prepared(loaded=loaded, machine=machine, stream=stream, forecast=expected, library=library, wishes=wishes)
 
@@ -160,7 +161,7 @@ def _begin(prepared: Prepared) -> Place | None:
     return recorded_place(wishes.resume)
 
 
-def row_of_line(stream: Stream, loaded: Loaded, place: str) -> int:
+def row_of_line(stream: Stream, loaded: Compiled, place: str) -> int:
     """The first row of a line, or of the first line behind it that has one; stops if there is none.
 
     `place`: N in the job's own file, FILE:N in one that it includes, as messages name them.
@@ -277,16 +278,16 @@ def _watched(session: Session, prepared: Prepared, part: Callable[[Session], Par
         return Runner(session, watcher.tick).run(part)
 
 
-def _place_text(loaded: Loaded, line: int) -> str:
+def _place_text(loaded: Compiled, line: int) -> str:
     span = _located(loaded, line)
     return printable(f"{span.path or loaded.path.name}:{span.line}")
 
 
-def _located(loaded: Loaded, line: int) -> Span:
+def _located(loaded: Compiled, line: int) -> Span:
     return loaded.job.locate(line, "") if loaded.job is not None else Span(line=line)
 
 
-def _of_job(loaded: Loaded, faults: list[Diagnostic]) -> list[Diagnostic]:
+def _of_job(loaded: Compiled, faults: list[Diagnostic]) -> list[Diagnostic]:
     """Faults of a run, which know the calls' lines, at their places in the job."""
     return [replace(fault, span=_located(loaded, fault.span.line), path=str(loaded.path)) for fault in faults]
 
@@ -350,8 +351,7 @@ def _tell(text: str) -> None:
 def _closing(prepared: Prepared, outcome: Outcome, journal: Journal, session: Session | None) -> int:
     """What became of it."""
     loaded = prepared.loaded
-    loaded.diagnostics = _of_job(loaded, outcome.faults)
-    show(loaded)
+    show(replace(loaded, diagnostics=tuple(_of_job(loaded, outcome.faults))))
     if outcome.faults:
         safe = not any(f.rule in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI) for f in outcome.faults)
         state = Phrase("the light is off and the motion stopped") if safe else Phrase("LOOK AT THE MACHINE")

@@ -10,7 +10,7 @@ import click
 from gusjob.cli.common import bom_of, rewrite, write
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.phrases import Phrase, localized, printable
-from gusjob.pipeline import Loaded, load
+from gusjob.pipeline import Checked, FileResult, load
 
 
 @dataclass(slots=True, kw_only=True)
@@ -23,9 +23,9 @@ class Mending:
     count: int = 0
     exit_code: int = 0
 
-    def mended(self, loaded: Loaded) -> Loaded:
+    def mended(self, loaded: FileResult) -> FileResult:
         """A file that was judged as it is now, or would be. Listings, journals and profiles stay as they are."""
-        if loaded.job is None or loaded.source is None:
+        if not isinstance(loaded, Checked) or loaded.job is None:
             return loaded
         from gusjob.diagnostics.fixes import mended  # Start-up time is part of the tool.
 

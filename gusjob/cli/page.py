@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import FileResult, Simulated
 from gusjob.report.files import diagnostic_object
 
 if TYPE_CHECKING:
     from gusjob.report.rows import Report
-    from gusjob.simulate import Trace
 
 
 def too_long(report: Report | None) -> str:
@@ -28,24 +27,24 @@ def too_long(report: Report | None) -> str:
     )
 
 
-def html_page(loaded: Loaded, trace: Trace | None, report: Report | None, *, watched: str = "") -> Iterator[bytes]:
+def html_page(result: FileResult, report: Report | None, *, watched: str = "") -> Iterator[bytes]:
     """The page in pieces; of a job that was not run, or is too long for a page, what is to be said of it."""
     from gusjob.view.page.content import page_of, page_without_run
     from gusjob.view.page.render import render
     from gusjob.view.strokes import strokes_of
 
-    diagnostics = [_with_source(loaded, diagnostic) for diagnostic in loaded.diagnostics]
+    diagnostics = [_with_source(result, diagnostic) for diagnostic in result.diagnostics]
     reason = too_long(report)
-    if trace is None or report is None or reason:
-        return render(page_without_run(loaded.path.name, diagnostics, watched, reason))
-    return render(page_of(report, strokes_of(trace, loaded.machine), loaded.machine, diagnostics, watched))
+    if not isinstance(result, Simulated) or report is None or reason:
+        return render(page_without_run(result.path.name, diagnostics, watched, reason))
+    return render(page_of(report, strokes_of(result.trace, result.machine), result.machine, diagnostics, watched))
 
 
-def _with_source(loaded: Loaded, diagnostic: Diagnostic) -> dict[str, Any]:
+def _with_source(result: FileResult, diagnostic: Diagnostic) -> dict[str, Any]:
     """A diagnostic as in the JSON, but said in the user's language, with the text of its line."""
     found = diagnostic_object(diagnostic) | {"message": diagnostic.localized}
-    found["source"] = loaded.text_of(diagnostic.span, diagnostic.path)
+    found["source"] = result.text_of(diagnostic.span, diagnostic.path)
     for note, remark in zip(found.get("notes", ()), diagnostic.remarks, strict=False):
         note["message"] = remark.localized
-        note["source"] = loaded.text_of(remark.span, diagnostic.path)
+        note["source"] = result.text_of(remark.span, diagnostic.path)
     return found

@@ -12,11 +12,10 @@ import click
 from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
-from gusjob.pipeline import Loaded, interpreted, load
+from gusjob.pipeline import Simulated, simulate_file
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
-    from gusjob.simulate import Trace
     from gusjob.view.plot.picture import View
 
 _FORMATS = ("png", "svg", "pdf")
@@ -126,22 +125,20 @@ def command(
     need("plot", "matplotlib", to=Phrase("draw a picture"))
     from gusjob.view.plot.picture import View
 
-    loaded = load(path, machine_path, scanner=scanner)
-    trace = interpreted(loaded)
-    if trace is not None:
+    result = simulate_file(path, machine_path, scanner=scanner)
+    if isinstance(result, Simulated):
         view = View(box_mm=zoom, field=field)
         write(
-            [_drawn(loaded, trace, form, by, channel, view, size_in, dpi, jumps=not no_jumps)],
+            [_drawn(result, form, by, channel, view, size_in, dpi, jumps=not no_jumps)],
             output,
-            sources=loaded.inputs,
+            sources=result.inputs,
         )
-    show(loaded, notes=trace is None)
-    sys.exit(exit_code(loaded))
+    show(result, notes=not isinstance(result, Simulated))
+    sys.exit(exit_code(result))
 
 
 def _drawn(
-    loaded: Loaded,
-    trace: Trace,
+    result: Simulated,
     form: str,
     by: str,
     channel: int | None,
@@ -155,8 +152,8 @@ def _drawn(
     from gusjob.view.plot.picture import Colour, figure_of, picture
 
     figure = figure_of(
-        trace,
-        loaded.machine,
+        result.trace,
+        result.machine,
         by=Colour(by),
         channel=channel,
         view=view,

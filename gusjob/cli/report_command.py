@@ -24,7 +24,7 @@ from gusjob.cli.common import (
 )
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
-from gusjob.pipeline import Loaded, interpreted, load
+from gusjob.pipeline import FileResult, Simulated, simulate_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from gusjob.report.compare import Comparison
     from gusjob.report.earlier import Earlier
     from gusjob.report.rows import Report
-    from gusjob.simulate import Trace
 
 _TOLERANCE_PCT = 1.0
 _ENDINGS = {".json": "json", ".csv": "csv", ".md": "markdown", ".html": "html", ".parquet": "parquet"}
@@ -115,24 +114,23 @@ def command(
     if tolerance_pct is not None and earlier_path is None:
         raise click.UsageError(localized(Phrase("--tolerance is for --against")))
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
-    loaded = load(path, machine_path, scanner=scanner)
-    trace = interpreted(loaded)
-    report = None if trace is None else _report(loaded, trace, marking)
+    result = simulate_file(path, machine_path, scanner=scanner)
+    report = _report(result, marking) if isinstance(result, Simulated) else None
     comparison = None
     if report is not None and earlier is not None:
         from gusjob.report.compare import compare
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
-    if report is not None or (form in _WITHOUT_RUN and not loaded.unreadable):
-        pieces = _written(loaded, trace, report, comparison, form=form, summary=summary)
-        write(pieces, output, sources=loaded.inputs, for_people=form == "table")
+    if report is not None or (form in _WITHOUT_RUN and not result.is_unreadable):
+        pieces = _written(result, report, comparison, form=form, summary=summary)
+        write(pieces, output, sources=result.inputs, for_people=form == "table")
     if form in _WITHOUT_COMPARISON and comparison is not None:
         from gusjob.report.compare import comparison_text
 
         click.echo(comparison_text(comparison), err=True, nl=False)
     if form not in ("json", "markdown") or report is None:
-        show(loaded, notes=report is None)
-    sys.exit(exit_code(loaded) or int(comparison is not None and not comparison.same))
+        show(result, notes=report is None)
+    sys.exit(exit_code(result) or int(comparison is not None and not comparison.same))
 
 
 def _refuse(form: str, *, marking: bool, summary: bool) -> None:
@@ -144,15 +142,14 @@ def _refuse(form: str, *, marking: bool, summary: bool) -> None:
         raise click.UsageError(localized(Phrase("--summary is for tables, JSON, CSV and markdown")))
 
 
-def _report(loaded: Loaded, trace: Trace, marking: bool | None) -> Report:
+def _report(result: Simulated, marking: bool | None) -> Report:
     from gusjob.report.rows import make_report
 
-    return make_report(trace, loaded.machine, loaded.files, marking=marking)
+    return make_report(result.trace, result.machine, result.files, marking=marking)
 
 
 def _written(
-    loaded: Loaded,
-    trace: Trace | None,
+    result: FileResult,
     report: Report | None,
     comparison: Comparison | None,
     *,
@@ -164,13 +161,13 @@ def _written(
         from gusjob.cli.page import html_page, too_long
 
         if reason := too_long(report):
-            stop(f"{loaded.path}: {localized(reason)}")
-        return html_page(loaded, trace, report)
+            stop(f"{result.path}: {localized(reason)}")
+        return html_page(result, report)
     if form == "markdown":
         from gusjob.report.markdown import report_markdown
 
         text = report_markdown(
-            report, loaded.diagnostics, name=str(loaded.path), summary=summary, comparison=comparison
+            report, result.diagnostics, name=str(result.path), summary=summary, comparison=comparison
         )
         return [text.encode()]
     assert report is not None
@@ -193,7 +190,7 @@ def _written(
         from gusjob.report.compare import against_json
 
         report = replace(report, notes={**report.notes, "against": against_json(comparison)})
-    return report_json(report, loaded.diagnostics, summary=summary)
+    return report_json(report, result.diagnostics, summary=summary)
 
 
 def _read_earlier(path: Path, output: Path | None) -> Earlier:

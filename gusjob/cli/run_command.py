@@ -15,12 +15,10 @@ from gusjob.cli.language import Command
 from gusjob.config.machine import Abi, Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, all_of, localized
-from gusjob.pipeline import Loaded, budget_diagnostics, compiled, load, simulation_diagnostics
+from gusjob.pipeline import Checked, Compiled, FileResult, Origin, Simulated, compile_calls, load, simulate
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.
     from gusjob.cli.hardware import Wishes
-    from gusjob.controllers.gus.calls import Stream
-    from gusjob.simulate import Trace
 
 _FILE = click.Path(path_type=Path)
 _NO_FILE = Phrase("Missing argument 'FILE'.")
@@ -97,49 +95,44 @@ def command(
 
 
 def _on_interpreter(path: Path, machine_path: Path | None, scanner: Scanner | None) -> int:
-    loaded, _, trace = _interpreted(path, machine_path, scanner)
-    if trace is not None:
+    result = _simulated(path, machine_path, scanner)
+    if isinstance(result, Simulated):
         from gusjob.report.rows import make_report
         from gusjob.report.table import report_table
 
-        report = make_report(trace, loaded.machine, loaded.files)
+        report = make_report(result.trace, result.machine, result.files)
         write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None, for_people=True)
-    show(loaded, notes=trace is None)
-    return exit_code(loaded)
+    show(result, notes=not isinstance(result, Simulated))
+    return exit_code(result)
 
 
 def _on_controller(path: Path, machine_path: Path | None, scanner: Scanner | None, wishes: Wishes) -> int:
-    loaded, stream, trace = _interpreted(path, machine_path, scanner)
-    show(loaded, notes=False)
-    if stream is None or trace is None or has_errors(loaded.diagnostics):
+    result = _simulated(path, machine_path, scanner)
+    show(result, notes=False)
+    if not isinstance(result, Simulated) or has_errors(result.diagnostics):
         why = Phrase("not started: a run on hardware wants a job without errors")
         click.echo(f"gusjob: {localized(why)}", err=True)
-        return exit_code(loaded) or 1
-    if loaded.journal:
+        return exit_code(result) or 1
+    if result.origin is Origin.JOURNAL:
         why = Phrase("this is the journal of a run; go on with it with --resume, or run the job")
         stop(f"{path}: {localized(why)}")
     from gusjob.cli.hardware import run_on_controller
 
-    loaded.diagnostics = []  # They were shown; what is shown later is about the run.
-    return run_on_controller(loaded, stream, trace, wishes)
+    return run_on_controller(result, wishes)
 
 
-def _interpreted(
-    path: Path, machine_path: Path | None, scanner: Scanner | None
-) -> tuple[Loaded, Stream | None, Trace | None]:
-    """A file, its calls, and what the interpreter makes of them; None for what an error forbids."""
+def _simulated(path: Path, machine_path: Path | None, scanner: Scanner | None) -> FileResult:
+    """Take a file through the pipeline, as far as errors allow, with a status line for each phase."""
     with _progress(path) as say:
         say(Phrase("reading and checking"))
-        loaded = load(path, machine_path, scanner=scanner)
-        say(Phrase("planning"))
-        stream, trace = compiled(loaded), None
-        if stream is not None:
-            from gusjob.simulate import interpret
-
-            say(Phrase("interpreting {count:,} buffered calls", count=len(stream.buffered)))
-            trace, diagnostics = interpret(stream, loaded.machine, foreign=loaded.foreign)
-            simulation_diagnostics(loaded, [*diagnostics, *budget_diagnostics(loaded, trace)])
-    return loaded, stream, trace
+        result: FileResult = load(path, machine_path, scanner=scanner)
+        if isinstance(result, Checked):
+            say(Phrase("planning"))
+            result = compile_calls(result)
+        if isinstance(result, Compiled):
+            say(Phrase("interpreting {count:,} buffered calls", count=len(result.stream.buffered)))
+            result = simulate(result)
+    return result
 
 
 class _Say:

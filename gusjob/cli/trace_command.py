@@ -27,12 +27,11 @@ from gusjob.cli.common import (
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.kinematics.arrays import Bools, Indices
-from gusjob.pipeline import interpreted, load
+from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
-    from gusjob.pipeline import Loaded
     from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
@@ -95,19 +94,19 @@ def command(
         need(*_EXTRA[form], to=Phrase("write {form}", form=form))
     if form in ("parquet", "npz"):
         refuse_terminal(form, output)
-    loaded = load(path, machine_path, scanner=scanner)
-    trace = interpreted(loaded)
-    if trace is not None:
-        write(_written(loaded, trace, form, first, last), output, sources=loaded.inputs)
-    show(loaded, notes=trace is None)
-    sys.exit(exit_code(loaded))
+    result = simulate_file(path, machine_path, scanner=scanner)
+    if isinstance(result, Simulated):
+        write(_written(result, form, first, last), output, sources=result.inputs)
+    show(result, notes=not isinstance(result, Simulated))
+    sys.exit(exit_code(result))
 
 
-def _written(loaded: Loaded, trace: Trace, form: str, first: _Bound | None, last: _Bound | None) -> Iterable[bytes]:
+def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | None) -> Iterable[bytes]:
     """The trace in a format."""
     from gusjob.report.rows import own_lines
 
-    lines, files = own_lines(trace.line, loaded.files)
+    trace = result.trace
+    lines, files = own_lines(trace.line, result.files)
     start_ms, end_ms = _span_ms(trace, np.where(files == 0, lines, 0), first, last)
     if form == "vcd":
         from gusjob.simulate.outputs.vcd import vcd_pieces
@@ -116,7 +115,7 @@ def _written(loaded: Loaded, trace: Trace, form: str, first: _Bound | None, last
     from gusjob import columns
     from gusjob.simulate.outputs.samples import samples
 
-    table = samples(trace, loaded.machine, lines, start_ms, end_ms)
+    table = samples(trace, result.machine, lines, start_ms, end_ms)
     if form == "parquet":
         about = {"schema": b"gusjob-trace/1", "job": trace.name.encode(), "period_us": str(trace.period_us).encode()}
         return columns.parquet_bytes(table, about)

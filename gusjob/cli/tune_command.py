@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -14,7 +15,7 @@ from gusjob.cli.text import padded, width
 from gusjob.config.machine import Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, figure, localized, reason_of
-from gusjob.pipeline import in_order, load
+from gusjob.pipeline import Checked, in_order, load
 
 if TYPE_CHECKING:
     from gusjob.frontend import Source
@@ -45,9 +46,9 @@ def command(
     if mode is not None and not skywrite:
         raise click.UsageError(localized(Phrase("--mode is for --skywrite")))
     loaded = load(path, machine_path, scanner=scanner)
-    if loaded.unreadable or loaded.source is None or has_errors(loaded.diagnostics):
+    if not isinstance(loaded, Checked) or has_errors(loaded.diagnostics):
         show(loaded)
-        sys.exit(2 if loaded.unreadable else 1)
+        sys.exit(2 if loaded.is_unreadable else 1)
     if loaded.job is None:
         why = Phrase("this is a listing; only a job can be tuned")
         stop(f"{path}: {localized(why)}")
@@ -55,10 +56,9 @@ def command(
         stop(localized(Phrase("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")))
     from gusjob.tune import run_job, tune_delays, tune_sky_writing
 
-    before = run_job(loaded.source, loaded.job, loaded.diagnostics, loaded.machine)
+    before = run_job(loaded.source, loaded.job, list(loaded.diagnostics), loaded.machine)
     if before.trace is None:
-        loaded.diagnostics = in_order(before.diagnostics)
-        show(loaded)
+        show(replace(loaded, diagnostics=in_order(before.diagnostics)))
         sys.exit(1)
     if skywrite:
         tuned = tune_sky_writing(before, loaded.machine, channel, mode)
@@ -69,11 +69,9 @@ def command(
     how = Phrase("found by {how}, for the scanner {scanner}", how=tuned.how, scanner=loaded.machine.scanner)
     found = f"{tuned.statement}\n{localized(how)}\n"
     if tuned.run.trace is None:
-        loaded.job, loaded.source = tuned.run.job, tuned.run.source
-        loaded.sources[loaded.source.name] = loaded.source
-        loaded.diagnostics = in_order(tuned.run.diagnostics)
         click.echo(found)
-        show(loaded)
+        sources = {tuned.run.source.name: tuned.run.source}
+        show(replace(loaded, content=tuned.run.job, sources=sources, diagnostics=in_order(tuned.run.diagnostics)))
         why = Phrase("with this statement the job has errors; nothing is written")
         click.echo(f"gusjob: {localized(why)}", err=True)
         sys.exit(1)

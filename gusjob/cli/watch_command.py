@@ -15,7 +15,7 @@ from gusjob.cli.language import Command
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
-from gusjob.pipeline import Loaded, interpreted, load
+from gusjob.pipeline import FileResult, Simulated, simulate_file
 
 if TYPE_CHECKING:
     from gusjob.cli.serve import PageServer
@@ -58,8 +58,8 @@ def command(
         needed: set[Path] = set()
         while True:
             seen = _stamp(path, machine_path, needed)  # What is saved from here on is worked on once more.
-            loaded = _report(path, machine_path, scanner, server, summary=summary)
-            needed = _needed(loaded)
+            result = _report(path, machine_path, scanner, server, summary=summary)
+            needed = _needed(result)
             _wait_for_change(path, machine_path, needed, _stamps(needed) | seen)
     except KeyboardInterrupt:
         click.echo()
@@ -82,20 +82,19 @@ def _served(port: int) -> PageServer:
 
 def _report(
     path: Path, machine_path: Path | None, scanner: Scanner | None, server: PageServer | None, *, summary: bool
-) -> Loaded:
+) -> FileResult:
     """Read, check and run the job as it stands now, and show what comes of it."""
-    loaded = load(path, machine_path, scanner=scanner)
-    trace = interpreted(loaded)
+    result = simulate_file(path, machine_path, scanner=scanner)
     report = None
-    if trace is not None:
+    if isinstance(result, Simulated):
         from gusjob.report.rows import make_report
 
-        report = make_report(trace, loaded.machine, loaded.files)
+        report = make_report(result.trace, result.machine, result.files)
     if server is not None:
         from gusjob.cli.page import html_page
 
         events = server.new_events()
-        server.show(b"".join(html_page(loaded, trace, report, watched=events)), events)
+        server.show(b"".join(html_page(result, report, watched=events)), events)
     if sys.stdout is not None and sys.stdout.isatty():
         click.clear()
     head = [f"{datetime.now():%H:%M:%S}", printable(str(path)), *([server.url] if server else [])]
@@ -104,17 +103,17 @@ def _report(
         from gusjob.report.table import report_table
 
         click.echo(report_table(report, summary=summary), nl=False)
-    show(loaded, err=False)
-    if not loaded.diagnostics:
+    show(result, err=False)
+    if not result.diagnostics:
         click.echo(localized(Phrase("no faults")))
-    return loaded
+    return result
 
 
-def _needed(loaded: Loaded) -> set[Path]:
+def _needed(result: FileResult) -> set[Path]:
     """What a job includes, and what it would if it were there."""
-    missing = (diagnostic for diagnostic in loaded.diagnostics if diagnostic.rule is rules.INCLUDE)
+    missing = (diagnostic for diagnostic in result.diagnostics if diagnostic.rule is rules.INCLUDE)
     return {
-        *(Path(name) for name, _ in loaded.files),
+        *(Path(name) for name, _ in result.files),
         *(Path(diagnostic.file).parent / str(diagnostic.fields["file"]) for diagnostic in missing),
     }
 

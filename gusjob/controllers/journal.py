@@ -17,8 +17,11 @@ from typing import Any
 import orjson
 
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
-from gusjob.hardware import JOURNAL_SCHEMA
 from gusjob.i18n.phrases import Phrase, reason_of
+
+JOURNAL_SCHEMA = "gusjob-journal/1"
+JOURNAL_START = b'{"schema":"' + JOURNAL_SCHEMA.encode()
+"""How a journal's file begins."""
 
 
 class Journal:

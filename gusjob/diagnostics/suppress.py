@@ -7,8 +7,8 @@ what is not there is told, so that it goes when its reason has gone.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Severity, Span
@@ -30,9 +30,13 @@ MAX_BYTES = 100_000
 """No statement is that long."""
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Suppression:
-    """One rule, allowed in one line. `span`: its code in the comment; `why_not`: why it is not followed."""
+    """A comment that suppresses one rule on its line.
+
+    `span`: the code in the comment. `why_not`: why it has no effect, '' if it has. `used`: whether it suppressed
+    something.
+    """
 
     code: str
     file: str
@@ -41,52 +45,61 @@ class Suppression:
     used: bool = False
 
 
-@dataclass(slots=True)
+_Key = tuple[str, int, str]
+"""File, line and code of a rule."""
+
+
+@dataclass(frozen=True, slots=True)
 class Suppressions:
-    """The allowances of a job, by file, line and rule."""
+    """The suppressing comments of a job, by file, line and rule."""
 
-    by_place: dict[tuple[str, int, str], Suppression] = field(default_factory=dict)
+    by_place: Mapping[_Key, Suppression] = field(default_factory=dict)
 
-    def add(self, name: str, data: bytes, *, top: bool) -> None:
-        """Those of one more text. `top`: it is the job's own, not one that it includes."""
-        for one in _allowances(name, data, path="" if top else name):
-            self.by_place.setdefault((name, one.span.line, one.code), one)
+    def added(self, name: str, data: bytes, *, top: bool) -> Suppressions:
+        """These and those of one more text. `top`: it is the job's own, not one that it includes."""
+        places = dict(self.by_place)
+        for one in _in_text(name, data, path="" if top else name):
+            places.setdefault((name, one.span.line, one.code), one)
+        return Suppressions(places)
 
-    def without_allowed(self, diagnostics: list[Diagnostic]) -> list[Diagnostic]:
-        """The diagnostics that no comment allows."""
+    def applied(self, diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], Suppressions]:
+        """The diagnostics that no comment suppresses, and the comments with those marked that were used."""
         if not self.by_place:
-            return diagnostics
-        return [diagnostic for diagnostic in diagnostics if not self._allows(diagnostic)]
+            return diagnostics, self
+        left, places = [], dict(self.by_place)
+        for diagnostic in diagnostics:
+            key = (diagnostic.file, diagnostic.span.line, diagnostic.rule.code)
+            found = places.get(key)
+            if found is not None:
+                why_not = _ERROR if diagnostic.severity is Severity.ERROR else found.why_not
+                found = places[key] = replace(found, why_not=why_not, used=not why_not)
+            if found is None or not found.used:
+                left.append(diagnostic)
+        return left, Suppressions(places)
 
-    def _allows(self, diagnostic: Diagnostic) -> bool:
-        found = self.by_place.get((diagnostic.file, diagnostic.span.line, diagnostic.rule.code))
-        if found is None:
-            return False
-        if diagnostic.severity is Severity.ERROR:
-            found.why_not = _ERROR
-        found.used = not found.why_not
-        return found.used
-
-    def allowed(self) -> set[str]:
-        """Rules of which something was allowed."""
+    def used_codes(self) -> set[str]:
+        """Codes of the rules of which something was suppressed."""
         return {one.code for one in self.by_place.values() if one.used}
 
-    def diagnostics(self, path: str, judged: Callable[[str], bool]) -> list[Diagnostic]:
-        """Comments that are not followed, and those that allow what is not there.
+    def diagnostics(self, path: str, was_looked_for: Callable[[str], bool]) -> list[Diagnostic]:
+        """Report comments that have no effect, and those that suppress what is not there.
 
-        `judged`: whether a rule was looked for wherever it may be. An included file's comments may be meant for another
-        job.
+        `was_looked_for`: whether a rule was looked for wherever it may apply. An included file's comments may be meant
+        for another job.
         """
-        told = Collector(path)
+        collector = Collector(path)
         for one in self.by_place.values():
             if one.why_not:
-                told.add(rules.ALLOWED_IN_VAIN, one.span, {"code": one.code, "why": one.why_not})
-            elif not one.used and not one.span.path and judged(one.code):
-                told.add(rules.ALLOWS_NOTHING, one.span, {"code": one.code})
-        return told.done(rules.MORE)
+                collector.add(rules.ALLOWED_IN_VAIN, one.span, {"code": one.code, "why": one.why_not})
+            elif not one.used and not one.span.path and was_looked_for(one.code):
+                collector.add(rules.ALLOWS_NOTHING, one.span, {"code": one.code})
+        return collector.done(rules.MORE)
 
 
-def _allowances(name: str, data: bytes, path: str) -> Iterator[Suppression]:
+NO_SUPPRESSIONS = Suppressions()
+
+
+def _in_text(name: str, data: bytes, path: str) -> Iterator[Suppression]:
     small = data.lower()
     line, counted, at = 1, 0, small.find(b"allow")
     while at >= 0:

@@ -3,7 +3,3 @@
 place.py, rest.py: where on the path a run is, and what is left of it from there; dry.py: the same motion without light;
 forecast.py: what a run is going to do; journal.py, sent.py: what was really sent; devices.py: what could be run on.
 """
-
-JOURNAL_SCHEMA = "gusjob-journal/1"
-JOURNAL_START = b'{"schema":"' + JOURNAL_SCHEMA.encode()
-"""How a journal's file begins."""

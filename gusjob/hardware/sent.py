@@ -13,10 +13,10 @@ from gusjob.controllers.gus.calls import HOST_CALLS, Buffered, BufferedCalls, St
 from gusjob.controllers.gus.place import Place
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.gus.remainder import about_centre, point
+from gusjob.controllers.journal import JOURNAL_SCHEMA
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.frontend import Source, read_listing
-from gusjob.hardware import JOURNAL_SCHEMA
 from gusjob.i18n.phrases import Phrase
 
 _LINE = re.compile(

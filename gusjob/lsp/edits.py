@@ -18,7 +18,7 @@ from gusjob.lsp.asked import key_of as place_key
 from gusjob.lsp.desk import Desk
 from gusjob.lsp.judge import replacement
 from gusjob.lsp.text import Text, utf8
-from gusjob.pipeline import Loaded, load, look_closer
+from gusjob.pipeline import Checked, FileResult, examine, load
 
 _BOM = b"\xef\xbb\xbf"
 
@@ -98,7 +98,7 @@ class _Mending:
 
     asked: Asked
     looked_for: int = 0
-    before: Loaded | None = None
+    before: FileResult | None = None
 
     def action(self, diagnostic: Diagnostic) -> list[lsp.CodeAction]:
         """What `gusjob check --fix` would make of one diagnostic, if it would."""
@@ -108,8 +108,10 @@ class _Mending:
             return []
         self.looked_for += 1
         if self.before is None:
-            self.before = self.loaded(task.text.data)
-            look_closer(self.before)
+            loaded = self.loaded(task.text.data)
+            self.before = examine(loaded) if isinstance(loaded, Checked) else loaded
+        if not isinstance(self.before, Checked):
+            return []
         key = key_of(diagnostic)
         done = mended(self.before, self.loaded, lambda other: key_of(other) == key)
         if not done.count:
@@ -119,7 +121,7 @@ class _Mending:
         title = localized(Phrase("Mend: {title}", title=Phrase(diagnostic.rule.title)))
         return [lsp.CodeAction(title=title, kind=lsp.CodeActionKind.QuickFix, edit=edit, is_preferred=True)]
 
-    def loaded(self, data: bytes) -> Loaded:
+    def loaded(self, data: bytes) -> FileResult:
         """A text in the place of the editor's, with all that is open beside it."""
         task = self.asked.task
         assert task.path is not None

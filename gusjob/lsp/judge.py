@@ -17,6 +17,7 @@ from lsprotocol.types import (
     PositionEncodingKind,
 )
 
+from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.select import NOTHING_ASKED
@@ -25,8 +26,7 @@ from gusjob.frontend.parse.statements import COMPARED
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.lsp.desk import Desk, uri_of
 from gusjob.lsp.text import Text
-from gusjob.pipeline import Loaded, load, look_closer, selected
-from gusjob.pipeline import judge as judge_source
+from gusjob.pipeline import Checked, Parsed, Rejected, check, examine, load, parse_source, selected
 
 SOURCE = "gusjob"
 MAX_SHOWN = 500
@@ -58,12 +58,14 @@ def judge(name: str, path: Path | None, data: bytes, desk: Desk) -> Judged:
         return Judged(top=name, diagnostics=_homeless(name, data), desk=desk)
     loaded = load(desk.path(path), None)
     desk.watch_for_profile(path)
-    if loaded.profile is not None and loaded.job is None and loaded.stream is None and loaded.diagnostics:
-        return Judged(top=name, diagnostics=loaded.diagnostics, desk=desk, profile=loaded.profile, bad_profile=True)
-    look_closer(loaded)
+    if isinstance(loaded, Rejected) and loaded.profile is not None:
+        found = list(loaded.diagnostics)
+        return Judged(top=name, diagnostics=found, desk=desk, profile=loaded.profile, bad_profile=True)
+    if isinstance(loaded, Checked):
+        loaded = examine(loaded)
     own = {str(path.resolve()), *([str(loaded.profile.resolve())] if loaded.profile else [])}
     files = frozenset(desk.read) - own
-    diagnostics = selected(loaded, NOTHING_ASKED)
+    diagnostics = list(selected(loaded, NOTHING_ASKED).diagnostics)
     return Judged(top=name, diagnostics=diagnostics, desk=desk, profile=loaded.profile, files=files)
 
 
@@ -72,10 +74,8 @@ def _homeless(name: str, data: bytes) -> list[Diagnostic]:
     source, diagnostics = check_text(data, name)
     if source is None:
         return diagnostics
-    loaded = Loaded(path=Path(name), source=source)
-    judge_source(loaded, source)
-    look_closer(loaded)
-    return loaded.diagnostics
+    parsed = parse_source(source, path=Path(name), machine=Machine())
+    return list((examine(check(parsed)) if isinstance(parsed, Parsed) else parsed).diagnostics)
 
 
 @dataclass(slots=True)

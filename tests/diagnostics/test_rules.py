@@ -12,7 +12,7 @@ from gusjob.diagnostics.model import REMARKS, Diagnostic, Rule, Severity, has_er
 from gusjob.diagnostics.rules import RULES, VARIANTS
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.lint import check
-from gusjob.pipeline import load, look_closer
+from gusjob.pipeline import Checked, examine, load
 from gusjob.planner import compile_job
 from gusjob.simulate import find_diagnostics
 
@@ -33,8 +33,8 @@ def diagnostics_of(text: str, rule: Rule) -> list[Diagnostic]:
     machine = Machine()
     if rule.code in COMMENTS:
         loaded = load(Path("example.job"), None, data=text.encode())
-        look_closer(loaded)
-        return loaded.diagnostics
+        assert isinstance(loaded, Checked)
+        return list(examine(loaded).diagnostics)
     if rule.code.startswith(LISTINGS):
         stream, diagnostics = read_listing(source)
         return [*diagnostics, *find_diagnostics(stream, machine)]

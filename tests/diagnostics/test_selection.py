@@ -9,10 +9,10 @@ import pytest
 from support.cli import gusjob, write
 
 from gusjob.config.profile import parse_machine
-from gusjob.diagnostics.model import Diagnostic, Severity
+from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import NOTHING_ASKED, RuleSelection, SelectionLayer
-from gusjob.pipeline import Loaded, load, look_closer, selected
+from gusjob.pipeline import FileResult, examine_file, selected
 
 # 4: GJ142 (note), 7: GJ404 (warning), 9: GJ141 (note)
 JOB = """LASER MODE DUTY CARRIER 10kHz
@@ -32,11 +32,8 @@ END
 FAULTS = {(4, "GJ142", "note"), (8, "GJ404", "warning"), (11, "GJ141", "note")}
 
 
-def judged(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> Loaded:
-    loaded = load(path, None)
-    look_closer(loaded)
-    loaded.diagnostics = selected(loaded, asked)
-    return loaded
+def judged(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> FileResult:
+    return selected(examine_file(path), asked)
 
 
 def found(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> set[tuple[int, str, str]]:
@@ -45,7 +42,7 @@ def found(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> set[tuple[int, s
 
 
 def diagnostic(code: str, path: str = "a.job") -> Diagnostic:
-    return Diagnostic(rule=RULES[code], span=load(Path(path), None).diagnostics[0].span, path=path)
+    return Diagnostic(rule=RULES[code], span=Span(line=1), path=path)
 
 
 # Layers.

@@ -8,14 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.tools import ROOT, calls_of
+from support.tools import ROOT, calls_of, stream_in
 
-from gusjob.cli.check_command import judged
 from gusjob.controllers.gus.calls import SIGNATURES
 from gusjob.controllers.gus.ranges import CONTRADICTIONS, TABLE, Range
 from gusjob.diagnostics.model import Severity
 from gusjob.diagnostics.rules import RULES
-from gusjob.pipeline import compiled
+from gusjob.pipeline import examine_file
 from gusjob.simulate import interpret
 
 REFERENCE = ROOT / "grammar" / "README.md"
@@ -84,9 +83,9 @@ def test_examples_check_clean_and_run(example: str, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "jobs" / "shared", tmp_path / "shared")
     path = tmp_path / "example.job"
     path.write_text(example, encoding="utf-8")
-    loaded = judged(path, None)
+    loaded = examine_file(path, None)
     assert [f.message for f in loaded.diagnostics if f.severity is not Severity.NOTE] == []
-    stream = compiled(loaded)
+    stream = stream_in(loaded)
     assert stream is not None
     trace, diagnostics = interpret(stream, loaded.machine)
     assert trace is not None

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from support.controller import CC, GTS, GTS_MULTI, GUS, Fault, Row, needs_controller
 from support.hardware import EVERYTHING, Bench, bench, goes_on, light_off_at
-from support.tools import MARK, ROOT, stream_of
+from support.tools import MARK, ROOT, stream_in, stream_of
 
-from gusjob.cli.check_command import judged
 from gusjob.config.machine import Abi, Interlock, Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, SIGNATURES, Stream
@@ -26,7 +25,7 @@ from gusjob.controllers.gus.driver.session import needed_calls
 from gusjob.controllers.gus.dry import frame, without_laser
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.journal import Journal
-from gusjob.pipeline import compiled
+from gusjob.pipeline import examine_file
 from gusjob.simulate import interpret
 
 pytestmark = needs_controller
@@ -79,8 +78,8 @@ def job_calls(calls: list[tuple[int, str]]) -> list[str]:
 
 
 def of_file(path: Path) -> tuple[Stream, Machine]:
-    loaded = judged(path, None)
-    stream = compiled(loaded)
+    loaded = examine_file(path, None)
+    stream = stream_in(loaded)
     assert stream is not None, loaded.diagnostics
     return stream, loaded.machine
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 from support.tools import ROOT
 
-from gusjob.cli.check_command import judged
 from gusjob.cli.text import diagnostic_text
 from gusjob.config.profile import read_machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend import check_text, read_job, read_source
+from gusjob.pipeline import examine_file
 
 BAD = ROOT / "tests" / "bad"
 _MARK = re.compile(r"(error|warning|note): (GJ\d+)")
@@ -38,7 +38,7 @@ def diagnostics_of(path: Path) -> list[Diagnostic]:
     if path.suffix == ".toml":
         return read_machine(path)[1]
     profile = path.with_suffix(".machine.toml")
-    return judged(path, profile if profile.exists() else None).diagnostics
+    return list(examine_file(path, profile if profile.exists() else None).diagnostics)
 
 
 @pytest.mark.parametrize("path", files(), ids=lambda p: p.name)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.tools import ROOT
+from support.tools import ROOT, stream_in
 
-from gusjob.cli.check_command import judged
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.frontend import check_text, read_listing
-from gusjob.pipeline import compiled
+from gusjob.pipeline import examine_file
 from gusjob.simulate import interpret
 
 FOLDER = ROOT / "tests" / "good"
@@ -28,7 +27,7 @@ def beyond_notes(diagnostics: list[Diagnostic]) -> list[str]:
 
 
 def stream_of(path: Path) -> Stream:
-    stream = compiled(judged(path, None))
+    stream = stream_in(examine_file(path, None))
     assert stream is not None
     return stream
 
@@ -41,7 +40,7 @@ def test_there_are_jobs_and_each_says_what_is_tricky() -> None:
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
 def test_checks_without_a_warning(path: Path) -> None:
-    assert beyond_notes(list(judged(path, None).diagnostics)) == []
+    assert beyond_notes(list(examine_file(path, None).diagnostics)) == []
 
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)

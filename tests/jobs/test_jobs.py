@@ -7,15 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.tools import ROOT
+from support.tools import ROOT, stream_in
 
-from gusjob.cli.check_command import judged
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics.model import Severity
 from gusjob.frontend import check_text, read_listing
-from gusjob.pipeline import compiled
+from gusjob.pipeline import examine_file
 from gusjob.report.rows import Report, make_report
 from gusjob.report.table import report_table
 from gusjob.simulate import interpret
@@ -25,7 +24,7 @@ GOLDEN = ROOT / "tests" / "golden"
 
 
 def stream_of(path: Path) -> Stream:
-    stream = compiled(judged(path, None))
+    stream = stream_in(examine_file(path, None))
     assert stream is not None
     return stream
 
@@ -43,12 +42,12 @@ def test_there_are_jobs_and_no_stale_goldens() -> None:
 
 @pytest.mark.parametrize("path", JOBS, ids=lambda p: p.stem)
 def test_checks_clean(path: Path) -> None:
-    assert [f.message for f in judged(path, None).diagnostics if f.severity is not Severity.NOTE] == []
+    assert [f.message for f in examine_file(path, None).diagnostics if f.severity is not Severity.NOTE] == []
 
 
 @pytest.mark.parametrize("path", JOBS, ids=lambda p: p.stem)
 def test_golden(path: Path, rewrite: bool) -> None:
-    machine = judged(path, None).machine
+    machine = examine_file(path, None).machine
     trace, diagnostics = interpret(stream_of(path), machine)
     assert diagnostics == []
     assert trace is not None
@@ -70,7 +69,7 @@ def test_a_listing_reads_back(path: Path) -> None:
     assert diagnostics == []
     assert "".join(listing(again)) == text
     # What the planner meant by a call is not in it: which dark motion is a run-in, and where a mark should begin.
-    first, second = (report_of(replace(s, intent=None), judged(path, None).machine) for s in (stream, again))
+    first, second = (report_of(replace(s, intent=None), examine_file(path, None).machine) for s in (stream, again))
     assert first.totals == second.totals
     for name in first.columns.keys() - {"line"}:
         assert np.array_equal(

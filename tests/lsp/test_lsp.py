@@ -27,7 +27,6 @@ from support.documents import text_of
 from support.tools import MARK, ROOT
 
 from gusjob.cli import cli
-from gusjob.cli.check_command import judged
 from gusjob.controllers.gus.ranges import Range
 from gusjob.diagnostics.model import Span
 from gusjob.frontend.parse.forms import FORMS
@@ -40,6 +39,7 @@ from gusjob.lsp.manual import RANGES, form_of, keyword_text
 from gusjob.lsp.text import Text, utf8
 from gusjob.lsp.textmate import GRAMMAR_PATH, textmate
 from gusjob.lsp.worker import Answer, Task, Worker
+from gusjob.pipeline import examine_file
 
 PATIENCE_S = 30.0
 SMILE = "\N{GRINNING FACE}"
@@ -568,7 +568,7 @@ def test_diagnostics_are_those_of_check(path: Path) -> None:
     mine = judge(str(path), path, data, desk)
     text = Text(data)
     found = shown(Places(judged=mine, uri=uri_of(path), text=text, uris={}, unit="utf-16"))
-    wanted = judged(path, None).diagnostics
+    wanted = examine_file(path, None).diagnostics
     lines = data.decode().split("\n")
     own = [f for f in wanted if not f.span.path][:500]
     assert [(d.code, d.range.start) for d in found[uri_of(path)]] == [

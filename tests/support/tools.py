@@ -12,6 +12,7 @@ from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.ir.job import Job
 from gusjob.lint import check
+from gusjob.pipeline import Checked, Compiled, FileResult, compile_calls
 from gusjob.planner import compile_job
 from gusjob.report.rows import Report, make_report
 from gusjob.simulate import interpret
@@ -48,6 +49,12 @@ def stream_of(text: str, machine: Machine = MACHINE) -> Stream:
     stream, diagnostics = compile_job(job_of(text, machine), machine)
     assert [f.message for f in diagnostics if f.severity is Severity.ERROR] == []
     return stream
+
+
+def stream_in(result: FileResult) -> Stream | None:
+    """The calls of a file that was checked; None if an error forbids them."""
+    compiled = compile_calls(result) if isinstance(result, Checked) else result
+    return compiled.stream if isinstance(compiled, Compiled) else None
 
 
 def calls_of(text: str, machine: Machine = MACHINE) -> list[str]:

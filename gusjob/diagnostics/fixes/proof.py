@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes.table import READS
 from gusjob.diagnostics.fixes.text import Mend
 from gusjob.diagnostics.model import Diagnostic, Severity
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import Checked, FileResult
 
 Key = tuple[str, str, int]
 """Rule, file and line: mends leave every line in its place."""
@@ -35,9 +35,9 @@ class Verdict:
         return not self.left and not self.worse
 
 
-def verdict(before: Loaded, after: Loaded, mends: Iterable[Mend]) -> Verdict:
+def verdict(before: Checked, after: FileResult, mends: Iterable[Mend]) -> Verdict:
     """What the judge says of a text with its mends."""
-    if after.job is None:  # It is taken for something else now.
+    if not isinstance(after, Checked) or after.job is None:  # It is taken for something else now.
         return Verdict(left=tuple(mends), worse=frozenset({0}))
     mends = tuple(mends)
     keys = {key_of(diagnostic) for diagnostic in after.diagnostics}
@@ -47,7 +47,7 @@ def verdict(before: Loaded, after: Loaded, mends: Iterable[Mend]) -> Verdict:
     return Verdict(left=left, worse=frozenset(_worse(before.diagnostics, after.diagnostics)))
 
 
-def _worse(before: list[Diagnostic], after: list[Diagnostic]) -> set[int]:
+def _worse(before: Sequence[Diagnostic], after: Sequence[Diagnostic]) -> set[int]:
     """The lines of errors and warnings that are new or come more often; 0 for a line of another file.
 
     Of a rule with more diagnostics than are listed, the next ones are listed when some are gone: there their number
@@ -60,7 +60,7 @@ def _worse(before: list[Diagnostic], after: list[Diagnostic]) -> set[int]:
     return found | {0 for _ in new_totals - old_totals}
 
 
-def _serious(diagnostics: list[Diagnostic], uncounted: set[str]) -> Counter[Key]:
+def _serious(diagnostics: Sequence[Diagnostic], uncounted: set[str]) -> Counter[Key]:
     counts: Counter[Key] = Counter()
     for diagnostic in diagnostics:
         if diagnostic.severity is not Severity.NOTE and diagnostic.rule.code not in uncounted:
@@ -68,7 +68,7 @@ def _serious(diagnostics: list[Diagnostic], uncounted: set[str]) -> Counter[Key]
     return counts
 
 
-def _totals(diagnostics: list[Diagnostic], codes: set[str]) -> Counter[str]:
+def _totals(diagnostics: Sequence[Diagnostic], codes: set[str]) -> Counter[str]:
     """Of rules with diagnostics that are not listed: how many there are in all."""
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:

@@ -13,14 +13,14 @@ from gusjob.diagnostics.fixes.proof import Key, key_of, verdict
 from gusjob.diagnostics.fixes.table import MENDS, READS
 from gusjob.diagnostics.fixes.text import Look, Mend, apart, edited
 from gusjob.diagnostics.model import Diagnostic, has_errors
-from gusjob.pipeline import Loaded, look_closer
+from gusjob.pipeline import Checked, FileResult, examine
 
 MAX_ROUNDS = 200
 """Of a rule 1000 diagnostics are listed, so a file of 100,000 is mended to its end."""
 MAX_TRIES = 100
 """So often a file is judged to find mends that don't keep their word; what was not tried then stays as it is."""
 
-Judge = Callable[[bytes], Loaded]
+Judge = Callable[[bytes], FileResult]
 """Reads and checks a text in the place of the file's own (loading.load; what looks closer comes behind it)."""
 
 
@@ -29,13 +29,13 @@ class Mended:
     """What became of a job: its text, how it is judged, and how many diagnostics are gone."""
 
     data: bytes
-    loaded: Loaded
+    loaded: Checked
     count: int = 0
 
 
-def mended(loaded: Loaded, judge: Judge, wanted: Callable[[Diagnostic], bool]) -> Mended:
+def mended(loaded: Checked, judge: Judge, wanted: Callable[[Diagnostic], bool]) -> Mended:
     """A job that was judged, with all mends that keep their word; what is no job stays as it is."""
-    state = Mended(loaded.source.data if loaded.source is not None else b"", loaded)
+    state = Mended(loaded.source.data, loaded)
     run = _Run(judge=judge, wanted=wanted)
     for _ in range(MAX_ROUNDS):
         mends = run.found(state)
@@ -79,8 +79,7 @@ class _Run:
     def own(self, state: Mended, diagnostic: Diagnostic) -> bool:
         """Whether a diagnostic stands in this text (one of an included file may be none elsewhere), and is not given
         up."""
-        source = state.loaded.source
-        here = source is not None and not diagnostic.span.path and diagnostic.path == source.name
+        here = not diagnostic.span.path and diagnostic.path == state.loaded.source.name
         return here and key_of(diagnostic) not in self.refused
 
     def best(self, kept: _Tried, mends: list[Mend], before: Mended) -> _Tried:
@@ -93,10 +92,10 @@ class _Run:
         after = self.judge(data)
         # A job with errors was not planned: what the planner says of it is heard for the first time, and not compared.
         said = verdict(before.loaded, after, all_of_them) if has_errors(before.loaded.diagnostics) else None
-        if said is None or said.good:
-            look_closer(after)
+        if isinstance(after, Checked) and (said is None or said.good):
+            after = examine(after)
         said = said or verdict(before.loaded, after, all_of_them)
-        if said.good:
+        if said.good and isinstance(after, Checked):
             return _Tried(all_of_them, Mended(data, after, before.count + len(all_of_them)))
         left = {key_of(mend.diagnostic) for mend in said.left}
         first = [m for m in mends if key_of(m.diagnostic) not in left and m.diagnostic.span.line not in said.worse]

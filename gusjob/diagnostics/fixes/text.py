@@ -8,7 +8,7 @@ import numpy as np
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Indices
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import Checked
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -35,7 +35,7 @@ class Mend:
 class Look:
     """A job that was judged, and the places in its text."""
 
-    loaded: Loaded
+    loaded: Checked
     data: bytes
     _starts: Indices | None = field(default=None, repr=False)
 

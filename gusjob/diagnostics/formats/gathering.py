@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.pipeline import Loaded
+from gusjob.pipeline import FileResult
 
 
 class Gathering(Protocol):
     """A format for programs: files are added as they are judged, and it is written at the end."""
 
-    def add(self, loaded: Loaded) -> None:
+    def add(self, loaded: FileResult) -> None:
         """One more file."""
 
     def written(self) -> bytes:
@@ -38,7 +38,7 @@ class _Json:
     by_rule: Counter[str] | None
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
-    def add(self, loaded: Loaded) -> None:
+    def add(self, loaded: FileResult) -> None:
         self.diagnostics += loaded.diagnostics
 
     def written(self) -> bytes:
@@ -53,8 +53,8 @@ class _Sarif:
 
         self._log = SarifLog()
 
-    def add(self, loaded: Loaded) -> None:
-        self._log.add(loaded.path, loaded.diagnostics, loaded.text_of, readable=not loaded.unreadable)
+    def add(self, loaded: FileResult) -> None:
+        self._log.add(loaded.path, loaded.diagnostics, loaded.text_of, readable=not loaded.is_unreadable)
 
     def written(self) -> bytes:
         return self._log.written()
@@ -66,13 +66,13 @@ class _JUnit:
 
         self._report = JUnitReport(strict=strict)
 
-    def add(self, loaded: Loaded) -> None:
+    def add(self, loaded: FileResult) -> None:
         from gusjob.cli.text import diagnostic_text
 
         def describe(diagnostic: Diagnostic) -> str:
             return diagnostic_text(diagnostic, loaded.text_of, color=False)
 
-        self._report.add(loaded.path, loaded.diagnostics, describe, readable=not loaded.unreadable)
+        self._report.add(loaded.path, loaded.diagnostics, describe, readable=not loaded.is_unreadable)
 
     def written(self) -> bytes:
         return self._report.written()

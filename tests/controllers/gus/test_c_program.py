@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.tools import MARK, ROOT, stream_of
+from support.tools import MARK, ROOT, stream_in, stream_of
 
-from gusjob.cli.check_command import judged
 from gusjob.controllers.gus.c_program import c_program
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.frontend import check_text, read_listing
-from gusjob.pipeline import compiled
+from gusjob.pipeline import examine_file
 
 VENDOR = ROOT / "tests" / "vendor"
 FILES = [*sorted((ROOT / "jobs").rglob("*.job")), *sorted((ROOT / "tests" / "manual").glob("*.c"))]
@@ -112,7 +111,7 @@ def read_log(text: str) -> tuple[tuple[int, str], ...]:
 
 
 def stream_of_file(path: Path) -> Stream:
-    stream = compiled(judged(path, None))
+    stream = stream_in(examine_file(path, None))
     assert stream is not None
     return stream
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from support.tools import ROOT, calls_of, run_listing
 
-from gusjob.cli.check_command import judged
 from gusjob.diagnostics.model import Severity
+from gusjob.pipeline import examine_file
 
 MANUAL = ROOT / "tests" / "manual"
 
@@ -31,7 +31,7 @@ def own_calls(name: str) -> list[str]:
 
 @pytest.mark.parametrize("path", sorted(MANUAL.glob("*.c")), ids=lambda p: p.stem)
 def test_every_line_is_read(path: Path) -> None:
-    diagnostics = judged(path, None).diagnostics
+    diagnostics = examine_file(path, None).diagnostics
     assert [f.message for f in diagnostics if f.severity is Severity.ERROR] == []
 
 

@@ -7,6 +7,7 @@ import re
 import sys
 import unicodedata
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -15,7 +16,7 @@ from click.testing import CliRunner, Result
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from support.job_writer import Writer
-from support.tools import MARK, ROOT
+from support.tools import MARK, ROOT, stream_in
 
 from gusjob.cli import cli
 from gusjob.controllers.gus.listing import listing
@@ -29,20 +30,25 @@ from gusjob.frontend.parse import spelling
 from gusjob.frontend.parse.job_reader import read_job_text
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.kinematics.units import UNITS
-from gusjob.pipeline import Loaded, compiled, load, look_closer
+from gusjob.pipeline import Checked, FileResult, examine, load
 
 EXAMPLES = int(os.environ.get("PROPERTY_EXAMPLES", "40"))
 LIT = MARK + "LASER POWER 30\nLASER ON\n"
 
 
-def judge(data: bytes, path: Path = Path("x.job")) -> Loaded:
-    return load(path, None, data=data)
-
-
-def judged(text: str | bytes) -> Loaded:
-    loaded = judge(text if isinstance(text, bytes) else text.encode())
-    look_closer(loaded)
+def judge(data: bytes, path: Path = Path("x.job"), profile: Path | None = None) -> Checked:
+    loaded = load(path, profile, data=data)
+    assert isinstance(loaded, Checked)
     return loaded
+
+
+def judged(text: str | bytes) -> Checked:
+    return examine(judge(text if isinstance(text, bytes) else text.encode()))
+
+
+def with_a_misread_line(found: Checked, text: str) -> Checked:
+    """The same with one more error, that of the last line of a text."""
+    return replace(found, diagnostics=(*found.diagnostics, judged(text).diagnostics[0]))
 
 
 def mend(text: str | bytes, *codes: str) -> Mended:
@@ -53,11 +59,11 @@ def after(text: str, *codes: str) -> str:
     return mend(text, *codes).data.decode()
 
 
-def codes_of(loaded: Loaded) -> list[str]:
+def codes_of(loaded: FileResult) -> list[str]:
     return [diagnostic.rule.code for diagnostic in loaded.diagnostics]
 
 
-def serious(loaded: Loaded) -> Counter[tuple[str, int]]:
+def serious(loaded: FileResult) -> Counter[tuple[str, int]]:
     """Errors and warnings with their lines, and how often each comes."""
     found: Counter[tuple[str, int]] = Counter()
     for diagnostic in loaded.diagnostics:
@@ -294,12 +300,12 @@ def test_bad_ones_are_found_among_many(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = [f"LASER DELAY ON {i} OFF 5 ; {i}" for i in range(100, 164)]
     asked: list[bytes] = []
 
-    def strict(data: bytes) -> Loaded:
+    def strict(data: bytes) -> FileResult:
         asked.append(data)
         found = judge(data)
         for bad in (b"OFF 107", b"OFF 140", b"OFF 141"):
             if bad in data:
-                found.diagnostics.append(judged("\n" * 200 + "QQ\n").diagnostics[0])
+                found = with_a_misread_line(found, "\n" * 200 + "QQ\n")
         return found
 
     text = "\n".join(lines)
@@ -399,7 +405,7 @@ def test_a_shape_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     text = "\n".join(f"laser power {i}\nline X {i}.5mm" for i in range(20_000)).encode()
     assert sum(1 for _ in spelling.in_capitals(text)) == 40_000
     assert len(asked) == 2
-    assert not read_job_text(judged(b"LINE X 1mm ; line\nVEL 5mm/s\n").source).small_words  # type: ignore[arg-type]
+    assert not read_job_text(judged(b"LINE X 1mm ; line\nVEL 5mm/s\n").source).small_words
 
 
 def test_many_mends_are_proved_together() -> None:
@@ -408,7 +414,7 @@ def test_many_mends_are_proved_together() -> None:
     text = "\n".join(f"LASER DELAY ON {i + 9} OFF {i}" for i in range(count))
     asked: list[int] = []
 
-    def counted(data: bytes) -> Loaded:
+    def counted(data: bytes) -> FileResult:
         asked.append(1)
         return judge(data)
 
@@ -422,11 +428,10 @@ def test_hopeless_mends_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rounds, "MAX_TRIES", 10)
     asked: list[int] = []
 
-    def refuses(data: bytes) -> Loaded:
+    def refuses(data: bytes) -> FileResult:
         asked.append(1)
         found = judge(data)
-        found.diagnostics.append(judged("\n" * 300 + "QQ\n").diagnostics[0])
-        return found
+        return with_a_misread_line(found, "\n" * 300 + "QQ\n")
 
     text = "\n".join(f"LASER DELAY ON {i + 9} OFF {i}" for i in range(200))
     done = mended(judged(text), refuses, lambda _: True)
@@ -488,8 +493,8 @@ def with_delays_raised(lines: list[str], at: set[int]) -> list[str]:
     return found
 
 
-def calls(loaded: Loaded) -> str:
-    stream = compiled(loaded)
+def calls(loaded: FileResult) -> str:
+    stream = stream_in(loaded)
     return "" if stream is None else "".join(listing(stream))
 
 
@@ -564,12 +569,10 @@ def test_files_lose_nothing_but_the_fault(path: Path) -> None:
     profile = path.with_suffix(".machine.toml")
     profile_or_none = profile if profile.exists() else None
 
-    def judge_there(data: bytes) -> Loaded:
+    def judge_there(data: bytes) -> FileResult:
         return load(path, profile_or_none, data=data)
 
-    loaded = load(path, profile_or_none)
-    look_closer(loaded)
-    assert loaded.source is not None
+    loaded = examine(judge(path.read_bytes(), path, profile_or_none))
     done = mended(loaded, judge_there, lambda _: True)
     if "bad" not in path.parts:
         assert (done.count, done.data) == (0, loaded.source.data)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from support.tools import stream_in
 
-from gusjob.cli.check_command import judged
-from gusjob.pipeline import compiled
+from gusjob.pipeline import examine_file
 from gusjob.report.rows import make_report
 from gusjob.simulate import interpret
 
@@ -29,7 +29,7 @@ def write(path: Path, text: str) -> Path:
 
 
 def localized(top: Path) -> list[tuple[str, str]]:
-    return [(f.rule.code, f.message) for f in judged(top, None).diagnostics]
+    return [(f.rule.code, f.message) for f in examine_file(top, None).diagnostics]
 
 
 @pytest.mark.parametrize("name", ["../outside.job", "parts/../../outside.job", "..\\outside.job"])
@@ -71,9 +71,9 @@ def test_lines_are_those_of_their_files(folder: Path) -> None:
     )
     write(folder / "parts" / "move.job", "JUMP X 5\n")
     top = write(folder / "top.job", HEAD + 'REPEAT 2\nINCLUDE "parts/mark.job"\nJUMP Y 0\nEND\nLINE X 0\n')
-    loaded = judged(top, None)
-    assert loaded.diagnostics == []
-    stream = compiled(loaded)
+    loaded = examine_file(top, None)
+    assert loaded.diagnostics == ()
+    stream = stream_in(loaded)
     assert stream is not None
     trace, _ = interpret(stream, loaded.machine)
     assert trace is not None
@@ -91,6 +91,6 @@ def test_digits_of_a_name_are_no_numbers(folder: Path, first: str, second: str) 
     write(folder / f"{second}.job", "DWELL 2\n")
     for names in ((first, second), (second, first)):
         top = write(folder / "top.job", "".join(f'INCLUDE "{name}.job"\n' for name in names))
-        stream = compiled(judged(top, None))
+        stream = stream_in(examine_file(top, None))
         assert stream is not None
         assert stream.buffered.p.tolist() == [1 if name == first else 2 for name in names]
