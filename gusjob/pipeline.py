@@ -239,7 +239,7 @@ def compile_calls(checked: Checked) -> Compiled | Checked:
         return checked
     if not isinstance(checked.content, Job):
         return _next(Compiled, checked, stream=checked.content)
-    from gusjob.planner import compile_job
+    from gusjob.controllers.gus.lower import compile_job
 
     stream, found = compile_job(checked.content, checked.machine)
     planned = _with_diagnostics(checked, found)

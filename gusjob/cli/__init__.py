@@ -1,4 +1,4 @@
-"""The command line: one module a command, imported when it is asked for."""
+"""The command line: one module for each command, imported when the command is used."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import Any
 
 import click
 
-from gusjob.cli.language import Command, language_of_a_command, speak_as_asked
+from gusjob.cli.language import Command, apply_language_option, own_language_settings
 from gusjob.version import __version__
 
-# No command multiplies matrices: numpy's pool of threads would only cost start-up.
+# No command multiplies matrices: numpy's thread pool would only slow down the start.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _COMMANDS = ("check", "fmt", "explain", "compile", "run", "report", "plot", "trace", "watch", "lsp", "tune", "devices")
 
 
-class _Commands(Command, click.Group):
-    """Imports a command's module only when that command is used: start-up time is part of the tool."""
+class _CommandGroup(Command, click.Group):
+    """Imports a command's module only when that command is used, for a fast start."""
 
     def main(self, *args: Any, **extra: Any) -> Any:
-        with language_of_a_command():
+        with own_language_settings():
             return super().main(*args, **extra)
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
-        speak_as_asked(args)
+        apply_language_option(args)
         return super().make_context(info_name, args, parent, **extra)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -42,13 +42,13 @@ class _Commands(Command, click.Group):
         return command
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_CommandGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="gusjob")
 def cli() -> None:
     """Compile, lint and run laser jobs for Googol GUS galvo controllers.
 
-    FILE is a job (.job), or the GT_ calls of a C program or listing (.gts, .c). Exit status: 0 clean, 1 errors were
-    found or something moved (report --against), 2 wrong usage or a file that can't be read.
+    FILE is a job (.job), or the GT_ calls of a listing or C program (.gts, .c). Exit status: 0 clean, 1 errors, or
+    changes found by report --against, 2 wrong usage or a file that can't be read.
     """
 
 
@@ -56,6 +56,6 @@ def main() -> None:
     """Entry point."""
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
-        if reconfigure is not None:  # A console that can't show a character gets a stand-in, not a traceback.
+        if reconfigure is not None:  # Characters that a console can't show are escaped.
             reconfigure(errors="backslashreplace")
     cli()

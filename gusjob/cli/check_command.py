@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from gusjob.cli.common import ExitStatus, files_of, machine_option, output_option, show, write
+from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.cli.mending import Mending
@@ -28,11 +28,13 @@ _CHECKED = (".job", ".gts")
 
 
 def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
-    """Codes or the beginnings of codes, 'GJ4' or 'GJ401,GJ402'; each must begin a rule."""
+    """Split codes or prefixes of codes, 'GJ4' or 'GJ401,GJ402'; each must match a rule."""
     codes = tuple(code.strip().upper() for text in value for code in text.split(",") if code.strip())
     for code in codes:
         if not any(known.startswith(code) for known in RULES):
-            wrong = Phrase("no rule begins with {code}; `gusjob explain` lists them", code=printable(code))
+            wrong = Phrase(
+                "no rule has a code that begins with {code}: `gusjob explain` lists all rules", code=printable(code)
+            )
             raise click.BadParameter(localized(wrong))
     return codes
 
@@ -42,31 +44,30 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 @machine_option
 @click.option(
     "--format", "form", type=click.Choice(["text", "json", "sarif", "junit"]), default="text", show_default=True,
-    help="text for people, json for programs, sarif for code scanning, junit for CI systems that show tests.",
+    help="text for people, json for programs, sarif for code scanning, junit for CI systems that show test results.",
 )  # fmt: skip
 @output_option
-@click.option("--strict", is_flag=True, help="Warnings fail too.")
+@click.option("--strict", is_flag=True, help="Exit with 1 on warnings, too.")
 @click.option(
-    "--select", multiple=True, callback=_prefixes, metavar="CODES", help="Only these rules, such as GJ4,GJ201."
+    "--select", multiple=True, callback=_prefixes, metavar="CODES", help="Report only these rules, such as GJ4,GJ201."
 )
-@click.option("--ignore", multiple=True, callback=_prefixes, metavar="CODES", help="All but these rules.")
-@click.option("--statistics", is_flag=True, help="Count the faults of each rule in place of listing them.")
+@click.option("--ignore", multiple=True, callback=_prefixes, metavar="CODES", help="Report all rules but these.")
+@click.option("--statistics", is_flag=True, help="Count the diagnostics of each rule instead of listing them.")
 @click.option(
-    "--fix", "fixes", is_flag=True, help="Mend in the files what leaves one thing to write; show what is left."
+    "--fix", "fixes", is_flag=True, help="Correct problems that have only one possible correction; report the rest."
 )
-@click.option("--diff", "diffs", is_flag=True, help="Write nothing; show what --fix would change.")
+@click.option("--diff", "diffs", is_flag=True, help="Show what --fix would change, without writing.")
 def command(
     paths: tuple[Path, ...], machine_path: Path | None, form: str, output: Path | None, strict: bool,
     select: tuple[str, ...], ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
 ) -> None:  # fmt: skip
-    """Check jobs and listings: words, ranges, modes, order, light, motion.
+    """Check jobs and listings for errors.
 
-    All diagnostics of all files are listed; in a FOLDER all .job and .gts files are checked, and of a GLOB
-    ("**/*.job") that the shell has left as it is, what it matches. Exit status: 0 clean, 1 an error (with --strict
-    also a warning), 2 a file that can't be read. A diagnostic that is not selected, here or in the profile's [check],
-    does not count.
+    A FOLDER stands for all .job and .gts files in it, a GLOB ("**/*.job") that the shell did not expand for what it
+    matches. Exit status: 0 clean, 1 errors (with --strict also warnings), 2 a file that can't be read. Rules that are
+    not selected, here or in the profile's [check], are not counted.
 
-    With --fix it is the exit status of what is left; with --diff 1 if there is something to mend.
+    With --fix the exit status is that of the corrected files; with --diff it is 1 if there is something to correct.
     """
     _refuse(form, output, statistics=statistics, diffs=diffs)
     asked = SelectionLayer(select=select, ignore=ignore)
@@ -75,7 +76,7 @@ def command(
     mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
-        _keep(output, files)
+        _refuse_overwriting(output, files)
     for path in files:
         examined: FileResult = examine_file(path, machine_path)
         examined = examined if mending is None else mending.mended(examined)
@@ -90,13 +91,13 @@ def command(
     elif statistics:
         _print_statistics(sums.by_rule)
     if gathered is None or output is not None or mending is not None:
-        click.echo(sums.told + (mending.told if mending else ""), err=True)
+        click.echo(sums.summary + (mending.told if mending else ""), err=True)
     sys.exit(max(sums.status.code, mending.exit_code if mending else 0))
 
 
 @dataclass(slots=True, kw_only=True)
 class _Sums:
-    """What all files come to. `left_out`: what is not selected, by severity; `read`: every file that was."""
+    """Sums over all files. `left_out`: what is not selected, by severity; `read`: every file that was read."""
 
     status: ExitStatus
     files: int = 0
@@ -116,7 +117,7 @@ class _Sums:
         self.read += examined.inputs
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """'3 files: 1 error, 2 warnings (1 not selected)', in the user's language."""
         errors, warnings, notes = (self.counts[severity] for severity in Severity)
         words = (
@@ -129,31 +130,31 @@ class _Sums:
         rest = Phrase(" ({count} not selected)", count=hidden) if hidden else ""
         if refused:
             rest = Phrase(" ({count} not selected, {errors} of them errors)", count=hidden, errors=refused)
-        return localized(Phrase("{files}: {counts}{hidden}", files=files_of(self.files), counts=found, hidden=rest))
-
-
-def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) -> None:
-    """What does not go together."""
-    if form == "text" and output is not None:
-        raise click.UsageError(localized(Phrase("-o is for --format json, sarif and junit")))
-    if statistics and form in ("sarif", "junit"):
-        raise click.UsageError(localized(Phrase("--statistics is for text and JSON")))
-    if diffs and (form != "text" or statistics):
-        raise click.UsageError(
-            localized(Phrase("--diff is for people and patch: no --format, no --statistics with it"))
+        return localized(
+            Phrase("{files}: {counts}{hidden}", files=counted_files(self.files), counts=found, hidden=rest)
         )
 
 
-def _keep(output: Path, files: list[Path]) -> None:
-    """What is mended is not to be written over behind that."""
+def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) -> None:
+    """Refuse options that exclude each other."""
+    if form == "text" and output is not None:
+        raise click.UsageError(localized(Phrase("-o needs --format json, sarif or junit")))
+    if statistics and form in ("sarif", "junit"):
+        raise click.UsageError(localized(Phrase("--statistics needs --format text or json")))
+    if diffs and (form != "text" or statistics):
+        raise click.UsageError(localized(Phrase("--diff can't be combined with --format or --statistics")))
+
+
+def _refuse_overwriting(output: Path, files: list[Path]) -> None:
+    """Refuse an output file that --fix would change."""
     for path in files:
         if output.exists() and path.exists() and output.samefile(path):
-            wrong = Phrase("--fix would write over {path}: name another file with -o", path=output)
+            wrong = Phrase("--fix changes {path}: name another output file with -o", path=output)
             raise click.UsageError(localized(wrong))
 
 
 def _counted(diagnostics: Iterable[Diagnostic]) -> Counter[str]:
-    """Diagnostics of each rule, those that are not listed or come in many rounds included."""
+    """Count the diagnostics of each rule, including those that are not listed and repetitions in loops."""
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:
         code = diagnostic.rule.code

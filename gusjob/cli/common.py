@@ -1,4 +1,4 @@
-"""What the commands share: options, showing diagnostics, writing results."""
+"""What the commands share: options, printing diagnostics, writing results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ machine_option = click.option(
 
 
 def _scanner(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Scanner | None:
-    """A scanner from the command line."""
+    """Parse the scanner option."""
     if text is None:
         return None
     scanner = parse_scanner(text)
@@ -40,8 +40,7 @@ scanner_option = click.option(
     "--scanner",
     callback=_scanner,
     metavar="MODEL:TIME",
-    help="How the mirrors lag behind the command, in place of the profile's scanner: to see where the beam really is "
-    f"while the laser is on. {SCANNER_FORM}.",
+    help=f"Scanner model in place of the profile's: how the beam lags behind the commanded position. {SCANNER_FORM}.",
 )
 file_argument = click.argument("path", metavar="FILE", type=click.Path(path_type=Path))
 output_option = click.option(
@@ -84,10 +83,10 @@ def show(result: FileResult, *, err: bool = True, notes: bool = True) -> None:
 def write(
     pieces: Iterable[bytes], output: Path | None, *, sources: Iterable[Path] = (), for_people: bool = False
 ) -> None:
-    """Write bytes to a file or to standard output; exits with 2 if they can't be written.
+    """Write bytes to a file or to standard output; exit with 2 if they can't be written.
 
-    A file is there whole or not at all: until it is, an older one stays. `sources` are never written over.
-    `for_people`: UTF-8 text, which on standard output is in the terminal's encoding as messages are.
+    A file is replaced when the new one is complete, never written in part. `sources` are never overwritten.
+    `for_people`: UTF-8 text, converted to the terminal's encoding on standard output as messages are.
     """
     try:
         if output is None:
@@ -96,13 +95,13 @@ def write(
                 localized = (piece.decode().encode(encoding, "backslashreplace") for piece in pieces)
                 _write_all(localized if for_people else pieces, sys.stdout.buffer)
         elif output.exists() and any(source.exists() and output.samefile(source) for source in sources):
-            stop(Phrase("{path}: this is a file that was read; name another one with -o", path=output))
+            stop(Phrase("{path} is an input of this command: name another output file with -o", path=output))
         elif output.exists() and not output.is_file():
             with output.open("wb") as file:  # A device or a pipe.
                 _write_all(pieces, file)
         else:
             _replace(output.resolve(), pieces)
-    except BrokenPipeError:  # Whoever reads has seen enough.
+    except BrokenPipeError:  # The reader has closed the pipe.
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123  (for the interpreter's own flush)
     except OSError as error:
         stop(Phrase("{path}: can't write: {reason}", path=output or _STANDARD_OUTPUT, reason=reason_of(error)))
@@ -110,25 +109,25 @@ def write(
 
 _STANDARD_OUTPUT = Phrase("standard output")
 BOM = b"\xef\xbb\xbf"
-"""What some editors begin a UTF-8 file with; it is no part of a job, and stays."""
+"""Byte order mark that some editors put at the start of a UTF-8 file; it is not part of a job, and is kept."""
 
 
 def bom_of(path: Path) -> bytes:
-    """The BOM that a file begins with, if it does. Raises OSError."""
+    """The BOM that a file begins with, or nothing. Raises OSError."""
     with path.open("rb") as file:
         return BOM * (file.read(len(BOM)) == BOM)
 
 
 def rewrite(path: Path, before: bytes, after: bytes) -> str:
-    """Put a changed text in the place of a file that was read, or say why that can't be. A link to it stays."""
+    """Replace a file that was read by a changed text. Return why that failed, or an empty text. Links stay links."""
     try:
         target = path.resolve(strict=True)
         if not target.is_file():
-            return Phrase("this is no file")
+            return Phrase("it is not a file")
         if not os.access(target, os.W_OK):
             return Phrase("permission denied")
         if target.read_bytes() != before:
-            return Phrase("the file has changed in the meantime")
+            return Phrase("the file was changed in the meantime")
         _replace(target, [after])
     except OSError as error:
         return reason_of(error)
@@ -136,9 +135,9 @@ def rewrite(path: Path, before: bytes, after: bytes) -> str:
 
 
 def _replace(output: Path, pieces: Iterable[bytes]) -> None:
-    """Write beside a file, then put it in its place."""
+    """Write a temporary file beside a file, then move it to its place."""
     if output.exists():
-        output.open("ab").close()  # What may not be written over is not replaced either.
+        output.open("ab").close()  # A file that may not be written is not replaced either.
     handle, name = tempfile.mkstemp(prefix=".gusjob-", dir=output.parent)
     beside = Path(name)
     try:
@@ -147,25 +146,25 @@ def _replace(output: Path, pieces: Iterable[bytes]) -> None:
         beside.chmod(output.stat().st_mode & 0o7777 if output.exists() else 0o666 & ~_umask())
         beside.replace(output)
     except KeyboardInterrupt:
-        stop(Phrase("{path}: interrupted; nothing was written", path=output))
+        stop(Phrase("{path}: interrupted, nothing was written", path=output))
     finally:
         beside.unlink(missing_ok=True)
 
 
 def _umask() -> int:
-    """What new files may not have; it can't be asked for without being set."""
+    """The process's umask; it can only be read by setting it."""
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
 
 
-def files_of(count: int) -> str:
-    """So many files."""
+def counted_files(count: int) -> str:
+    """'3 files'."""
     return plural(count, Phrase("{count} file", count=count), Phrase("{count} files", count=count))
 
 
 def need(extra: str, module: str, *, to: str) -> None:
-    """See to it that an extra is installed; leaves with 2 and the line that installs it if not. `to`: a Phrase."""
+    """Exit with 2, and the line that installs it, unless an extra is installed. `to`: what it is needed for."""
     try:
         import_module(module)
     except ImportError:
@@ -175,13 +174,13 @@ def need(extra: str, module: str, *, to: str) -> None:
 
 
 def refuse_terminal(form: str, output: Path | None) -> None:
-    """What is not for reading is not poured out over a terminal."""
+    """Refuse to write binary or endless output to a terminal."""
     if output is None and sys.stdout is not None and sys.stdout.isatty():
-        raise click.UsageError(localized(Phrase("{form} is not for a terminal: name a file with -o", form=form)))
+        raise click.UsageError(localized(Phrase("{form} can't be shown on a terminal: name a file with -o", form=form)))
 
 
 def stop(message: str) -> NoReturn:
-    """Say why, in the user's language, and leave with 2."""
+    """Print why, in the user's language, and exit with 2."""
     click.echo(f"gusjob: {printable(localized(message))}", err=True)
     sys.exit(2)
 

@@ -18,9 +18,9 @@ from gusjob.pipeline import Compiled, compile_file
 @click.option("--format", "form", type=click.Choice(["gts", "json", "c"]), default="gts", show_default=True)
 @output_option
 def command(path: Path, machine_path: Path | None, form: str, output: Path | None) -> None:
-    """Compile a job to its GT_ calls.
+    """Compile a job to GT_ calls.
 
-    gts: one call a line, readable by gusjob again. json: the calls as columns. c: a C program that sends them.
+    gts: one call a line, which gusjob reads again. json: the calls as columns. c: a C program that sends them.
     """
     from gusjob.controllers.gus.listing import listing, listing_json
 

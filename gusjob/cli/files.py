@@ -1,4 +1,4 @@
-"""Which files the arguments of a command name: files, folders, and globs that the shell has left as they are."""
+"""The files that the arguments of a command name: files, folders, and globs that the shell did not expand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gusjob.i18n.phrases import Phrase, any_of
 
 
 def files_named(paths: tuple[Path, ...], endings: tuple[str, ...]) -> list[Path]:
-    """The files that are named, each once, in their order; of folders those with one of the endings."""
+    """List the files that are named, each once, in their order; of folders those with one of the endings."""
     files: dict[str, Path] = {}
     for path in paths:
         for file in _named(path, endings):
@@ -21,9 +21,9 @@ def files_named(paths: tuple[Path, ...], endings: tuple[str, ...]) -> list[Path]
 
 
 def _named(path: Path, endings: tuple[str, ...]) -> list[Path]:
-    """A file as given; of a folder the files in it; of a glob what it matches.
+    """List a file, the files of a folder, or what a glob matches.
 
-    A gate that looks at nothing must not open: a folder or glob without a file ends with 2.
+    A check of no files must not pass: a folder or glob without a file ends with exit status 2.
     """
     if path.is_dir():
         kinds = any_of(endings)
@@ -39,14 +39,14 @@ def _named(path: Path, endings: tuple[str, ...]) -> list[Path]:
 
 
 def _inside(folder: Path, endings: tuple[str, ...]) -> Iterator[Path]:
-    """The files in a folder and those below it, in order, hidden folders left out."""
+    """List the files in a folder and its subfolders, in order, without hidden folders."""
     inside = (p for p in folder.rglob("*") if p.suffix.lower() in endings and p.is_file())
     yield from sorted(p for p in inside if not any(part.startswith(".") for part in p.relative_to(folder).parts))
 
 
 def _identity(path: Path) -> str:
-    """The same for two ways to write a name. A link is a name of its own: it may lie beside another profile."""
+    """A key that is equal for two spellings of a path. A link counts as a file: it may lie beside another profile."""
     try:
         return os.path.normcase(path.parent.resolve() / path.name)
-    except (OSError, ValueError, RuntimeError):  # No such name, or a loop of links: it is told when it is read.
+    except (OSError, ValueError, RuntimeError):  # No such name, or a loop of links: reported when it is read.
         return str(path)

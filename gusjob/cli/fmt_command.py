@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from gusjob.cli.common import BOM, bom_of, files_of, rewrite, show, write
+from gusjob.cli.common import BOM, bom_of, counted_files, rewrite, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.diagnostics.model import Diagnostic
@@ -19,38 +19,38 @@ from gusjob.pipeline import FileResult
 
 _STANDARD_INPUT = Path("-")
 _FORMATTED = (".job",)
-_CHANGED, _RIGHT, _FAILED, _LISTING = "changed", "right", "failed", "left alone"
+_CHANGED, _UNCHANGED, _FAILED, _LISTING = "changed", "unchanged", "failed", "listing"
 
 
 @click.command(name="fmt", cls=Command)
 @click.argument("paths", metavar="FILE|FOLDER|GLOB...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--check", "checks", is_flag=True, help="Write nothing; name the files that would change.")
-@click.option("--diff", "diffs", is_flag=True, help="Write nothing; show what would change.")
+@click.option("--check", "checks", is_flag=True, help="List the files that would change, without writing.")
+@click.option("--diff", "diffs", is_flag=True, help="Show what would change, without writing.")
 def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
-    """Bring jobs into one layout: words, spaces, indents, comments; what they do stays the same.
+    """Format jobs: words, spaces, indents and comments in one canonical layout. Their calls stay the same.
 
-    In a FOLDER all .job files are formatted, of a GLOB ("**/*.job") that the shell has left as it is, what it matches;
-    listings are left alone. - is standard input, to standard output. A job with lines that can't be read stays as it
-    is. Exit status: 0 done, 1 a job with errors (with --check or --diff also one that would change), 2 a file that
-    can't be read or written.
+    A FOLDER stands for all .job files in it, a GLOB ("**/*.job") that the shell did not expand for what it matches;
+    listings are not formatted. - reads standard input and writes standard output. A job with lines that can't be read
+    stays as it is. Exit status: 0 done, 1 a job with errors (with --check or --diff also one that would change), 2 a
+    file that can't be read or written.
     """
     files = _files(paths)
-    run = _Run(checks=checks, diffs=diffs)
+    run = _Formatting(checks=checks, diffs=diffs)
     for path in files:
         run.file(path)
-    click.echo(run.localized(), err=True)
+    click.echo(run.summary(), err=True)
     sys.exit(run.exit_code)
 
 
 def _files(paths: tuple[Path, ...]) -> list[Path]:
-    """The jobs that are named, each once; standard input first."""
+    """List the jobs that are named, each once; standard input first."""
     named = files_named(tuple(path for path in paths if path != _STANDARD_INPUT), _FORMATTED)
     return [_STANDARD_INPUT] * (_STANDARD_INPUT in paths) + named
 
 
 @dataclass(slots=True, kw_only=True)
-class _Run:
-    """What files come to together."""
+class _Formatting:
+    """Formats files one by one and counts the outcomes."""
 
     checks: bool
     diffs: bool
@@ -62,13 +62,13 @@ class _Run:
         return not (self.checks or self.diffs)
 
     def file(self, path: Path) -> None:
-        """One more file."""
+        """Format a file."""
         bom, source, diagnostics = _read(path)
         if source is None:
             show(FileResult(path=path, diagnostics=tuple(diagnostics)))
             self.fail(2)
         elif is_listing(source):
-            click.echo(printable(localized(Phrase("{path}: a listing is left alone", path=source.name))), err=True)
+            click.echo(printable(localized(Phrase("{path}: listings are not formatted", path=source.name))), err=True)
             self.counts[_LISTING] += 1
             if path == _STANDARD_INPUT and self.writes:
                 write([bom, source.data], None)
@@ -76,7 +76,7 @@ class _Run:
             self.job(path, bom, source)
 
     def job(self, path: Path, bom: bytes, source: Source) -> None:
-        """A job that was read."""
+        """Format a job that was read."""
         from gusjob.frontend.format import laid_out
 
         data, diagnostics = laid_out(source)
@@ -97,10 +97,10 @@ class _Run:
         elif changed:
             self.exit_code = max(self.exit_code, 1)
             self.show_change(source.name, bom + source.data, bom + data)
-        self.counts[_CHANGED if changed else _RIGHT] += 1
+        self.counts[_CHANGED if changed else _UNCHANGED] += 1
 
     def show_change(self, name: str, before: bytes, after: bytes) -> None:
-        """The diff, or else the name."""
+        """Print the difference, or only the name."""
         from gusjob.frontend.format.difference import difference
 
         named = [f"{name}\n".encode(errors="backslashreplace")]
@@ -110,26 +110,26 @@ class _Run:
         self.counts[_FAILED] += 1
         self.exit_code = max(self.exit_code, exit_code)
 
-    def localized(self) -> str:
-        """'3 files: 1 changed, 2 right'."""
-        changed, right, failed, listings = (self.counts[kind] for kind in (_CHANGED, _RIGHT, _FAILED, _LISTING))
+    def summary(self) -> str:
+        """'3 files: 1 changed, 2 unchanged', in the user's language."""
+        changed, unchanged, failed, listings = (self.counts[kind] for kind in (_CHANGED, _UNCHANGED, _FAILED, _LISTING))
         words = {
             Phrase("{count} changed", count=changed): changed if self.writes else 0,
             Phrase("{count} would change", count=changed): 0 if self.writes else changed,
-            Phrase("{count} right", count=right): right,
+            Phrase("{count} unchanged", count=unchanged): unchanged,
             Phrase("{count} failed", count=failed): failed,
             plural(
                 listings,
-                Phrase("{count} listing left alone", count=listings),
-                Phrase("{count} listings left alone", count=listings),
+                Phrase("{count} listing not formatted", count=listings),
+                Phrase("{count} listings not formatted", count=listings),
             ): listings,
         }
-        told = all_of([word for word, count in words.items() if count])
-        return localized(Phrase("{files}: {counts}", files=files_of(self.counts.total()), counts=told))
+        counted = all_of([word for word, count in words.items() if count])
+        return localized(Phrase("{files}: {counts}", files=counted_files(self.counts.total()), counts=counted))
 
 
 def _read(path: Path) -> tuple[bytes, Source | None, list[Diagnostic]]:
-    """A file's BOM, if it has one, and its text; or why it is none."""
+    """Read a file: its BOM, if it has one, and its text, or why it is not text."""
     if path == _STANDARD_INPUT:
         data = sys.stdin.buffer.read() if sys.stdin is not None else b""
         source, diagnostics = check_text(data, "<stdin>")
@@ -139,5 +139,5 @@ def _read(path: Path) -> tuple[bytes, Source | None, list[Diagnostic]]:
         return b"", None, diagnostics
     try:
         return bom_of(path), source, diagnostics
-    except OSError:  # It is gone again: it won't be written either.
+    except OSError:  # It has been removed since: it won't be written either.
         return b"", source, diagnostics

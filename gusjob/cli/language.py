@@ -1,7 +1,7 @@
-"""Commands that speak the user's language: --lang, and helps from the catalogue.
+"""Commands in the user's language: --lang, and help texts from the catalogue.
 
-click itself takes its own texts ("Usage:", "No such option") from gettext; what it knows nothing of is that a Chinese
-character is two columns wide and that a line may break behind any of them.
+click takes its own texts ("Usage:", "No such option") from gettext, but does not know that a Chinese character is two
+columns wide and that a line may break after any of them.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ from gusjob.i18n.language import CATALOGUES, DOMAIN, LANGUAGES, language, set_la
 
 _OPTION = "--lang"
 _SAMPLES = {"zh": "中"}
-LANGUAGE_HELP = "Language of messages, helps and reports. Default: that of the system."
+LANGUAGE_HELP = "Language of messages, help texts and reports. Default: the system's language."
 
 
-def speak_as_asked(arguments: Sequence[str]) -> None:
-    """Speak the language of --lang, wherever it stands, else the system's: before a help or a wrong usage is told."""
+def apply_language_option(arguments: Sequence[str]) -> None:
+    """Set the language of --lang, wherever it is given, else the system's, before a help or a usage error is shown."""
     pairs = zip(arguments, [*arguments[1:], ""], strict=True)
-    asked = [after if word == _OPTION else word.removeprefix(f"{_OPTION}=") for word, after in pairs if _OPTION in word]
-    known = [one for one in asked if one in LANGUAGES]
-    spoken = known[-1] if known else _shown(system_language())
-    set_language(spoken)
-    _let_click_speak(spoken)
+    given = [after if word == _OPTION else word.removeprefix(f"{_OPTION}=") for word, after in pairs if _OPTION in word]
+    known = [one for one in given if one in LANGUAGES]
+    name = known[-1] if known else _displayable(system_language())
+    set_language(name)
+    _localize_click(name)
 
 
 @contextmanager
-def language_of_a_command() -> Iterator[None]:
-    """What a command speaks is its own: a program that calls it has its language and its gettext back."""
-    spoken, domain, variable = language(), gettext.textdomain(), os.environ.get("LANGUAGE")
+def own_language_settings() -> Iterator[None]:
+    """Keep a command's language its own: a program that calls it gets its language and gettext settings back."""
+    before, domain, variable = language(), gettext.textdomain(), os.environ.get("LANGUAGE")
     try:
         yield
     finally:
-        set_language(spoken)
+        set_language(before)
         gettext.textdomain(domain)
         os.environ.pop("LANGUAGE", None)
         if variable is not None:
             os.environ["LANGUAGE"] = variable
 
 
-def _shown(name: str) -> str:
-    """A language that nobody asked for, if standard output and error can show it; else English."""
+def _displayable(name: str) -> str:
+    """A language that was not asked for, if standard output and error can show it; else English."""
     try:
         for stream in (sys.stdout, sys.stderr):
             _SAMPLES.get(name, "").encode((stream and stream.encoding) or "utf-8")
@@ -59,15 +59,15 @@ def _shown(name: str) -> str:
     return name
 
 
-def _let_click_speak(name: str) -> None:
-    """click takes its own texts from gettext's domain, in the language of this variable."""
+def _localize_click(name: str) -> None:
+    """Set gettext's domain and the variable from which click takes the language of its own texts."""
     if folder := LANGUAGES[name]:
         os.environ["LANGUAGE"] = folder
         gettext.bindtextdomain(DOMAIN, CATALOGUES)
     gettext.textdomain(DOMAIN if folder else "messages")
 
 
-def language_was_asked() -> bool:
+def language_was_given() -> bool:
     """Whether the command that runs was called with --lang."""
     context: click.Context | None = click.get_current_context()
     while context is not None:
@@ -78,39 +78,40 @@ def language_was_asked() -> bool:
 
 
 def _language_option() -> click.Option:
-    """--lang as click sees it: to judge its value and to list it; it was heeded before."""
-    about = translated(LANGUAGE_HELP)
-    return click.Option([_OPTION], type=click.Choice(list(LANGUAGES)), expose_value=False, is_eager=True, help=about)
+    """--lang as click sees it, to validate and list it; it has been applied before."""
+    return click.Option(
+        [_OPTION], type=click.Choice(list(LANGUAGES)), expose_value=False, is_eager=True, help=translated(LANGUAGE_HELP)
+    )
 
 
-class _Formatter(click.HelpFormatter):
+class _HelpFormatter(click.HelpFormatter):
     """Wraps wide characters by columns."""
 
     def write_text(self, text: str) -> None:
-        super().write_text(_laid(text, self.width - self.current_indent))
+        super().write_text(_paragraphs_wrapped(text, self.width - self.current_indent))
 
     def write_dl(self, rows: Any, col_max: int = 30, col_spacing: int = 2) -> None:
         pairs = list(rows)
         first = min(max((width(term) for term, _ in pairs), default=0), col_max) + col_spacing
         columns = max(self.width - first - 2, 10)
-        super().write_dl([(term, _laid(text, columns)) for term, text in pairs], col_max, col_spacing)
+        super().write_dl([(term, _paragraphs_wrapped(text, columns)) for term, text in pairs], col_max, col_spacing)
 
 
-def _laid(text: str, columns: int) -> str:
-    """A text whose paragraphs click is to take as they are (\\b), if it has wide characters."""
+def _paragraphs_wrapped(text: str, columns: int) -> str:
+    """A text with wide characters whose lines click takes as they are (\\b); others are left to click."""
     if width(text) == len(text):
         return text
     return "\n\n".join("\b\n" + wrapped(part, columns) for part in text.split("\n\n"))
 
 
-class _Context(click.Context):
-    formatter_class = _Formatter
+class _LocalizedContext(click.Context):
+    formatter_class = _HelpFormatter
 
 
 class Command(click.Command):
     """A command with --lang, whose help is in the user's language."""
 
-    context_class = _Context
+    context_class = _LocalizedContext
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         *own, last = super().get_params(ctx)
@@ -121,32 +122,32 @@ class Command(click.Command):
         return super().get_help_option(ctx)
 
     def get_help(self, ctx: click.Context) -> str:
-        return super(Command, _in_language(self)).get_help(ctx)
+        return super(Command, _localized_command(self)).get_help(ctx)
 
     def get_short_help_str(self, limit: int = 45) -> str:
-        spoken = _in_language(self)
-        if language() == "en" or spoken.help is None:
+        shown = _localized_command(self)
+        if language() == "en" or shown.help is None:
             return super().get_short_help_str(limit)
-        return spoken.help.partition("\n\n")[0].partition("。")[0]
+        return shown.help.partition("\n\n")[0].partition("。")[0]
 
 
 def paragraphs(text: str) -> str:
-    """A help as the catalogue has it: lines of a paragraph joined, since where they end is the code's matter."""
+    """A help text as the catalogue has it: the lines of a paragraph joined."""
     return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
 
 
-def _in_language(command: Command) -> Command:
+def _localized_command(command: Command) -> Command:
     """A command with its texts in the user's language."""
-    spoken = copy(command)
+    shown = copy(command)
     if command.help and language() != "en":
-        spoken.help = translated(paragraphs(command.help))
-    spoken.params = [_parameter(parameter) for parameter in command.params]
-    return spoken
+        shown.help = translated(paragraphs(command.help))
+    shown.params = [_localized_parameter(parameter) for parameter in command.params]
+    return shown
 
 
-def _parameter(parameter: click.Parameter) -> click.Parameter:
+def _localized_parameter(parameter: click.Parameter) -> click.Parameter:
     if not isinstance(parameter, click.Option) or not parameter.help:
         return parameter
-    spoken = copy(parameter)
-    spoken.help = translated(parameter.help)
-    return spoken
+    shown = copy(parameter)
+    shown.help = translated(parameter.help)
+    return shown

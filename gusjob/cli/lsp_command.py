@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import need, output_option, stop, write
-from gusjob.cli.language import Command, language_was_asked
+from gusjob.cli.language import Command, language_was_given
 from gusjob.i18n.phrases import Phrase, localized, reason_of
 
 
@@ -43,7 +43,7 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # A thread waits for input: it must not be waited for.
     if port is not None:
         try:
-            sys.exit(serve_port(port, follow=not language_was_asked()))
+            sys.exit(serve_port(port, follow=not language_was_given()))
         except OSError as error:
             reason = reason_of(error)
             stop(Phrase("can't listen at port {port}: {reason}; name another with --tcp", port=port, reason=reason))
@@ -53,4 +53,4 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
     if stdin.isatty():
         stop(Phrase('this command is for an editor to start (README, "In an editor"); --tcp PORT listens at a port'))
     sys.stdout = sys.stderr  # Whatever else prints must not get into the protocol.
-    sys.exit(serve_pipes(stdin.buffer, stdout.buffer, follow=not language_was_asked()))
+    sys.exit(serve_pipes(stdin.buffer, stdout.buffer, follow=not language_was_given()))

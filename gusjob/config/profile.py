@@ -350,7 +350,7 @@ class _Reader:
             real = float(value)
         except OverflowError:
             real = math.inf
-        if limits.verdict(real) or not limits.carries(real):
+        if limits.classify_one(real) or not limits.carries(real):
             self.diagnostic(rules.PROFILE_RANGE, key, table, value=number(real), range=_within(limits))
             return None
         return real
@@ -361,7 +361,7 @@ class _Reader:
             ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),
             ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
         ):
-            if limits.verdict(value):
+            if limits.classify_one(value):
                 written, pulses = number(getattr(machine, key)), f"{number(value)} {limits.unit}"
                 shown = Phrase("{value}, that is {pulses}", value=written, pulses=pulses)
                 self.diagnostic(rules.PROFILE_RANGE, key, "", value=shown, range=_within(limits))

@@ -58,6 +58,6 @@ def check(job: Job, machine: Machine) -> list[Diagnostic]:
     """Everything that is wrong or odd in a job on a machine, in line order."""
     findings, view = Findings(job=job, collector=Collector(job.name)), view_of(job, machine)
     for one in CHECKS:
-        if job.whole or one not in HANG_ON_ALL:
+        if job.complete or one not in HANG_ON_ALL:
             one(view, findings)
     return sorted(findings.collector.done(rules.MORE), key=lambda f: (f.span.line, f.span.column))

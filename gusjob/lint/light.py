@@ -9,7 +9,9 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Remark
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import LaserDelay, LaserFpk, Op, opens_stage
+from gusjob.ir.path import Op
+from gusjob.ir.setup import LaserDelay, LaserFpk
+from gusjob.ir.stages import opens_stage
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.lint.view import CHANNELS, Findings, Remarks, View
 
@@ -47,7 +49,7 @@ def dwells(view: View, findings: Findings) -> None:
     rows = view.rows(Op.DWELL)
     if not len(rows):
         return
-    moved, sky = np.concatenate([[0], np.cumsum(path.moves)]), view.job.sky_of_rows()[0]
+    moved, sky = np.concatenate([[0], np.cumsum(path.moves)]), view.job.sky_writing_by_row()[0]
     for channel in CHANNELS:
         lit, on_line, _, _ = view.lit(channel)
         mine = rows[lit[rows]]
@@ -61,10 +63,10 @@ def dwells(view: View, findings: Findings) -> None:
 
 def waits(view: View, findings: Findings) -> None:
     """Light at the end of a stage stays on until the next one moves."""
-    sky = view.job.sky_of_rows()[0]  # Under it this is an error already.
+    sky = view.job.sky_writing_by_row()[0]  # Under it this is an error already.
     opening = zip(view.job.setups, opens_stage(view.job), strict=True)
-    stops = [s for s, opens in opening if opens and sky[s.at - 1] < 0]
-    places = np.array([s.at * 2 for s in stops], dtype=np.intp)
+    stops = [s for s, opens in opening if opens and sky[s.row - 1] < 0]
+    places = np.array([s.row * 2 for s in stops], dtype=np.intp)
     for channel in CHANNELS:
         # LASER OFF NOW is a way to end light, too.
         lit = view.lit_at(channel, places) & view.lit_at(channel, places + 1)
@@ -172,7 +174,7 @@ def delays_against_path(view: View, findings: Findings) -> None:
     """
     path = view.job.path
     timed = np.flatnonzero(path.takes_time)
-    sky = np.append(view.job.sky_of_rows()[0] >= 0, False)  # It makes up for delays.
+    sky = np.append(view.job.sky_writing_by_row()[0] >= 0, False)  # It makes up for delays.
     for channel in CHANNELS:
         keys, on, _ = view.switches(channel)
         places, on_us, off_us = _delays_in_force(view, channel)
@@ -207,7 +209,7 @@ def _delays_in_force(view: View, channel: int) -> tuple[Indices, Floats, Floats]
     for setup in view.job.setups:
         if setup.channel != channel:
             continue
-        match setup.what:
+        match setup.statement:
             case LaserDelay(on_delay_us=on, off_delay_us=off):
                 delay = (on, off)
             case LaserFpk(times_us=times):

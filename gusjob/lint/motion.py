@@ -7,7 +7,7 @@ import numpy as np
 from gusjob.controllers.gus import ranges
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import SPEED_WORDS, Op, arcs_mm
+from gusjob.ir.path import SPEED_WORDS, Op, arcs_mm
 from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.geometry import CLOSES_MM, arcs_by_either
 from gusjob.lint.view import CHANNELS, Findings, View
@@ -23,9 +23,9 @@ def speeds(view: View, findings: Findings) -> None:
         at = np.flatnonzero(written.word == number)
         value, in_mm = written.value[at], written.in_mm[at]
         mm = value * (1e6 if is_acc else 1e3) / machine.pulses_per_mm[0]
-        outside = allowed.judge(value) > 0
+        outside = allowed.classify(value) > 0
         fast = ~outside & (mm > limit * (1 + 1e-9)) & (in_mm | machine.equal_axes)
-        places = written.line[at], written.trail[at], np.where(written.inline[at], word, "value")
+        places = written.line[at], written.provenance[at], np.where(written.inline[at], word, "value")
         for rule, bad, values, fields in (
             (rules.TOO_FAST, fast, mm, {"unit": unit, "limit": limit}),
             (rules.OUT_OF_RANGE, outside, value, {"unit": allowed.unit, "range": str(allowed), "hint": ""}),
@@ -71,7 +71,8 @@ def speeds_along(view: View, findings: Findings) -> None:
             line = int(lines[rows[i]])
             place = word if view.job.locate(line, word) != view.job.locate(line, "") else "value"
             findings.add(
-                rules.TOO_FAST, line, place, trail=int(path.trail[rows[i]]), what=word, value=float(mm[i]), unit=unit,
+                rules.TOO_FAST, line, place, trail=int(path.provenance[rows[i]]), what=word,
+                value=float(mm[i]), unit=unit,
                 limit=limit,
             )  # fmt: skip
 

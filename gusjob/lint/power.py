@@ -9,7 +9,8 @@ import numpy as np
 from gusjob.controllers.gus.ranges import FOLLOW, FOLLOW_RATIO, POWER, POWER_NOW, PULSE_DUTY_PCT, Membership, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Op, PowerNow, SwitchNow
+from gusjob.ir.path import Op
+from gusjob.ir.setup import PowerNow, SwitchNow
 from gusjob.kinematics.units import PowerUnit
 from gusjob.lint.view import CHANNELS, Findings, ModeSpan, View, unit_fields
 
@@ -30,7 +31,7 @@ def before_a_mode(view: View, findings: Findings) -> None:
     path = view.job.path
     for channel in CHANNELS:
         spans = view.modes(channel)
-        first = spans[0].setup.at if spans else len(path)
+        first = spans[0].setup.row if spans else len(path)
         early = np.arange(len(path))[:first]
         early = early[(path.op[early] >= Op.POWER) & (path.channel[early] == channel)]
         for op in (Op.POWER, Op.FOLLOW):
@@ -38,7 +39,7 @@ def before_a_mode(view: View, findings: Findings) -> None:
         on = early[path.op[early] == Op.ON]
         findings.at_rows(rules.LASER_UNKNOWN, on[:1], "", channel=channel)
         for setup in view.setups(SwitchNow):
-            turns_on = isinstance(setup.what, SwitchNow) and setup.what.on
+            turns_on = isinstance(setup.statement, SwitchNow) and setup.statement.on
             if turns_on and setup.channel == channel and (not spans or setup.order < spans[0].setup.order):
                 findings.at(rules.LASER_UNKNOWN, setup, channel=channel)
         for setup in view.setups(PowerNow):
@@ -59,7 +60,7 @@ def direct_power(view: View, findings: Findings) -> None:
             _clamped(findings, span, rows[inside], values[inside], "LASER POWER", "value")
             _frequency(view, findings, span, rows[inside], values[inside], "LASER POWER", "value")
     for setup in view.setups(PowerNow):
-        what, mode = setup.what, view.mode_of(setup)
+        what, mode = setup.statement, view.mode_of(setup)
         if mode is None or not isinstance(what, PowerNow):
             continue
         wanted = UNIT_OF_MODE[mode.mode.mode]
@@ -77,7 +78,7 @@ def direct_power(view: View, findings: Findings) -> None:
                 )
             width = mode.mode.pulse_width_us
             duty = min(max(what.power, mode.mode.low), mode.mode.high) * (width or 0.0) / 10
-            if width and what.power > 0 and PULSE_DUTY_PCT.verdict(duty) is not Membership.INSIDE:
+            if width and what.power > 0 and PULSE_DUTY_PCT.classify_one(duty) is not Membership.INSIDE:
                 findings.at(
                     rules.PULSE_TOO_WIDE, setup, "value", value=what.power, width=width, duty=duty,
                     range=str(PULSE_DUTY_PCT),
@@ -227,7 +228,7 @@ def _frequency(
         return
     # The frequency in force is what the mode's limits leave of it.
     duty = np.clip(values, mode.low, mode.high) * mode.pulse_width_us / 10
-    bad = (values > 0) & (PULSE_DUTY_PCT.judge(duty) != Membership.INSIDE)
+    bad = (values > 0) & (PULSE_DUTY_PCT.classify(duty) != Membership.INSIDE)
     if bad.any():
         findings.at_rows(
             rules.PULSE_TOO_WIDE, rows[bad], word, value=values[bad], width=float(mode.pulse_width_us), duty=duty[bad],

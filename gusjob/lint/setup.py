@@ -6,7 +6,7 @@ from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import DISTANCE_LIMIT, MODE_LIMIT, PULSE_DUTY_PCT, Membership, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import (
+from gusjob.ir.setup import (
     Crd,
     LaserDelay,
     LaserDistance,
@@ -17,8 +17,8 @@ from gusjob.ir.job import (
     LookAhead,
     Setup,
     Wait,
-    opens_stage,
 )
+from gusjob.ir.stages import opens_stage
 from gusjob.lint.power import UNIT_OF_MODE
 from gusjob.lint.view import Findings, View
 
@@ -32,7 +32,7 @@ _PWM, _ANALOG = Phrase("the PWM modes (DUTY, DUTY2, FREQUENCY)"), Phrase("analog
 def laser_mode(view: View, findings: Findings) -> None:
     """LASER MODE: limits, carrier, pulse width."""
     for setup in view.setups(LaserMode):
-        mode = setup.what
+        mode = setup.statement
         assert isinstance(mode, LaserMode)
         allowed = MODE_LIMIT[mode.mode]
         good = findings.one(setup, mode.low, allowed, _MODE_MIN, "MIN")
@@ -53,7 +53,7 @@ def laser_mode(view: View, findings: Findings) -> None:
 def delays(view: View, findings: Findings) -> None:
     """LASER DELAY: whole us, and off not below on."""
     for setup in view.setups(LaserDelay):
-        delay = setup.what
+        delay = setup.statement
         assert isinstance(delay, LaserDelay)
         good = findings.one(setup, delay.on_delay_us, ranges.SWITCH_DELAY_US, _ON_DELAY, "ON")
         good &= findings.one(setup, delay.off_delay_us, ranges.SWITCH_DELAY_US, _OFF_DELAY, "OFF")
@@ -64,7 +64,7 @@ def delays(view: View, findings: Findings) -> None:
 def output_when_off(view: View, findings: Findings) -> None:
     """LASER STANDBY, LASER PREVOLT, LASER FPK: ranges, and the modes in which they mean something."""
     for setup in view.setups(LaserStandby):
-        standby = setup.what
+        standby = setup.statement
         assert isinstance(standby, LaserStandby)
         if standby.pulse is not None:
             findings.one(setup, standby.pulse[0], ranges.STANDBY_KHZ, _STANDBY_FREQ, "FREQ")
@@ -76,13 +76,13 @@ def output_when_off(view: View, findings: Findings) -> None:
                 )
             _wants(view, findings, setup, pwm=True)
     for setup in view.setups(LaserPrevolt):
-        prevolt = setup.what
+        prevolt = setup.statement
         assert isinstance(prevolt, LaserPrevolt)
         if prevolt.prevoltage_v is not None:
             findings.one(setup, prevolt.prevoltage_v, ranges.PREVOLTAGE_V, _PREVOLTAGE)
             _wants(view, findings, setup, pwm=False)
     for setup, behind in _with_next(view.setups(LaserFpk)):
-        fpk = setup.what
+        fpk = setup.statement
         assert isinstance(fpk, LaserFpk)
         if fpk.times_us is not None:
             for value, allowed, word in zip(
@@ -99,7 +99,7 @@ def output_when_off(view: View, findings: Findings) -> None:
                 findings.at(rules.FPK_SWITCH, setup, channel=setup.channel, remarks=remarks)
                 continue
             for later in view.modes_behind(setup):
-                if behind is not None and later.setup.at >= behind.at:
+                if behind is not None and later.setup.row >= behind.row:
                     break
                 if later.mode.mode is PowerMode.DUTY2 and span is not later:
                     remarks = findings.set_remark(setup)
@@ -119,7 +119,7 @@ def _wants(view: View, findings: Findings, setup: Setup, *, pwm: bool) -> None:
 def distance(view: View, findings: Findings) -> None:
     """LASER DISTANCE: after its mode, with limits in the mode's range and unit."""
     for setup, behind in _with_next(view.setups(LaserDistance)):
-        what = setup.what
+        what = setup.statement
         assert isinstance(what, LaserDistance)
         if what.settings is None:
             continue
@@ -146,13 +146,13 @@ def distance(view: View, findings: Findings) -> None:
             # What distance follow may ask for is a frequency that the job commands (M 二.2).
             for word, value in (("MIN", settings.low), ("MAX", settings.high)):
                 duty = min(max(value, mode.mode.low), mode.mode.high) * width / 10
-                if value > 0 and PULSE_DUTY_PCT.verdict(duty) is not Membership.INSIDE:
+                if value > 0 and PULSE_DUTY_PCT.classify_one(duty) is not Membership.INSIDE:
                     findings.at(
                         rules.PULSE_TOO_WIDE, setup, word, value=value, width=width, duty=duty,
                         range=str(PULSE_DUTY_PCT), remarks=findings.mode_remark(mode.setup),
                     )  # fmt: skip
         for span in view.modes_behind(setup):
-            if behind is not None and span.setup.at >= behind.at:
+            if behind is not None and span.setup.row >= behind.row:
                 break  # Another LASER DISTANCE takes over before anything moves in this mode.
             if span.mode.mode.unit != mode.mode.mode.unit:
                 findings.at(
@@ -177,11 +177,11 @@ def _with_next(setups: tuple[Setup, ...]) -> list[tuple[Setup, Setup | None]]:
 def coordinate_system(view: View, findings: Findings) -> None:
     """CRD and LOOKAHEAD: numbers, and CRD before the path."""
     for setup in view.job.setups:
-        match setup.what:
+        match setup.statement:
             case Crd(crd=crd, fifo=fifo):
                 findings.one(setup, crd, ranges.CRD, "CRD")
                 findings.one(setup, fifo, ranges.FIFO, "FIFO", "FIFO")
-                if setup.at:
+                if setup.row:
                     findings.at(rules.CRD_LATE, setup)
             case LookAhead(corner=(time, acc)):
                 if time == time:
@@ -195,5 +195,5 @@ def coordinate_system(view: View, findings: Findings) -> None:
 def new_stages(view: View, findings: Findings) -> None:
     """A setup statement behind motion stops it."""
     for setup, opens in zip(view.job.setups, opens_stage(view.job), strict=True):
-        if opens and not isinstance(setup.what, Wait):
+        if opens and not isinstance(setup.statement, Wait):
             findings.at(rules.NEW_STAGE, setup, word=setup.word)

@@ -9,7 +9,9 @@ import numpy as np
 from gusjob.controllers.gus import ranges
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Op, Setup, SkyWrite, SkyWriting, SwitchNow, opens_stage
+from gusjob.ir.path import Op
+from gusjob.ir.setup import Setup, SkyWrite, SkyWriting, SwitchNow
+from gusjob.ir.stages import opens_stage
 from gusjob.kinematics.arrays import Bools
 from gusjob.lint.light import switched_on
 from gusjob.lint.view import CHANNELS, Findings, View
@@ -24,8 +26,8 @@ def settings(view: View, findings: Findings) -> None:
     """SKYWRITE: ranges, and what its numbers say together."""
     follows = bool((view.job.path.op == Op.FOLLOW).any())
     for setup in view.setups(SkyWrite):
-        assert isinstance(setup.what, SkyWrite)
-        sky = setup.what.settings
+        assert isinstance(setup.statement, SkyWrite)
+        sky = setup.statement.settings
         if sky is None or not _in_range(findings, setup, sky):
             continue
         _together(findings, setup, sky)
@@ -71,18 +73,18 @@ def _together(findings: Findings, setup: Setup, sky: SkyWriting) -> None:
 
 def light(view: View, findings: Findings) -> None:
     """Under sky writing light comes and goes with the path, and a mark is sky-written as a whole."""
-    number, _ = view.job.sky_of_rows()
+    number, _ = view.job.sky_writing_by_row()
     sky = number >= 0
     if not sky.any():
         return
     for setup in view.setups(SkyWrite):
         _changed_in_light(view, findings, setup)
     for setup in view.setups(SwitchNow):
-        assert isinstance(setup.what, SwitchNow)
-        if setup.what.on and sky[min(view.stage_first[setup.order], len(sky) - 1)]:
+        assert isinstance(setup.statement, SwitchNow)
+        if setup.statement.on and sky[min(view.stage_first[setup.order], len(sky) - 1)]:
             findings.at(rules.SKY_NOW, setup)
-    stops = [s for s, opens in zip(view.job.setups, opens_stage(view.job), strict=True) if opens and _under(sky, s.at)]
-    places = np.array([s.at * 2 for s in stops], dtype=np.intp)
+    stops = [s for s, opens in zip(view.job.setups, opens_stage(view.job), strict=True) if opens and _under(sky, s.row)]
+    places = np.array([s.row * 2 for s in stops], dtype=np.intp)
     for channel in CHANNELS:
         for i in np.flatnonzero(view.lit_at(channel, places)).tolist():
             findings.at(rules.SKY_STAGE, stops[i], word=stops[i].word, channel=channel)
@@ -99,15 +101,15 @@ def _under(sky: Bools, at: int) -> bool:
 
 def _changed_in_light(view: View, findings: Findings, setup: Setup) -> None:
     for channel in CHANNELS:
-        if view.lit_at(channel, np.array([setup.at * 2 + 1]))[0]:
-            on_line = view.lit(channel)[1][max(setup.at - 1, 0) : max(setup.at, 1)]
+        if view.lit_at(channel, np.array([setup.row * 2 + 1]))[0]:
+            on_line = view.lit(channel)[1][max(setup.row - 1, 0) : max(setup.row, 1)]
             findings.at(rules.SKY_LIT, setup, remarks=switched_on(view, on_line)(0), channel=channel)
 
 
 def forced_ends(view: View, findings: Findings) -> None:
     """No END on a mark under sky writing."""
     path = view.job.path
-    number, _ = view.job.sky_of_rows()
+    number, _ = view.job.sky_writing_by_row()
     forced = np.flatnonzero((number >= 0) & ~np.isnan(path.end) & path.moves)
     lit = view.lit(0)[0] | view.lit(1)[0]
     findings.at_rows(rules.SKY_END, forced[lit[forced]], "END")

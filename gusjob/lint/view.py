@@ -16,18 +16,11 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Remark, Rule
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import (
-    DisplayUnits,
-    Job,
-    LaserMode,
-    Op,
-    PowerNow,
-    Setup,
-    SwitchNow,
-    arcs_mm,
-    display_units,
-    stages_of_setups,
-)
+from gusjob.ir.display import DisplayUnits, display_units
+from gusjob.ir.job import Job
+from gusjob.ir.path import Op, arcs_mm
+from gusjob.ir.setup import LaserMode, PowerNow, Setup, SwitchNow
+from gusjob.ir.stages import setup_stages
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import PowerUnit, QuantityKind
 
@@ -57,7 +50,7 @@ class Findings:
     ) -> None:  # fmt: skip
         """One diagnostic at a word of a line ('' for the statement, 'value' for its number)."""
         key = (rule.code, line, word, fields.get("what"), fields.get("axis"), fields.get("channel"))
-        if self.job.trails is not None and key in self.seen:
+        if self.job.provenance is not None and key in self.seen:
             self.collector.again(self.seen[key], count)
             return
         if not self.collector.room(rule):
@@ -65,15 +58,15 @@ class Findings:
             return
         self.seen[key] = len(self.collector.found)
         span = self.job.locate(line, word)
-        if self.job.trails is not None:
-            remarks = (*remarks, *self.job.set_here(line, word), *self.job.remarks(trail))
+        if self.job.provenance is not None:
+            remarks = (*remarks, *self.job.name_remarks(line, word), *self.job.provenance_remarks(trail))
         self.collector.add(rule, span, fields, count, remarks)
 
     def at(
         self, rule: Rule, setup: Setup, word: str = "", /, *, remarks: tuple[Remark, ...] = (), **fields: Any
     ) -> None:
         """One diagnostic at a word of a setup statement."""
-        self.add(rule, setup.line, word, trail=setup.trail, remarks=remarks, **fields)
+        self.add(rule, setup.line, word, trail=setup.provenance, remarks=remarks, **fields)
 
     def at_rows(
         self, rule: Rule, rows: Indices, word: str, /, *, remarks: Remarks = no_remarks, **columns: Any
@@ -81,7 +74,7 @@ class Findings:
         """One diagnostic a row; a field that is an array (one entry a row of `rows`) gives each its own."""
         path = self.job.path
         words = np.broadcast_to(word, len(rows))
-        self.at_places(rule, path.line[rows], path.trail[rows], words, remarks=remarks, **columns)
+        self.at_places(rule, path.line[rows], path.provenance[rows], words, remarks=remarks, **columns)
 
     def at_places(
         self, rule: Rule, lines: npt.NDArray[Any], trails: npt.NDArray[Any], words: npt.NDArray[Any], /, *,
@@ -89,7 +82,7 @@ class Findings:
     ) -> None:  # fmt: skip
         """One diagnostic a place; rounds of the same statement are one diagnostic with a count."""
         places, counts = np.arange(len(lines)), np.ones(len(lines), dtype=np.intp)
-        if self.job.trails is not None:
+        if self.job.provenance is not None:
             _, places, counts = np.unique(lines, return_index=True, return_counts=True)
         listed = min(len(places), self.collector.room(rule))
         for i, count in zip(places[:listed].tolist(), counts[:listed].tolist(), strict=True):
@@ -100,7 +93,7 @@ class Findings:
 
     def ranged(self, rows: Indices, values: Floats, allowed: Range, what: str, word: str, hint: str = "") -> Bools:
         """Judge values (one a row) against a range; returns which are good."""
-        verdict = allowed.judge(values)
+        verdict = allowed.classify(values)
         whole = allowed.carries(values)
         if not verdict.any() and whole.all():
             return np.ones(len(values), dtype=np.bool_)
@@ -115,11 +108,11 @@ class Findings:
 
     def one(self, setup: Setup, value: float, allowed: Range, what: str, word: str = "value") -> bool:
         """Judge a setup statement's number; returns whether it is good."""
-        if allowed.verdict(value) is Membership.OUTSIDE:
+        if allowed.classify_one(value) is Membership.OUTSIDE:
             rule = rules.OUT_OF_RANGE
         elif not allowed.carries(value):
             rule = rules.NOT_WHOLE
-        elif allowed.verdict(value) is Membership.ON_TOLERATED_END:
+        elif allowed.classify_one(value) is Membership.ON_TOLERATED_END:
             rule = rules.ON_OPEN_END
         else:
             return True
@@ -195,7 +188,7 @@ class View:
     def setups(self, kind: type) -> tuple[Setup, ...]:
         """Setup statements of a kind."""
         if kind not in self.by_kind:
-            self.by_kind[kind] = tuple(s for s in self.job.setups if isinstance(s.what, kind))
+            self.by_kind[kind] = tuple(s for s in self.job.setups if isinstance(s.statement, kind))
         return self.by_kind[kind]
 
     def modes(self, channel: int) -> tuple[ModeSpan, ...]:
@@ -294,18 +287,18 @@ class View:
 
 def view_of(job: Job, machine: Machine) -> View:
     """The view of a job."""
-    firsts = tuple(first for _, first in stages_of_setups(job))
+    firsts = tuple(first for _, first in setup_stages(job))
     spans = tuple(tuple(_modes(job, channel, firsts)) for channel in CHANNELS)
     return View(job=job, machine=machine, mode_spans=spans, stage_first=firsts)
 
 
 def _modes(job: Job, channel: int, firsts: tuple[int, ...]) -> Iterator[ModeSpan]:
-    found = [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel]
+    found = [s for s in job.setups if isinstance(s.statement, LaserMode) and s.channel == channel]
     ends = [*(firsts[s.order] for s in found), len(job.path)][1:]
     for setup, last in zip(found, ends, strict=True):
-        assert isinstance(setup.what, LaserMode)
-        yield ModeSpan(setup=setup, mode=setup.what, channel=channel, first=firsts[setup.order], last=last)
+        assert isinstance(setup.statement, LaserMode)
+        yield ModeSpan(setup=setup, mode=setup.statement, channel=channel, first=firsts[setup.order], last=last)
 
 
 def _is_on(setup: Setup) -> bool:
-    return isinstance(setup.what, SwitchNow) and setup.what.on
+    return isinstance(setup.statement, SwitchNow) and setup.statement.on

@@ -7,9 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.lower import lower
-from gusjob.diagnostics.model import Diagnostic
 from gusjob.ir.job import Job
 from gusjob.planner.flatten import flatten
 from gusjob.planner.layout import layout
@@ -48,9 +45,3 @@ def plan(job: Job, machine: Machine) -> Plan:
     for step in PASSES:
         state = step(state)
     return state
-
-
-def compile_job(job: Job, machine: Machine) -> tuple[Stream, list[Diagnostic]]:
-    """The calls of a checked job."""
-    done = plan(job, machine)
-    return lower(done), list(done.diagnostics)

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gusjob.ir.job import Op, arcs_mm, chords, with_lines
+from gusjob.ir.path import Op, arcs_mm, with_chords
+from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 from gusjob.planner.plan import Plan
 
 
@@ -18,7 +19,8 @@ def flatten(state: Plan) -> Plan:
     if machine.equal_axes or not len(at):
         return state
     shapes = arcs_mm(path, at, machine)
-    pieces, x_mm, y_mm = chords(shapes, shapes.radius, machine.chord_tolerance_um)
+    pieces = chord_counts(shapes.sweep, chord_angles(shapes.radius, machine.chord_tolerance_um / 1000))
+    x_mm, y_mm = chord_ends(shapes, pieces)
     px, py = machine.pulses_per_mm
-    longer, origin = with_lines(path, at, pieces, x_mm * px, y_mm * py)
+    longer, origin = with_chords(path, at, pieces, x_mm * px, y_mm * py)
     return replace(state, path=longer, origin=origin, timed=np.flatnonzero(longer.takes_time))

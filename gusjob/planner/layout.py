@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gusjob.ir.job import Op, Path
+from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.geometry import NO_ARCS, Arcs, Ends, arcs_by_either, segments
 from gusjob.planner.plan import Plan

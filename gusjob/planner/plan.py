@@ -10,7 +10,9 @@ import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.ir.job import Job, Op, Path, Setup
+from gusjob.ir.job import Job
+from gusjob.ir.path import Op, Path
+from gusjob.ir.setup import Setup
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
 

@@ -27,6 +27,7 @@ def report_rows(
     listed = collector.room(rule)
     for i, count in zip(first[:listed].tolist(), counts[:listed].tolist(), strict=True):
         row = int(rows[i])
-        span, remarks = state.job.locate(int(path.line[row]), word), state.job.remarks(int(path.trail[row]))
+        span = state.job.locate(int(path.line[row]), word)
+        remarks = state.job.provenance_remarks(int(path.provenance[row]))
         collector.add(rule, span, fields(i), count, remarks)
     collector.uncounted(rule, max(len(first) - listed, 0))

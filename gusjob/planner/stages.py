@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gusjob.ir.job import IN_PATH, Setup, Wait, opens_stage
+from gusjob.ir.setup import IN_PATH, Setup, Wait
+from gusjob.ir.stages import opens_stage
 from gusjob.planner.plan import Plan, Stage
 
 
@@ -18,7 +19,7 @@ def split(state: Plan) -> Plan:
         if opens:
             stages.append(Stage(first=first, last=at, setups=tuple(setups)))
             first, setups = at, []
-        if not isinstance(setup.what, (Wait, *IN_PATH)):
+        if not isinstance(setup.statement, (Wait, *IN_PATH)):
             setups.append(setup)
     if setups or first < len(state.path):
         stages.append(Stage(first=first, last=len(state.path), setups=tuple(setups)))
@@ -27,7 +28,7 @@ def split(state: Plan) -> Plan:
 
 def _places(state: Plan) -> list[int]:
     """Each setup's row in the plan's path, which may have more rows than the job's."""
-    job_rows = np.array([s.at for s in state.job.setups], dtype=np.intp)
+    job_rows = np.array([s.row for s in state.job.setups], dtype=np.intp)
     rows = job_rows if state.origin is None else np.searchsorted(state.origin, job_rows, side="left")
     found: list[int] = rows.tolist()
     return found

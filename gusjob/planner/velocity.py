@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import RunKind
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule
-from gusjob.ir.job import LookAhead, Op, display_units
+from gusjob.ir.display import display_units
+from gusjob.ir.intent import RunKind
+from gusjob.ir.path import Op
+from gusjob.ir.setup import LookAhead
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import starts_at_rest
 from gusjob.kinematics.trapezoids import corner_velocity, look_ahead
@@ -90,9 +92,9 @@ def corner_jump(state: Plan) -> Floats:
     default = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
     jump = np.full(len(state.timed), default)
     for setup in state.job.setups:
-        if isinstance(setup.what, LookAhead):
+        if isinstance(setup.statement, LookAhead):
             rows = state.origin[state.timed] if state.origin is not None else state.timed
-            jump[rows >= setup.at] = _jump(setup.what, state)
+            jump[rows >= setup.row] = _jump(setup.statement, state)
     return jump
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import RunKind
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized
+from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Intent
+from gusjob.ir.intent import Intent
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate.beam import Beam

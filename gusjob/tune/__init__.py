@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gusjob.config.machine import Machine, ScannerModel
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.controllers.gus.ranges import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend import Source, read_job
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Job, LaserDelay, SkyWrite, auto_steps
+from gusjob.ir.job import Job
+from gusjob.ir.setup import LaserDelay, SkyWrite, auto_steps
 from gusjob.lint import check
-from gusjob.planner import compile_job
 from gusjob.simulate import ChannelTrace, Trace, interpret
 from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.tune.edit import with_statement
@@ -72,7 +73,7 @@ def run_job(source: Source, job: Job, diagnostics: list[Diagnostic], machine: Ma
 
 def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:
     """LASER DELAY of a channel; where there is nothing to tune, the reason."""
-    if run.job.sky_writes:
+    if run.job.has_sky_writing:
         return Phrase("this job is sky-written, which makes up for LASER DELAY: tune SKYWRITE (--skywrite)")
     at_once = _without_delays(run, machine, channel)
     if isinstance(at_once, str):
@@ -104,7 +105,7 @@ def tune_delays(run: Run, machine: Machine, channel: int) -> Tuned | str:
 
 def _without_delays(run: Run, machine: Machine, channel: int) -> Run | str:
     """The job without delays of a channel: those that are wrong may leave nothing of its marks."""
-    if not any(isinstance(s.what, LaserDelay) and s.channel == channel for s in run.job.setups):
+    if not any(isinstance(s.statement, LaserDelay) and s.channel == channel for s in run.job.setups):
         return run
     statement = _delay_statement(run, channel, 0, 0)
     tried = _tried(run, machine, LaserDelay, channel, statement, SEARCH, judged=False)
@@ -156,7 +157,8 @@ def tune_sky_writing(run: Run, machine: Machine, channel: int, mode: int | None)
             scanner=str(machine.scanner),
             most=TIMELAG_US.high,
         )
-    own = next((s.what.settings for s in run.job.setups if isinstance(s.what, SkyWrite) and s.what.settings), None)
+    statements = (s.statement for s in run.job.setups)
+    own = next((s.settings for s in statements if isinstance(s, SkyWrite) and s.settings), None)
     mode = mode or (int(own.mode) if own is not None else 3)
     lag_us, gap_us = round(machine.scanner.tracking_error_us), _killer_us(shining)[0]
     npost = math.ceil(lag_us / RUN_STEP_US)

@@ -7,7 +7,8 @@ from dataclasses import replace
 from gusjob.diagnostics.model import Span
 from gusjob.frontend import Source
 from gusjob.i18n.phrases import Phrase, all_of
-from gusjob.ir.job import Job, LaserDelay, LaserMode, Setup, SkyWrite
+from gusjob.ir.job import Job
+from gusjob.ir.setup import LaserDelay, LaserMode, Setup, SkyWrite
 
 
 def with_statement(
@@ -19,7 +20,7 @@ def with_statement(
     there on. Where that is not to be done without guessing, the reason.
     """
     name = "SKYWRITE" if kind is SkyWrite else "LASER DELAY"
-    found = [s for s in job.setups if isinstance(s.what, kind) and _speaks_of(s, channel)]
+    found = [s for s in job.setups if isinstance(s.statement, kind) and _speaks_of(s, channel)]
     own = [s for s in found if not job.locate(s.line, "").path]
     spans, lines = _spans(job, own), {s.line for s in own}
     if kind is LaserDelay and any(s.channel != channel for s in job.setups if s.line in lines):
@@ -42,7 +43,7 @@ def with_statement(
         )
     if own:
         return replace(source, data=_replaced(source, spans[0], text), _ends=None)
-    modes = [s for s in job.setups if isinstance(s.what, LaserMode) and s.channel == channel]
+    modes = [s for s in job.setups if isinstance(s.statement, LaserMode) and s.channel == channel]
     if not modes:
         return Phrase(
             "the job has no LASER MODE for channel {channel} behind which {name} could stand",
@@ -54,14 +55,14 @@ def with_statement(
 
 def _line_of(job: Job, setup: Setup) -> int:
     """The line of the job's own text in which a statement stands, or the file that holds it is included."""
-    if job.locate(setup.line, "").path and job.trails is not None:
-        return job.trails.steps(setup.trail)[-1].line
+    if job.locate(setup.line, "").path and job.provenance is not None:
+        return job.provenance.steps(setup.provenance)[-1].line
     return setup.line
 
 
 def _speaks_of(setup: Setup, channel: int) -> bool:
-    if isinstance(setup.what, SkyWrite):
-        return setup.what.settings is not None
+    if isinstance(setup.statement, SkyWrite):
+        return setup.statement.settings is not None
     return setup.channel == channel
 
 

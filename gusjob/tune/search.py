@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import RunKind
+from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, figure
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
+from gusjob.kinematics.chords import chord_counts
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report, scale_mm
 from gusjob.simulate import ChannelTrace, Trace
@@ -155,7 +156,7 @@ def _light_edges(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]:
 def _chords(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
     """Arcs in equal times."""
     laid = clock.laid
-    count = np.maximum(np.ceil(np.abs(laid.arcs.sweep) / step_rad), 1).astype(np.intp) - 1
+    count = chord_counts(laid.arcs.sweep, step_rad) - 1
     which, part = counted(count)
     cell = laid.arc_at[which]
     return cell, clock.times_ms[cell] + clock.duration_ms[cell] * ((part + 1) / (count[which] + 1))

@@ -333,7 +333,7 @@ def test_no_input_is_written_over(tmp_path: Path) -> None:
         before = path.read_bytes()
         for words in (["compile"], ["report", "--format", "json"], ["trace", "--format", "csv"]):
             done = gusjob(words[0], top, *words[1:], "-o", path)
-            assert (done.exit_code, "name another one with -o" in done.output) == (2, True)
+            assert (done.exit_code, "name another output file with -o" in done.output) == (2, True)
             assert path.read_bytes() == before
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics.model import REMARKS, Diagnostic, Rule, Severity, has_errors
 from gusjob.diagnostics.rules import RULES, VARIANTS
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.lint import check
 from gusjob.pipeline import Checked, examine, load
-from gusjob.planner import compile_job
 from gusjob.simulate import find_diagnostics
 
 WITHOUT_EXAMPLE = {

@@ -16,10 +16,10 @@ from gusjob.config.machine import Machine
 from gusjob.config.profile import parse_machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.frontend import Source, check_text, read_job, read_listing
 from gusjob.lint import check
-from gusjob.planner import compile_job
 from gusjob.report.files import report_csv, report_json
 from gusjob.report.rows import make_report
 from gusjob.report.table import report_table

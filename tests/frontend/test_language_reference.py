@@ -16,9 +16,9 @@ from support.tools import MACHINE, MARK
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics.model import has_errors
 from gusjob.frontend import check_text, read_job
-from gusjob.planner import compile_job
 
 EXAMPLES = int(os.environ.get("LANGUAGE_EXAMPLES", "50"))
 """Set it high to search for long."""

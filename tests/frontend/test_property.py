@@ -15,10 +15,10 @@ from support.job_writer import Writer
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.lint import check
-from gusjob.planner import compile_job
 from gusjob.report.rows import Report, SegmentKind, make_report
 from gusjob.simulate import Trace, interpret
 

@@ -21,12 +21,12 @@ import atheris  # type: ignore[import-untyped,import-not-found,unused-ignore]  #
 with atheris.instrument_imports(include=["gusjob"]):
     from gusjob.cli.text import diagnostic_text
     from gusjob.config.machine import Machine
+    from gusjob.controllers.gus.lower import compile_job
     from gusjob.diagnostics.model import Diagnostic, has_errors
     from gusjob.frontend import check_text, read_job, read_listing
     from gusjob.frontend.expand import ledger
     from gusjob.frontend.listing.reader import looks_like_listing
     from gusjob.lint import check
-    from gusjob.planner import compile_job
     from gusjob.report.rows import make_report
     from gusjob.simulate import interpret
 

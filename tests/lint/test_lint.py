@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from support.tools import MACHINE, MARK, diagnostics_in
 
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.frontend import check_text, read_job, read_listing
-from gusjob.planner import compile_job
 from gusjob.simulate import find_diagnostics
 from gusjob.simulate.power import emitted
 

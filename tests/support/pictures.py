@@ -17,7 +17,7 @@ import numpy.typing as npt
 from support.tools import MACHINE, stream_of
 
 from gusjob.config.machine import Machine, parse_scanner
-from gusjob.controllers.gus.calls import RunKind
+from gusjob.ir.intent import RunKind
 from gusjob.simulate import Trace, interpret
 from gusjob.simulate.quality.ends import ends_of
 from gusjob.simulate.quality.marks import BIN_MM

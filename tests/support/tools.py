@@ -8,12 +8,12 @@ from pathlib import Path
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.ir.job import Job
 from gusjob.lint import check
 from gusjob.pipeline import Checked, Compiled, FileResult, compile_calls
-from gusjob.planner import compile_job
 from gusjob.report.rows import Report, make_report
 from gusjob.simulate import interpret
 

@@ -34,7 +34,7 @@ def bad_argument(call: Call) -> str:
 def out_of(allowed: Range, name: str, value: float) -> str:
     """Why a value is none for a range; '' if it is one."""
     shown = f"{name} {number(value)} {allowed.unit}".rstrip()
-    if allowed.verdict(value) is Membership.OUTSIDE:
+    if allowed.classify_one(value) is Membership.OUTSIDE:
         return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
     return "" if allowed.carries(value) else Phrase("{value} is not whole", value=shown)
 
@@ -80,7 +80,7 @@ class BufferedJudge:
     def judge(self, rows: Indices, at: Indices, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
         """One argument of the rows at `at` against its range."""
         values = self.calls.column(arg.column)[rows[at]]
-        verdict = allowed.judge(values)
+        verdict = allowed.classify(values)
         whole = allowed.carries(values) if allowed.whole else np.isfinite(values)
         if not verdict.any() and whole.all():
             return

@@ -184,7 +184,7 @@ def _buffered_faults(calls: BufferedCalls) -> Iterator[str]:
         for arg in signature.args:
             if arg.kind is ArgKind.WHOLE and len(at):
                 allowed, values = arg.range or ranges.SHORT, calls.column(arg.column)[at]
-                bad = (allowed.judge(values) == Membership.OUTSIDE) | ~allowed.carries(values)
+                bad = (allowed.classify(values) == Membership.OUTSIDE) | ~allowed.carries(values)
                 for i in np.flatnonzero(bad)[:_MOST_FAULTS].tolist():
                     yield _fault(int(calls.line[at[i]]), signature.name, arg.name, values[i], allowed)
 
@@ -195,7 +195,7 @@ def _call_faults(calls: Iterable[Call]) -> Iterator[str]:
             if arg.kind is ArgKind.STRUCT and isinstance(value, str):
                 yield f"line {call.line}: {call.name}: the fields of {value} are not given"
             for name, allowed, number in _whole_numbers(arg, value):
-                if allowed.verdict(number) is Membership.OUTSIDE or not allowed.carries(number):
+                if allowed.classify_one(number) is Membership.OUTSIDE or not allowed.carries(number):
                     yield _fault(call.line, call.name, name, number, allowed)
 
 

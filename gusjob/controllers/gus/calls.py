@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import Range
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.ir.intent import Intent
+from gusjob.kinematics.arrays import Floats
 
 
 class Buffered(IntEnum):
@@ -344,26 +345,6 @@ class BufferedCalls:
     def pick(self, where: npt.NDArray[Any]) -> BufferedCalls:
         """The calls at a mask or at indices."""
         return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
-
-
-class RunKind(IntEnum):
-    """What a dark motion is for: nothing special, to come up to speed before a mark, to slow down behind it."""
-
-    NONE = 0
-    RUN_IN = 1
-    RUN_OUT = 2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Intent:
-    """What the planner means by buffered calls that do not show it, (n,) each. The controller never sees it.
-
-    `run`: Run numbers, for motion. `mark_end`: for GT_BufLaserOn the buffered motion that starts where the mark shall
-    begin, for GT_BufLaserOff the one that ends where it shall end; -1 where the switch's own place is meant.
-    """
-
-    run: npt.NDArray[np.int8]
-    mark_end: Indices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,23 +8,26 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Intent, Stream, Value, crd_start
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream, Value, crd_start
 from gusjob.controllers.gus.ranges import STANDBY_KHZ, PowerMode
-from gusjob.ir.job import (
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.ir.intent import Intent
+from gusjob.ir.job import Job
+from gusjob.ir.path import Op
+from gusjob.ir.setup import (
     Crd,
-    Job,
     LaserDelay,
     LaserDistance,
     LaserFpk,
     LaserMode,
     LaserPrevolt,
     LaserStandby,
-    Op,
     PowerNow,
     Setup,
     SwitchNow,
 )
 from gusjob.kinematics.arrays import Floats
+from gusjob.planner import plan
 from gusjob.planner.plan import Plan
 
 _KINDS = {
@@ -41,9 +44,15 @@ _KINDS = {
 _KIND_TABLE = np.array([_KINDS[op] for op in Op], dtype=np.uint8)
 
 
+def compile_job(job: Job, machine: Machine) -> tuple[Stream, list[Diagnostic]]:
+    """Compile a checked job to calls; with them the diagnostics that only the planner can make."""
+    done = plan(job, machine)
+    return lower(done), list(done.diagnostics)
+
+
 def crd_of(job: Job) -> tuple[int, int]:
     """Coordinate system and FIFO of a job: its last CRD, or 1 and 0."""
-    found = [s.what for s in job.setups if isinstance(s.what, Crd)]
+    found = [s.statement for s in job.setups if isinstance(s.statement, Crd)]
     return (int(found[-1].crd), int(found[-1].fifo)) if found else (1, 0)
 
 
@@ -87,7 +96,7 @@ def crd_parameters(machine: Machine) -> Value:
 def setup_calls(setup: Setup, machine: Machine) -> list[tuple[str, tuple[Value, ...]]]:
     """The calls of one setup statement (M 二.2, 三, 五.2)."""
     ch = float(setup.channel)
-    match setup.what:
+    match setup.statement:
         case LaserMode() as mode:
             return _mode_calls(mode, ch)
         case LaserDelay(on_delay_us=on, off_delay_us=off):

@@ -38,7 +38,7 @@ class PowerMode(IntEnum):
 
 
 class Membership(IntEnum):
-    """How a value stands to a range."""
+    """Whether a value lies in a range."""
 
     INSIDE = 0
     ON_TOLERATED_END = 1
@@ -69,20 +69,20 @@ class Range:
         object.__setattr__(self, "low", float(self.low))
         object.__setattr__(self, "high", float(self.high))
 
-    def judge(self, value: npt.ArrayLike) -> npt.NDArray[np.int8]:
-        """Verdict for each value (same shape as `value`); NaN is outside."""
+    def classify(self, value: npt.ArrayLike) -> npt.NDArray[np.int8]:
+        """Classify values: the Membership of each, in the shape of `value`; NaN is outside."""
         v = np.asarray(value, dtype=np.float64)
         inside = (v > self.low if self.low_open else v >= self.low) & (
             v < self.high if self.high_open else v <= self.high
         )
-        verdict = np.where(inside, Membership.INSIDE, Membership.OUTSIDE).astype(np.int8)
+        membership = np.where(inside, Membership.INSIDE, Membership.OUTSIDE).astype(np.int8)
         if self.ends_tolerated:
             on_end = ~inside & ((v == self.low) | (v == self.high))
-            verdict[on_end] = Membership.ON_TOLERATED_END
-        return verdict
+            membership[on_end] = Membership.ON_TOLERATED_END
+        return membership
 
-    def verdict(self, value: float) -> Membership:
-        """Verdict for one value."""
+    def classify_one(self, value: float) -> Membership:
+        """Classify one value."""
         above = value > self.low or (value == self.low and not self.low_open)
         below = value < self.high or (value == self.high and not self.high_open)
         if above and below:
@@ -175,6 +175,8 @@ CHANNEL = Range(
     section="二.2",
     note="M's examples say 'channel 1' for number 0",
 )
+CHANNELS = tuple(range(int(CHANNEL.low), int(CHANNEL.high) + 1))
+"""Every laser channel."""
 AXIS_MODE_AXIS = Range(
     name="axis of GT_SetAxisMode",
     unit="",

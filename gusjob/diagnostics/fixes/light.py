@@ -16,7 +16,7 @@ def left_on(look: Look, diagnostic: Diagnostic) -> Edits:
     that another job includes, or that can't run alone, may leave the light on for what comes behind it there.
     """
     job = look.loaded.job
-    if job is None or not job.whole or may_be_a_part(look.loaded.path):
+    if job is None or not job.complete or may_be_a_part(look.loaded.path):
         return ()
     if any(other.severity is Severity.ERROR and other.rule is not diagnostic.rule for other in look.loaded.diagnostics):
         return ()

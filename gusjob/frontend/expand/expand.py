@@ -26,7 +26,7 @@ from gusjob.frontend.parse.job_reader import RowOp
 from gusjob.frontend.parse.statements import Statement
 from gusjob.frontend.scan.shapes import Rows
 from gusjob.i18n.phrases import Phrase, both_of
-from gusjob.ir.job import Provenance
+from gusjob.ir.provenance import Provenance
 from gusjob.kinematics.arrays import Floats, Ints
 
 _CALL_STEPS = 40

@@ -15,7 +15,7 @@ from gusjob.frontend.expand.program import Item, Run
 from gusjob.frontend.files import SourceMap
 from gusjob.frontend.parse.job_reader import RowOp
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Provenance, provenance_remarks
+from gusjob.ir.provenance import Provenance
 
 MAX_STEPS = 4_000_000
 """Steps of work. What is carried out one by one, in loops that carry values and in routines that call themselves,
@@ -57,7 +57,7 @@ class Ledger:
         collector = Collector("")
         for (_, line, word), (rule, trail, fields, count) in self.diagnostics.items():
             if collector.room(rule):
-                remarks = provenance_remarks(self.trails, trail, self.sources.locate)
+                remarks = self.trails.remarks(trail, self.sources.locate)
                 collector.add(rule, self.sources.locate(line, word), fields, count, remarks)
             else:
                 collector.uncounted(rule, 1)

@@ -21,10 +21,12 @@ from gusjob.frontend.parse.job_reader import RowOp
 from gusjob.frontend.parse.statements import Quantity, Statement, unit_of
 from gusjob.frontend.resolve.frames import Frames, bent_arcs, frames_of, positions_in_frames
 from gusjob.frontend.scan.shapes import Rows
-from gusjob.ir.job import (
+from gusjob.ir.job import Job
+from gusjob.ir.path import Op, Path, Speeds, with_chords
+from gusjob.ir.provenance import Provenance
+from gusjob.ir.setup import (
     Crd,
-    Distance,
-    Job,
+    DistanceFollow,
     LaserDelay,
     LaserDistance,
     LaserFpk,
@@ -32,22 +34,17 @@ from gusjob.ir.job import (
     LaserPrevolt,
     LaserStandby,
     LookAhead,
-    Op,
-    Path,
     PowerNow,
-    Provenance,
     Setup,
     SetupStatement,
     SkyWrite,
     SkyWriting,
-    Speeds,
     SwitchNow,
     Wait,
     auto_steps,
-    chords,
-    with_lines,
 )
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
+from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 from gusjob.kinematics.geometry import CLOSES_MM
 from gusjob.kinematics.trapezoids import running_sum
 from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2, velocity_pulse_per_ms
@@ -101,12 +98,12 @@ def elaborate(told: Told, machine: Machine) -> tuple[Job, list[Diagnostic]]:
         setups=reader.setups(),
         locate=told.sources.locate,
         text_of=told.sources.text_of,
-        set_here=lambda line, word: told.sources.set_here(line, word, told.lets),
+        name_remarks=lambda line, word: told.sources.set_here(line, word, told.lets),
         files=told.sources.files,
         included=tuple((source.name, source.data) for source in told.sources.sources[1:]),
         in_pulses=bool((told.rows.op == RowOp.UNITS_PULSE).any()),
-        whole=told.whole,
-        trails=told.trails,
+        complete=told.whole,
+        provenance=told.trails,
     )
     return job, reader.diagnostics(job)
 
@@ -235,8 +232,8 @@ class _Elaboration:
             value=np.concatenate([p[2] for p in parts]),
             in_mm=np.concatenate([p[3] for p in parts]),
             inline=np.concatenate([np.full(len(p[0]), p[4]) for p in parts]),
-            trail=np.concatenate([self.trail()[p[0]] for p in parts]),
-            at=np.concatenate([self.places(p[0]) - p[4] for p in parts]),
+            provenance=np.concatenate([self.trail()[p[0]] for p in parts]),
+            row=np.concatenate([self.places(p[0]) - p[4] for p in parts]),
         )
 
     def places(self, rows: Indices) -> Indices:
@@ -318,7 +315,7 @@ class _Elaboration:
         written = op == RowOp.CHANNEL
         if Field.CHANNEL in self.rows.columns:
             written = written | ~np.isnan(self.col(Field.CHANNEL))
-        bad = np.flatnonzero(written & ((CHANNEL.judge(value) > 0) | ~CHANNEL.carries(value)))
+        bad = np.flatnonzero(written & ((CHANNEL.classify(value) > 0) | ~CHANNEL.carries(value)))
         found = []
         for at, count in self.once(bad):
             word = "value" if op[at] == RowOp.CHANNEL else "CHANNEL"
@@ -342,7 +339,8 @@ class _Elaboration:
     def diagnostic(self, job: Job, rule: d.Rule, at: int, word: str, count: int, fields: dict[str, Any]) -> Diagnostic:
         """A diagnostic in a row."""
         span = job.locate(int(self.rows.line[at]), word)
-        return Diagnostic(rule=rule, span=span, fields=fields, count=count, remarks=job.remarks(int(self.trail()[at])))
+        remarks = job.provenance_remarks(int(self.trail()[at]))
+        return Diagnostic(rule=rule, span=span, fields=fields, count=count, remarks=remarks)
 
     def channel(self) -> Floats:
         """Channel of each row as written (checked later)."""
@@ -419,7 +417,7 @@ class _Elaboration:
                 power_unit=cut(self._written(Field.VALUE)),
                 low_unit=cut(self._written(Field.LOW)),
                 high_unit=cut(self._written(Field.HIGH)),
-                trail=cut(self.trail()),
+                provenance=cut(self.trail()),
             ),
             keep,
         )
@@ -445,9 +443,10 @@ class _Elaboration:
         off = np.flatnonzero(np.abs(start - end) > CLOSES_MM)
         _, first = np.unique(self.rows.line[rows[off]], return_index=True)
         self.open_arcs = [(int(rows[i]), (float(start[i]), float(end[i]))) for i in off[first].tolist()]
-        pieces, x, y = chords(shapes, start, self.machine.chord_tolerance_um)
+        pieces = chord_counts(shapes.sweep, chord_angles(start, self.machine.chord_tolerance_um / 1000))
+        x, y = chord_ends(shapes, pieces)
         which = np.repeat(own, pieces)
-        longer, origin = with_lines(
+        longer, origin = with_chords(
             path, at, pieces, frames.a[which] * x + frames.b[which] * y, frames.c[which] * x + frames.d[which] * y
         )
         self.first_piece = np.searchsorted(origin, np.arange(len(path) + 1), side="left")
@@ -498,13 +497,13 @@ class _Elaboration:
             in_pulse = pulses is not None and bool(pulses[i])
             found.append(
                 Setup(
-                    what=self.setup(statement, in_pulse),
+                    statement=self.setup(statement, in_pulse),
                     order=order,
-                    at=int(before[i] if self.first_piece is None else self.first_piece[before[i]]),
+                    row=int(before[i] if self.first_piece is None else self.first_piece[before[i]]),
                     line=int(self.rows.line[i]),
                     channel=int(min(max(np.nan_to_num(channel[i]), 0), 1)),
                     word=_called(statement),
-                    trail=int(trail[i]),
+                    provenance=int(trail[i]),
                 )
             )
         return tuple(found)
@@ -548,7 +547,7 @@ class _Elaboration:
             value = acc.value if pulses else acceleration_pulse_per_ms2(acc.value, self.machine.pulses_per_mm[0])
         return (time.value if time else math.nan, value)
 
-    def distance(self, statement: Statement, in_pulse: bool) -> Distance:
+    def distance(self, statement: Statement, in_pulse: bool) -> DistanceFollow:
         """LASER DISTANCE with its reference in pulse."""
 
         def reference(quantity: Quantity | None, axis: int) -> float:
@@ -560,7 +559,7 @@ class _Elaboration:
         places, ratios = statement.axes["REF"], statement.axes["RATIO"]
         refs = [reference(places.get(axis), i) for i, axis in enumerate("XYZA")]
         rates = [ratios[axis].value if axis in ratios else 0.0 for axis in "XYZA"]
-        return Distance(
+        return DistanceFollow(
             reference_pulse=(refs[0], refs[1], refs[2], refs[3]),
             ratio_per_mm=(rates[0], rates[1], rates[2], rates[3]),
             low=statement.words["MIN"].value,

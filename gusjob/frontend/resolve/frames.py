@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.ir.job import Op, Path
+from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
 from gusjob.kinematics.trapezoids import running_sum

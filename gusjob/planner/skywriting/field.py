@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import RunKind
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector
 from gusjob.i18n.phrases import Phrase
+from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.planner.plan import Plan
 from gusjob.planner.report_rows import report_rows

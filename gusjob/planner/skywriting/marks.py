@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.ir.job import Op, SkyWriting
+from gusjob.ir.path import Op
+from gusjob.ir.setup import SkyWriting
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
 from gusjob.lint.view import view_of
@@ -67,7 +68,8 @@ def marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) -> 
     stage = np.searchsorted([s.first for s in state.stages], timed, side="right") - 1
     together = mark[1:] & mark[:-1] & (stage[1:] == stage[:-1]) & (sky[1:] == sky[:-1])
     # The pieces of an arc that became lines are one mark.
-    pieces = (path.line[timed[1:]] == path.line[timed[:-1]]) & (path.trail[timed[1:]] == path.trail[timed[:-1]])
+    line, provenance = path.line[timed], path.provenance[timed]
+    pieces = (line[1:] == line[:-1]) & (provenance[1:] == provenance[:-1])
     pieces &= op[1:] == Op.LINE
     flat = np.zeros(len(together), dtype=np.bool_)
     asked = np.flatnonzero(together & (mode[1:] == 3))

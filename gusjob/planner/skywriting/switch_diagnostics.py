@@ -11,7 +11,8 @@ from gusjob.controllers.gus.ranges import RUN_STEP_US
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, has_errors
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Op, display_units
+from gusjob.ir.display import display_units
+from gusjob.ir.path import Op
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.trapezoids import distance_run

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.ir.job import Op
+from gusjob.ir.path import Op
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.trapezoids import Trapezoids, distance_run, look_ahead

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.ir.job import LaserDelay, LaserFpk, Op
+from gusjob.ir.path import Op
+from gusjob.ir.setup import LaserDelay, LaserFpk
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.schedule import Schedule, schedule
 from gusjob.kinematics.units import US_PER_MS
@@ -80,7 +81,7 @@ def delays_us(state: Plan) -> Floats:
     on, off, killer = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
     for number, stage in enumerate(state.stages):
         for setup in stage.setups:
-            match setup.what:
+            match setup.statement:
                 case LaserDelay(on_delay_us=on_us, off_delay_us=off_us):
                     on[setup.channel], off[setup.channel] = on_us, off_us
                 case LaserFpk(times_us=times_us):

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.controllers.gus.calls import RunKind
-from gusjob.ir.job import SPEED_WORDS, Op
+from gusjob.ir.intent import RunKind
+from gusjob.ir.path import SPEED_WORDS, Op
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.trapezoids import trapezoids
@@ -39,7 +39,7 @@ _RUN_OUT, _RUN_OUT_FAR, _BACK_FAR, _BACK, _JUMP_BACK, _OFF = 0.20, 0.25, 0.30, 0
 
 def sky_writing(state: Plan) -> Plan:
     """Nothing to do where SKYWRITE is never on."""
-    number, settings = state.job.sky_of_rows()
+    number, settings = state.job.sky_writing_by_row()
     if not settings:
         return state
     marks = marks_of(state, number, settings)
@@ -201,7 +201,7 @@ class _Rows:
         if not len(which):
             return own[rows], own_mm[rows]
         job_rows = rows if self.state.origin is None else self.state.origin[rows]
-        last = np.searchsorted(written.at[which], job_rows, side="right") - 1
+        last = np.searchsorted(written.row[which], job_rows, side="right") - 1
         at = which[last]
         return np.where(last >= 0, written.value[at], own[rows]), np.where(last >= 0, written.in_mm[at], own_mm[rows])
 

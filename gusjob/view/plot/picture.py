@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import RunKind
+from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.report.rows import Report, make_report
 from gusjob.simulate import Trace

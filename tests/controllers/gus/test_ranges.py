@@ -17,17 +17,17 @@ def test_ends(allowed: Range) -> None:
         (allowed.high, allowed.high_open, math.inf),
     ):
         if math.isinf(end):
-            assert allowed.verdict(end) is Membership.OUTSIDE
+            assert allowed.classify_one(end) is Membership.OUTSIDE
             continue
         on_end = Membership.ON_TOLERATED_END if allowed.ends_tolerated else Membership.OUTSIDE
-        assert allowed.verdict(end) is (on_end if is_open else Membership.INSIDE)
-        assert allowed.verdict(math.nextafter(end, beyond)) is Membership.OUTSIDE
-        assert allowed.verdict(math.nextafter(end, -beyond)) is Membership.INSIDE
+        assert allowed.classify_one(end) is (on_end if is_open else Membership.INSIDE)
+        assert allowed.classify_one(math.nextafter(end, beyond)) is Membership.OUTSIDE
+        assert allowed.classify_one(math.nextafter(end, -beyond)) is Membership.INSIDE
 
 
 @pytest.mark.parametrize("allowed", TABLE, ids=lambda r: r.name)
 def test_no_nan_and_no_fraction_where_the_type_is_whole(allowed: Range) -> None:
-    assert allowed.verdict(math.nan) is Membership.OUTSIDE
+    assert allowed.classify_one(math.nan) is Membership.OUTSIDE
     assert not allowed.carries(math.nan)
     assert not allowed.carries(math.inf)
     assert bool(allowed.carries(1.5)) is not allowed.whole

@@ -717,7 +717,7 @@ def test_a_file_that_changes_meanwhile_stays(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr("gusjob.pipeline.check_text", saves)
     ran = gusjob("--fix", path)
     assert ran.exit_code == 2
-    assert f"gusjob: {path}: can't write: the file has changed in the meantime" in ran.stderr
+    assert f"gusjob: {path}: can't write: the file was changed in the meantime" in ran.stderr
     assert "GJ401" in ran.stdout
     assert ran.stderr.splitlines()[-1].endswith("; 0 mended")
     assert path.read_text() == "; mine\n"

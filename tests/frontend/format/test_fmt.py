@@ -21,6 +21,7 @@ from gusjob.cli import cli
 from gusjob.config.machine import Machine
 from gusjob.config.profile import find_profile, read_machine
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import has_errors
 from gusjob.frontend import Source, check_text, read_job, read_source
@@ -33,7 +34,6 @@ from gusjob.frontend.scan import shapes
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.kinematics.units import UNITS
 from gusjob.lint import check
-from gusjob.planner import compile_job
 
 EXAMPLES = int(os.environ.get("PROPERTY_EXAMPLES", "30"))
 FILES = sorted(p for folder in ("jobs", "tests/good", "tests/bad") for p in (ROOT / folder).rglob("*.job"))
@@ -594,15 +594,15 @@ def test_files_and_folders(tmp_path: Path) -> None:
     os.utime(pretty, (1, 1))
     ran = gusjob(tmp_path / "in", listed, alone)
     assert (ran.exit_code, ran.stdout) == (0, "")
-    last = "4 files: 2 changed, 1 right, 1 listing left alone"
-    assert ran.stderr == f"{listed}: a listing is left alone\n{last}\n"
+    last = "4 files: 2 changed, 1 unchanged, 1 listing not formatted"
+    assert ran.stderr == f"{listed}: listings are not formatted\n{last}\n"
     assert ugly.read_text() == alone.read_text() == PRETTY
     assert pretty.stat().st_mtime == 1
     assert (tmp_path / "in/.hidden/a.job").read_text() == UGLY
     assert listed.read_text() == "gt_lnxy(1,2);\n"
     for option in ("--check", "--diff"):
         ran = gusjob(option, tmp_path / "in", alone)
-        assert (ran.exit_code, ran.stdout, ran.stderr) == (0, "", "3 files: 3 right\n")
+        assert (ran.exit_code, ran.stdout, ran.stderr) == (0, "", "3 files: 3 unchanged\n")
 
 
 def test_check_and_diff_write_nothing(tmp_path: Path) -> None:
@@ -611,7 +611,7 @@ def test_check_and_diff_write_nothing(tmp_path: Path) -> None:
     before = seen(tmp_path)
     ran = gusjob("--check", tmp_path)
     assert (ran.exit_code, ran.stdout) == (1, f"{ugly}\n{crlf}\n")
-    assert ran.stderr == "3 files: 2 would change, 1 right\n"
+    assert ran.stderr == "3 files: 2 would change, 1 unchanged\n"
     ran = gusjob("--diff", tmp_path)
     assert ran.exit_code == 1
     first, second = ran.stdout_bytes.split(f"--- {crlf}".encode())
@@ -619,7 +619,7 @@ def test_check_and_diff_write_nothing(tmp_path: Path) -> None:
     assert second.endswith(b"\n-\xef\xbb\xbfwait\r\n-\r\n+\xef\xbb\xbfWAIT\r\n")
     assert seen(tmp_path) == before
     assert gusjob("--check", "--diff", tmp_path).stdout == ran.stdout
-    assert gusjob(tmp_path).stderr == "3 files: 2 changed, 1 right\n"
+    assert gusjob(tmp_path).stderr == "3 files: 2 changed, 1 unchanged\n"
     assert crlf.read_bytes() == b"\xef\xbb\xbfWAIT\r\n"
     assert gusjob("--check", tmp_path).exit_code == 0
 
@@ -705,7 +705,7 @@ def test_a_job_saved_in_the_meantime_stays(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(layout, "read_job_text", saves)
     ran = gusjob(path)
     assert ran.exit_code == 2
-    assert "the file has changed in the meantime" in ran.stderr
+    assert "the file was changed in the meantime" in ran.stderr
     assert path.read_text() == "; mine\n"
 
 

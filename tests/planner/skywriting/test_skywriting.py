@@ -15,10 +15,10 @@ from support.tools import MACHINE, diagnostics_in, job_of, run_job
 
 from gusjob.config.machine import Machine, Scanner, ScannerModel
 from gusjob.controllers.gus.calls import Buffered, Stream
+from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics.model import Diagnostic, Severity
-from gusjob.ir.job import SkyWriting
+from gusjob.ir.setup import SkyWriting
 from gusjob.lint import check
-from gusjob.planner import compile_job
 from gusjob.simulate import Trace, interpret
 
 SEEDS = int(os.environ.get("SKYWRITE_SEEDS", "150"))

@@ -16,8 +16,9 @@ import pytest
 from support.tools import MACHINE, MARK, Ran, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine, Scanner, ScannerModel
-from gusjob.controllers.gus.calls import Buffered, Intent, RunKind, Stream
+from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.frontend import check_text, read_listing
+from gusjob.ir.intent import Intent, RunKind
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
 from gusjob.report.rows import Report, SegmentKind, make_report

@@ -668,7 +668,7 @@ def test_warnings_are_shown_and_the_job_is_drawn(tmp_path: Path) -> None:
 def test_the_job_is_not_written_over(tmp_path: Path) -> None:
     path = job(tmp_path, ONE, "job.png")
     done = gusjob("plot", path, "-o", path)
-    assert done.exit_code == 2 and "this is a file that was read" in done.stderr
+    assert done.exit_code == 2 and "is an input of this command" in done.stderr
     assert path.read_text(encoding="utf-8") == ONE
 
 

@@ -1,0 +1,31 @@
+"""What the planner means by calls that do not show it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.kinematics.arrays import Indices
+
+
+class RunKind(IntEnum):
+    """Purpose of a motion without emission: none in particular, run-in to a mark, run-out behind a mark."""
+
+    NONE = 0
+    RUN_IN = 1
+    RUN_OUT = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intent:
+    """What the planner means by the buffered calls of a job with sky writing, (n,) each. No controller receives it.
+
+    `run`: RunKind of each motion. `mark_end`: for a laser-on call the buffered motion at whose start the mark begins,
+    for a laser-off call the one at whose end it ends; -1 where the call itself is the end of the mark.
+    """
+
+    run: npt.NDArray[np.int8]
+    mark_end: Indices

@@ -1,0 +1,196 @@
+"""Setup statements of a job: those that are not part of the path."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gusjob.controllers.gus.ranges import AUTO_SHARE, RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
+from gusjob.kinematics.units import PowerUnit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserMode:
+    """LASER MODE: power limits in the mode's unit, carrier in the duty modes, laser pulse width in frequency mode."""
+
+    mode: PowerMode
+    low: float
+    high: float
+    carrier_khz: float | None = None
+    pulse_width_us: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserDelay:
+    """LASER DELAY: delay of laser-on and of laser-off, whatever the level of the switch line."""
+
+    on_delay_us: float
+    off_delay_us: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserStandby:
+    """LASER STANDBY: output while the laser is off in the PWM modes; None: OFF."""
+
+    pulse: tuple[float, float] | None
+    """(kHz, %)"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserPrevolt:
+    """LASER PREVOLT: output while the laser is off in analog mode; None: OFF."""
+
+    prevoltage_v: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserFpk:
+    """LASER FPK, the first pulse killer: (width, gap, off delay) in us; None: OFF."""
+
+    times_us: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DistanceFollow:
+    """Settings of LASER DISTANCE: reference in pulse, ratio in power units per mm, both for the axes X, Y, Z, A."""
+
+    reference_pulse: tuple[float, float, float, float]
+    ratio_per_mm: tuple[float, float, float, float]
+    low: float
+    high: float
+    low_unit: PowerUnit
+    high_unit: PowerUnit
+    actual: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserDistance:
+    """LASER DISTANCE; None: OFF."""
+
+    settings: DistanceFollow | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchNow:
+    """LASER ON NOW, LASER OFF NOW."""
+
+    on: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerNow:
+    """LASER POWER p NOW."""
+
+    power: float
+    unit: PowerUnit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wait:
+    """WAIT: the motion ends before the next statement."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookAhead:
+    """LOOKAHEAD: (ms, pulse/ms2), NaN where the machine profile's value is in force; None: OFF."""
+
+    corner: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkyWriting:
+    """Settings of SKYWRITE: `nprev` and `npost` in 10 us, `limit` a cosine. AUTO is replaced by its value already."""
+
+    mode: float
+    timelag_us: float
+    shift_us: float
+    nprev: float
+    npost: float
+    limit: float
+    limit_given: bool
+
+    @property
+    def is_on(self) -> bool:
+        """Whether sky writing is on: below 1/8 us it is off (RTC5)."""
+        return self.timelag_us >= TIMELAG_OFF_US
+
+    @property
+    def lag_us(self) -> float:
+        """Effective time lag: below 1/4 us it is 0 (RTC5)."""
+        return self.timelag_us if self.timelag_us >= TIMELAG_ZERO_US else 0.0
+
+    @property
+    def run_in_us(self) -> float:
+        """Time of the run-in at mark speed."""
+        return RUN_STEP_US * self.nprev
+
+    @property
+    def run_out_us(self) -> float:
+        """Time of the run-out at mark speed."""
+        return RUN_STEP_US * self.npost
+
+    @property
+    def on_us(self) -> float:
+        """Time of laser-on, from the start of the mark: not before the run-in is at mark speed."""
+        return max(self.lag_us + self.shift_us, -self.run_in_us)
+
+
+def auto_steps(word: str, timelag_us: float) -> float:
+    """Compute NPREV or NPOST where it is AUTO, in 10 us: its share of the time lag, rounded (RTC5)."""
+    return math.floor(AUTO_SHARE[word] * timelag_us + 0.5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkyWrite:
+    """SKYWRITE; None: OFF."""
+
+    settings: SkyWriting | None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it switches sky writing on."""
+        return self.settings is not None and self.settings.is_on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crd:
+    """CRD: coordinate system and FIFO."""
+
+    crd: float
+    fifo: float
+
+
+SetupStatement = (
+    LaserMode
+    | LaserDelay
+    | LaserStandby
+    | LaserPrevolt
+    | LaserFpk
+    | LaserDistance
+    | SwitchNow
+    | PowerNow
+    | Wait
+    | LookAhead
+    | SkyWrite
+    | Crd
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """A setup statement in its job: it acts before row `row` of the path.
+
+    `order`: its number among the setup statements. `word`: the statement as a user calls it. `provenance`: as in Path.
+    """
+
+    statement: SetupStatement
+    order: int
+    row: int
+    line: int
+    channel: int
+    word: str
+    provenance: int = 0
+
+
+IN_PATH = (LookAhead, SkyWrite, Crd)
+"""Setup statements that rule the path behind them: they make no call and stop no motion."""
