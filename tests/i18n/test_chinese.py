@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from babel.messages.mofile import read_mo
+from click import Context
 from click.testing import CliRunner, Result
 from support import catalogue
 from support.cli import write
@@ -68,33 +69,34 @@ def fields(text: str) -> list[str]:
     return sorted([*named, *re.findall(r"%\(\w+\)\w", text)])
 
 
-@pytest.mark.parametrize("text", [text for text in TEXTS if fields(text)], ids=lambda text: text[:40])
-def test_fields_agree(text: str) -> None:
-    assert fields(TEXTS[text]) == fields(text)
+def test_fields_agree() -> None:
+    assert sum(bool(fields(text)) for text in TEXTS) > 300
+    assert {text: chinese for text, chinese in TEXTS.items() if fields(chinese) != fields(text)} == {}
 
 
-@pytest.mark.parametrize(
-    ("term", "meant"),
-    [
-        (r"\bon delays?\b", "开光延时"),
-        (r"\boff delays?\b", "关光延时"),
-        (r"pre-voltage", "预电压"),
-        (r"first pulse killer", "首脉冲抑制"),
-        (r"\bstandby\b", "维持脉冲"),
-        (r"\bvelocity follow\b", "能量跟随"),
-        (r"\bduty modes?\b", "占空比"),
-        (r"\blook-ahead\b", "前瞻"),
-        (r"\bcarrier\b", "载波"),
-        (r"\bswitch line\b", "开关信号"),
-        (r"\bcoordinate system", "坐标系"),
-        (r"\bmachine profile\b", "配置文件"),
-        (r"\bGT_ calls?\b", "指令"),
-    ],
-)
-def test_the_manuals_terms(term: str, meant: str) -> None:
-    about = {text: localized for text, localized in TEXTS.items() if re.search(term, text, re.IGNORECASE)}
-    assert about
-    assert {text: localized for text, localized in about.items() if meant not in localized} == {}
+TERMS = {
+    r"\bon delays?\b": "开光延时",
+    r"\boff delays?\b": "关光延时",
+    r"pre-voltage": "预电压",
+    r"first pulse killer": "首脉冲抑制",
+    r"\bstandby\b": "维持脉冲",
+    r"\bvelocity follow\b": "能量跟随",
+    r"\bduty modes?\b": "占空比",
+    r"\blook-ahead\b": "前瞻",
+    r"\bcarrier\b": "载波",
+    r"\bswitch line\b": "开关信号",
+    r"\bcoordinate system": "坐标系",
+    r"\bmachine profile\b": "配置文件",
+    r"\bGT_ calls?\b": "指令",
+}
+"""Terms, and how the vendor's manual calls them."""
+
+
+def test_the_manuals_terms() -> None:
+    for term, meant in TERMS.items():
+        about = {text: chinese for text, chinese in TEXTS.items() if re.search(term, text, re.IGNORECASE)}
+        assert about, term
+        assert {text: chinese for text, chinese in about.items() if meant not in chinese} == {}, term
 
 
 def test_translations_are_chinese() -> None:
@@ -275,19 +277,16 @@ def test_explain_in_chinese() -> None:
     assert len({width(row[: row.index(row.split()[2])]) for row in rows}) == 1  # Titles begin in one column.
 
 
-COMMANDS = ["", *cli.list_commands(None)]  # type: ignore[arg-type]  # The names need no context.
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help_in_chinese(command: str) -> None:
-    """No English sentence is left, no line is wider than a terminal, and English is English again behind it."""
-    before = gusjob(*filter(None, [command]), "--help").output
-    text = gusjob(*filter(None, [command]), "--help", "--lang", "zh").output
-    assert max(map(width, text.splitlines())) <= 80
-    assert "用法" in text.splitlines()[0]
-    # Two lower-case words in a row are English; names of formats and options stand alone.
-    assert re.findall(r"(?<![\w.\[|/-])[a-z]{3,} [a-z]{2,} [a-z]{2,}", text) == []
-    assert gusjob(*filter(None, [command]), "--help").output == before
+def test_help_in_chinese() -> None:
+    """No English sentence is left, no line is wider than a terminal, and the language is English again afterwards."""
+    for command in ([], *([name] for name in cli.list_commands(Context(cli)))):
+        before = gusjob(*command, "--help").output
+        text = gusjob(*command, "--help", "--lang", "zh").output
+        assert max(map(width, text.splitlines())) <= 80, command
+        assert "用法" in text.splitlines()[0], command
+        # Lower-case words in a row are English; names of formats and options have no other word beside them.
+        assert re.findall(r"(?<![\w.\[|/-])[a-z]{3,} [a-z]{2,} [a-z]{2,}", text) == [], command
+        assert gusjob(*command, "--help").output == before, command
 
 
 def test_wrong_usage_in_chinese() -> None:

@@ -11,15 +11,15 @@ import errno
 import os
 import re
 import string
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from diagnostics import test_rules
 from support.catalogue import needed
+from support.faulty import bad_files, diagnostics_of_file, diagnostics_of_text
 from support.tools import ROOT
 
 from gusjob.config.machine import Abi, Budget, Controller, Interlock, Laser, Machine, parse_scanner
@@ -41,7 +41,6 @@ from gusjob.frontend.parse.lines import END_OF_LINE
 from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, did_you_mean, localized
 from gusjob.kinematics.units import UNITS
-from jobs import test_bad
 
 PACKAGE = ROOT / "gusjob"
 _FIELD = re.compile(r"\{\{|\}\}|\{[A-Za-z_]*\}|[A-Za-z]")
@@ -86,9 +85,13 @@ RULE_TEXTS = {
 """Texts of rules and remarks, which the catalogue knows from their registries."""
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_phrases_are_literals_with_their_fields(path: Path) -> None:
-    odd = [(c.lineno, odd_phrase(c)) for c in phrases(path) if ast.unparse(c) not in RULE_TEXTS and odd_phrase(c)]
+def test_phrases_are_literals_with_their_fields() -> None:
+    odd = [
+        (str(path.relative_to(PACKAGE)), call.lineno, wrong)
+        for path in PACKAGE.rglob("*.py")
+        for call in phrases(path)
+        if ast.unparse(call) not in RULE_TEXTS and (wrong := odd_phrase(call))
+    ]
     assert odd == []
 
 
@@ -151,11 +154,16 @@ def bare_fields(tree: ast.AST) -> Iterator[tuple[int, str]]:
         yield from ((value.lineno, name) for name, value in named if name in SAYS and is_bare(value))
 
 
-@pytest.mark.parametrize("room", OF_DIAGNOSTICS)
-def test_no_field_of_a_fault_is_bare_english(room: str) -> None:
-    paths = [PACKAGE / room] if room.endswith(".py") else sorted((PACKAGE / room).rglob("*.py"))
-    assert paths
-    assert [(p.name, *f) for p in paths for f in bare_fields(ast.parse(p.read_text(encoding="utf-8")))] == []
+def test_no_field_of_a_diagnostic_is_bare_english() -> None:
+    paths = {package: sorted((PACKAGE / package).rglob("*.py")) for package in OF_DIAGNOSTICS}
+    assert all(paths.values())
+    bare = [
+        (str(path.relative_to(PACKAGE)), *field)
+        for of_package in paths.values()
+        for path in of_package
+        for field in bare_fields(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert bare == []
 
 
 def test_planted_bare_fields_are_seen() -> None:
@@ -245,17 +253,34 @@ def english_in(diagnostic: Diagnostic, text: str) -> set[str]:
     return {word for word in left if not word.startswith("GT_") and not re.fullmatch("x[0-9a-f]+", word)}
 
 
-@pytest.mark.parametrize("rule", [r for r in RULES.values() if r.bad], ids=lambda r: r.code)
-@pytest.mark.usefixtures("pseudo")
-def test_examples_leave_no_english(rule: Rule) -> None:
-    assert [(f.message, w) for f in test_rules.diagnostics_of(rule.bad, rule) if (w := english_in(f, rule.bad))] == []
+def untranslated(found: Iterable[Diagnostic], text: str) -> list[tuple[str, set[str]]]:
+    """Messages that keep English words, with these words."""
+    return [(diagnostic.message, words) for diagnostic in found if (words := english_in(diagnostic, text))]
 
 
-@pytest.mark.parametrize("path", test_bad.files(), ids=lambda p: p.name)
+def wrong_of(texts: Iterable[str], rule: Rule) -> dict[str, object]:
+    """Texts without a diagnostic, or with one that keeps English words."""
+    found = {text: diagnostics_of_text(text, rule) for text in texts}
+    return {
+        text: untranslated(of_text, text)
+        for text, of_text in found.items()
+        if not of_text or untranslated(of_text, text)
+    }
+
+
 @pytest.mark.usefixtures("pseudo")
-def test_bad_files_leave_no_english(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert [(f.message, w) for f in test_bad.diagnostics_of(path) if (w := english_in(f, text))] == []
+def test_examples_of_rules_leave_no_english() -> None:
+    examples = [(rule, rule.bad) for rule in RULES.values() if rule.bad]
+    assert len(examples) > 100
+    wrong = {rule.code: untranslated(diagnostics_of_text(text, rule), text) for rule, text in examples}
+    assert {code: found for code, found in wrong.items() if found} == {}
+
+
+@pytest.mark.usefixtures("pseudo")
+def test_bad_files_leave_no_english() -> None:
+    wrong = {p.name: untranslated(diagnostics_of_file(p), p.read_text(encoding="utf-8")) for p in bad_files()}
+    assert len(wrong) > 40
+    assert {name: found for name, found in wrong.items() if found} == {}
 
 
 ODD_LINES = (
@@ -280,12 +305,9 @@ ODD_LINES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ODD_LINES)
 @pytest.mark.usefixtures("pseudo")
-def test_odd_lines_leave_no_english(text: str) -> None:
-    found = test_rules.diagnostics_of(text, UNEXPECTED)
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_lines_leave_no_english() -> None:
+    assert wrong_of(ODD_LINES, UNEXPECTED) == {}
 
 
 ODD_JOBS = (
@@ -303,12 +325,9 @@ ODD_JOBS = (
 )
 
 
-@pytest.mark.parametrize("text", ODD_JOBS, ids=range(len(ODD_JOBS)))
 @pytest.mark.usefixtures("pseudo")
-def test_odd_jobs_leave_no_english(text: str) -> None:
-    found = test_rules.diagnostics_of(text, UNEXPECTED)
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_jobs_leave_no_english() -> None:
+    assert wrong_of(ODD_JOBS, UNEXPECTED) == {}
 
 
 ODD_PROFILES = (
@@ -318,12 +337,11 @@ ODD_PROFILES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ODD_PROFILES)
 @pytest.mark.usefixtures("pseudo")
-def test_odd_profiles_leave_no_english(text: str) -> None:
-    found = parse_machine(text, "gusjob.toml")[1]
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_profiles_leave_no_english() -> None:
+    found = {text: parse_machine(text, "gusjob.toml")[1] for text in ODD_PROFILES}
+    assert [text for text, of_text in found.items() if not of_text] == []
+    assert [wrong for text, of_text in found.items() if (wrong := untranslated(of_text, text))] == []
 
 
 @pytest.mark.usefixtures("pseudo")
@@ -346,12 +364,9 @@ ODD_CALLS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ODD_CALLS, ids=range(len(ODD_CALLS)))
 @pytest.mark.usefixtures("pseudo")
-def test_odd_calls_leave_no_english(text: str) -> None:
-    found = test_rules.diagnostics_of(text, CALL_OCTAL)
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_calls_leave_no_english() -> None:
+    assert wrong_of(ODD_CALLS, CALL_OCTAL) == {}
 
 
 @pytest.mark.usefixtures("pseudo")
@@ -364,7 +379,7 @@ def test_files_that_are_no_text_leave_no_english(tmp_path: Path) -> None:
     (tmp_path / "gusjob.toml").write_bytes(b'name = "caf\xe9"')
     found += [*read_machine(tmp_path / "gusjob.toml")[1], *read_machine(tmp_path)[1]]
     assert len(found) == len(contents) + 4
-    assert [(f.message, w) for f in found if (w := english_in(f, ""))] == []
+    assert untranslated(found, "") == []
 
 
 @pytest.mark.usefixtures("pseudo")
@@ -378,7 +393,7 @@ def test_includes_leave_no_english(tmp_path: Path) -> None:
     assert source is not None
     found = [f for f in read_job(source, Machine())[1] if f.rule is INCLUDE]
     assert len(found) == 8
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+    assert untranslated(found, text) == []
 
 
 @pytest.mark.usefixtures("pseudo")
