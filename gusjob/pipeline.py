@@ -275,7 +275,7 @@ def examine(checked: Checked) -> Checked:
         from gusjob.simulate import find_diagnostics
 
         checked = with_simulation(checked, find_diagnostics(checked.content, checked.machine))
-    elif checked.content.has_forced_ends or checked.content.sky_writes:
+    elif checked.content.has_forced_ends or checked.content.has_sky_writing:
         checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
 
