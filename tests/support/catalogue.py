@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import click
@@ -47,6 +48,7 @@ OF_CLICK_COUNTED = (
 """The same for one and for many; Chinese has one form for both."""
 
 
+@cache
 def needed() -> Catalog:
     """Every text of the program that people read, without translations."""
     catalog = Catalog(fuzzy=False)
@@ -64,7 +66,7 @@ def needed() -> Catalog:
         catalog.add(pair, auto_comments=["click"])
     for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("**.py", "python")], keywords={"Phrase": None}):
         catalog.add(phrase, auto_comments=[Path(file).as_posix()])
-    for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("page/static/*.html", "jinja2")], keywords={"_": None}):
+    for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("**/static/*.html", "jinja2")], keywords={"_": None}):
         catalog.add(phrase, auto_comments=[Path(file).as_posix()])
     return catalog
 
