@@ -77,6 +77,22 @@ def test_imports_are_absolute() -> None:
     assert relative == []
 
 
+def test_no_test_module_imports_another() -> None:
+    """What tests share is in tests/support."""
+    found = []
+    for path in (ROOT / "tests").rglob("*.py"):
+        for node in nodes(path):
+            match node:
+                case ast.ImportFrom(module=str(module), names=names):
+                    imported = [f"{module}.{alias.name}" for alias in names]
+                case ast.Import(names=names):
+                    imported = [alias.name for alias in names]
+                case _:
+                    continue
+            found += [(path.name, name) for name in imported if re.search(r"(^|\.)test_[a-z_]+(\.|$)", name)]
+    assert found == []
+
+
 def test_class_names_are_unique() -> None:
     """In the whole package, so that a name in a text means one thing; a leading underscore does not count."""
     places = defaultdict(list)
