@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from support.tools import ROOT
@@ -18,9 +19,15 @@ PACKAGE = ROOT / "gusjob"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    """A module's syntax tree."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def nodes(path: Path) -> Iterator[ast.AST]:
     """Every node of a module's syntax tree."""
-    return ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    return ast.walk(tree(path))
 
 
 def lint_imports(folder: Path) -> tuple[int, str]:
@@ -104,8 +111,7 @@ def test_class_names_are_unique() -> None:
 
 
 def test_every_module_says_what_it_is() -> None:
-    bare = [path for path in MODULES if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))]
-    assert bare == []
+    assert [path for path in MODULES if not ast.get_docstring(tree(path))] == []
 
 
 def test_the_top_level_is_tidy() -> None:
