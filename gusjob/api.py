@@ -305,14 +305,14 @@ class Simulation:
 
     def tick_pieces(self) -> Iterator[TableColumns]:
         """The run tick by tick in pieces of some thousand ticks, each with the columns of `ticks`."""
-        from gusjob.columns import Words
         from gusjob.report.rows import own_lines
-        from gusjob.simulate.outputs.samples import samples
+        from gusjob.simulate.outputs.tick_table import tick_table
+        from gusjob.tables.columns import CategoryColumn
 
         trace = self._simulated.trace
         lines, _ = own_lines(trace.line, self._simulated.files)
-        for piece in samples(trace, self._simulated.machine, lines):
-            yield {n: np.array(c.words)[c.codes] if isinstance(c, Words) else c for n, c in piece.items()}
+        for piece in tick_table(trace, self._simulated.machine, lines):
+            yield {n: c.texts if isinstance(c, CategoryColumn) else c for n, c in piece.items()}
 
     def frame(self) -> polars.DataFrame:
         """The segments as a polars data frame, with the columns of `segments`; `.to_pandas()` makes a pandas one.

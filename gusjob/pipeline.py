@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from gusjob.config.machine import Budget, Machine, Scanner
 from gusjob.config.profile import find_profile, read_machine
+from gusjob.controllers.gus import GUS
 from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
@@ -239,9 +240,7 @@ def compile_calls(checked: Checked) -> Compiled | Checked:
         return checked
     if not isinstance(checked.content, Job):
         return _next(Compiled, checked, stream=checked.content)
-    from gusjob.controllers.gus.lower import compile_job
-
-    stream, found = compile_job(checked.content, checked.machine)
+    stream, found = GUS.compile(checked.content, checked.machine)
     planned = _with_diagnostics(checked, found)
     return planned if has_errors(planned.diagnostics) else _next(Compiled, planned, stream=stream)
 
@@ -251,9 +250,7 @@ def simulate(checked: Checked) -> Simulated | Checked:
     compiled = compile_calls(checked)
     if not isinstance(compiled, Compiled) or isinstance(compiled, Simulated):
         return compiled
-    from gusjob.simulate import interpret
-
-    trace, found = interpret(compiled.stream, compiled.machine, foreign=compiled.is_listing)
+    trace, found = GUS.simulate(compiled.stream, compiled.machine, is_listing=compiled.is_listing)
     if trace is None:
         return with_simulation(compiled, found)
     if compiled.machine.budget != Budget():
@@ -272,9 +269,8 @@ def examine(checked: Checked) -> Checked:
     if checked.machine.budget != Budget():
         checked = simulate(checked)
     elif not isinstance(checked.content, Job):
-        from gusjob.simulate import find_diagnostics
-
-        checked = with_simulation(checked, find_diagnostics(checked.content, checked.machine))
+        _, found = GUS.simulate(checked.content, checked.machine, is_listing=True, coarse=True)
+        checked = with_simulation(checked, found)
     elif checked.content.has_forced_ends or checked.content.has_sky_writing:
         checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))

@@ -25,6 +25,7 @@ from gusjob.controllers.gus.driver.link import Link
 from gusjob.controllers.gus.driver.resume import find_place, recorded_place
 from gusjob.controllers.gus.driver.session import Session, needed_calls, one_queue, outputs_of
 from gusjob.controllers.gus.dry import frame, without_laser
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.place import START, Place
 from gusjob.controllers.gus.remainder import Part, rest, whole
 from gusjob.controllers.journal import Journal, Recorded, mark_resumed, read_journal
@@ -34,7 +35,6 @@ from gusjob.hardware.forecast import ChannelForecast, Forecast, forecast
 from gusjob.hardware.runner import Outcome, Runner, signals
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 from gusjob.pipeline import Compiled, FileResult, Simulated, with_simulation
-from gusjob.simulate import interpret
 from gusjob.version import __version__
 
 
@@ -116,7 +116,7 @@ def _prepared(loaded: Simulated, wishes: Wishes) -> Prepared | FileResult:
         if dark is None:
             stop(localized(Phrase("nothing moves in this job")))
         stream = dark
-        run, faults = interpret(stream, machine)
+        run, faults = simulate_stream(stream, machine)
         loaded = with_simulation(loaded, faults)
         if run is None or has_errors(faults):
             return loaded

@@ -112,37 +112,39 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
         from gusjob.simulate.outputs.vcd import vcd_pieces
 
         return vcd_pieces(trace, lines, __version__, start_ms, end_ms)
-    from gusjob import columns
-    from gusjob.simulate.outputs.samples import samples
+    from gusjob.simulate.outputs.tick_table import tick_table
+    from gusjob.tables import export
 
-    table = samples(trace, result.machine, lines, start_ms, end_ms)
+    table = tick_table(trace, result.machine, lines, start_ms, end_ms)
     if form == "parquet":
         about = {"schema": b"gusjob-trace/1", "job": trace.name.encode(), "period_us": str(trace.period_us).encode()}
-        return columns.parquet_bytes(table, about)
-    return columns.csv_bytes(table) if form == "csv" else columns.npz_bytes(table)
+        return export.parquet_bytes(table, about)
+    return export.csv_bytes(table) if form == "csv" else export.npz_bytes(table)
 
 
 def _span_ms(
     trace: Trace, lines: npt.NDArray[np.int32], first: _Bound | None, last: _Bound | None
 ) -> tuple[float, float]:
     """What is asked for of a run; `lines`: of the job's own file (0: of another)."""
-    from gusjob.simulate.outputs.timeline import timeline_of
+    from gusjob.simulate.outputs.output_time import output_time_of
 
-    timeline = timeline_of(trace)
-    later_ms = timeline.shift_ms[trace.clock.stage]
+    output_time = output_time_of(trace)
+    later_ms = output_time.shift_ms[trace.schedule.stage]
     start_ms = 0.0 if first is None else first.time_ms
-    end_ms = timeline.total_ms if last is None else min(last.time_ms, timeline.total_ms)
+    end_ms = output_time.total_ms if last is None else min(last.time_ms, output_time.total_ms)
     if first is not None and first.line:
-        start_ms = float((trace.clock.times_ms[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]])
+        start_ms = float(
+            (trace.schedule.times_ms[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]]
+        )
     if last is not None and last.line:
         upto = (lines > 0) & (lines <= last.line)
-        end_ms = float((trace.clock.times_ms[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
+        end_ms = float((trace.schedule.times_ms[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
     if start_ms > end_ms:
         wrong = Phrase(
             "nothing lies between --from {start} ms and --to {end} ms; the run takes {total} ms",
             start=f"{start_ms:.6g}",
             end=f"{end_ms:.6g}",
-            total=f"{timeline.total_ms:.6g}",
+            total=f"{output_time.total_ms:.6g}",
         )
         raise click.UsageError(localized(wrong))
     return start_ms, end_ms

@@ -101,7 +101,7 @@ class Interlock:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Controller:
+class ControllerSettings:
     """How the controller is reached, through the vendor's library, and how it is left. Empty texts: not given."""
 
     library: str = ""
@@ -179,7 +179,7 @@ class Machine:
     scanner: Scanner | None = None
     """None: the beam is where the command is."""
     lasers: tuple[Laser, ...] = field(default=())
-    controller: Controller = Controller()
+    controller: ControllerSettings = ControllerSettings()
     budget: Budget = Budget()
     selection: RuleSelection = field(default=RuleSelection())
 

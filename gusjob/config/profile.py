@@ -12,7 +12,7 @@ from gusjob.config.machine import (
     SCANNER_FORM,
     Abi,
     Budget,
-    Controller,
+    ControllerSettings,
     Interlock,
     Laser,
     Machine,
@@ -248,7 +248,7 @@ class _Reader:
             return None
         return Abi(value) if wanted is Abi else value
 
-    def controller(self, data: Any) -> Controller:
+    def controller(self, data: Any) -> ControllerSettings:
         """The [controller] table with its [controller.interlock]."""
         entries = dict(self.as_table(data, "controller"))
         inner = entries.pop("interlock", None)
@@ -258,7 +258,7 @@ class _Reader:
         if inner is not None:
             row = self.table(self.as_table(inner, "interlock"), _INTERLOCK_KEYS, "controller.interlock")
             interlock = Interlock(**{key: int(value) for key, value in row.items()})
-        return Controller(**values, interlock=interlock)
+        return ControllerSettings(**values, interlock=interlock)
 
     def layers(self, data: Any) -> tuple[SelectionLayer, ...]:
         """The [check] table, with its [[check.path]] tables behind it."""

@@ -64,13 +64,13 @@ class Forecast:
 
 def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
     """What a run of a stream is going to do."""
-    clock = trace.clock
-    timed = np.searchsorted(clock.row, np.arange(len(stream.buffered)))
+    schedule = trace.schedule
+    timed = np.searchsorted(trace.call, np.arange(len(stream.buffered)))
     box = box_pulse(trace)
     per_x, per_y = machine.pulses_per_mm
     return Forecast(
-        duration_ms=float(clock.times_ms[-1]),
-        row_ms=np.append(clock.times_ms[np.minimum(timed, len(clock.row))], clock.times_ms[-1]),
+        duration_ms=float(schedule.times_ms[-1]),
+        row_ms=np.append(schedule.times_ms[np.minimum(timed, len(trace))], schedule.times_ms[-1]),
         timed=timed,
         box_mm=None if box is None else (box[0] / per_x, box[1] / per_x, box[2] / per_y, box[3] / per_y),
         channels=tuple(found for channel in trace.channels for found in _channel(channel, trace, machine)),
@@ -79,8 +79,8 @@ def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
 
 def _channel(channel: ChannelTrace, trace: Trace, machine: Machine) -> Iterator[ChannelForecast]:
     """One for each unit of power: a channel that changes from duty to analog has two."""
-    done, stages = channel.emitted, trace.clock.stage
-    of_stage = np.array([laser.power_mode.unit for laser in channel.lasers] or [channel.at_end.power_mode.unit])
+    done, stages = channel.emitted, trace.schedule.stage
+    of_stage = np.array([laser.power_mode.unit for laser in channel.lasers] or [channel.laser_at_end.power_mode.unit])
     unit_of = of_stage[stages] if len(stages) else np.empty(0, dtype=of_stage.dtype)
     watts = done.power_max * channel.watts_per_unit(stages, machine)
     for unit in dict.fromkeys(of_stage.tolist()):

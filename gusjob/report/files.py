@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import orjson
 
-from gusjob.columns import Column, Columns, Words, csv_bytes, parquet_bytes, pieces
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.report.rows import REPORT_SCHEMA, Report
+from gusjob.tables.columns import CategoryColumn, Column, Columns, chunks
+from gusjob.tables.export import csv_bytes, parquet_bytes
 
 _NUMPY = orjson.OPT_SERIALIZE_NUMPY
 _NOT_IN_CSV = {"channels", "marking", "run_in_mm", "run_out_mm"}
@@ -79,30 +80,32 @@ def _columns(name: str, columns: Mapping[str, Column]) -> Iterator[bytes]:
 
 
 def _column(column: Column) -> bytes:
-    if isinstance(column, Words):
-        words = [orjson.dumps(word) for word in column.words]
-        return b"[" + b",".join(map(words.__getitem__, column.codes.tolist())) + b"]"
+    if isinstance(column, CategoryColumn):
+        categories = [orjson.dumps(category) for category in column.categories]
+        return b"[" + b",".join(map(categories.__getitem__, column.codes.tolist())) + b"]"
     return orjson.dumps(np.ascontiguousarray(column), option=_NUMPY)
 
 
 def rows_of(report: Report) -> Columns:
     """The rows as a table, with words where they are meant."""
     table: Columns = dict(report.columns)
-    return table | {name: Words(codes=report.columns[name], words=words) for name, words in report.words.items()}
+    return table | {
+        name: CategoryColumn(codes=report.columns[name], categories=words) for name, words in report.words.items()
+    }
 
 
 def report_csv(report: Report) -> Iterator[bytes]:
     """One row a segment, a header row first; nothing where a power is null."""
-    return csv_bytes(pieces(rows_of(report)))
+    return csv_bytes(chunks(rows_of(report)))
 
 
 def report_parquet(report: Report) -> Iterator[bytes]:
     """One row a segment; the totals stand as JSON in the file's metadata."""
     table = rows_of(report)
     if "files" in report.notes:
-        table["file"] = Words(codes=report.columns["file"], words=tuple(report.notes["files"]))
+        table["file"] = CategoryColumn(codes=report.columns["file"], categories=tuple(report.notes["files"]))
     about = {"schema": REPORT_SCHEMA.encode(), "job": report.job.encode(), "totals": orjson.dumps(report.totals)}
-    return parquet_bytes(pieces(table, _GROUP_ROWS), about)
+    return parquet_bytes(chunks(table, _GROUP_ROWS), about)
 
 
 def summary_csv(report: Report) -> Iterator[bytes]:

@@ -14,11 +14,11 @@ from gusjob.i18n.phrases import Phrase, all_of, figure, localized
 from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
+from gusjob.simulate.events import LaserState
+from gusjob.simulate.lengths import mm_per_pulse, segment_mm
 from gusjob.simulate.quality.marks import marking_totals, marks_of
-from gusjob.simulate.state import LaserState
 
 REPORT_SCHEMA = "gusjob-report/1"
-_ARC_NODES = 64
 
 MARKED_SEGMENTS = 100_000
 """Without a scanner the marks of a job with more segments are judged only if asked for: it takes its time."""
@@ -105,13 +105,13 @@ def make_report(
     `files`: of a job that includes others, name and base of each; then `line` counts in the line's own file, and
     `file` is that file's place among the names in the notes.
     """
-    clock = trace.clock
+    schedule = trace.schedule
     columns = _motion_columns(trace, machine)
     length_mm, kind = columns["length_mm"], columns["kind"]
     totals: list[dict[str, Any]] = []
     for channel in trace.channels:
-        columns.update(_channel_columns(channel, clock.stage, machine))
-        totals += _channel_totals(channel, clock.stage, machine)
+        columns.update(_channel_columns(channel, schedule.stage, machine))
+        totals += _channel_totals(channel, schedule.stage, machine)
     notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
     scanner = machine.scanner
     notes["scanner"] = scanner and {"model": scanner.model.value, "tracking_error_us": scanner.tracking_error_us}
@@ -128,8 +128,8 @@ def make_report(
         period_us=trace.period_us,
         totals={
             "segments": len(length_mm),
-            "stages": len(clock.stage_first) - 1,
-            "duration_ms": float(clock.times_ms[-1]),
+            "stages": len(schedule.stage_first) - 1,
+            "duration_ms": float(schedule.times_ms[-1]),
             **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
             "channels": totals,
             "marking": None if marks is None else marking_totals(trace, marks) if marks else [],
@@ -142,25 +142,25 @@ def make_report(
 
 def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any]]:
     """What is to be said of each segment but its power."""
-    clock, laid = trace.clock, trace.clock.laid
+    schedule, segments = trace.schedule, trace.segments
     px, py = machine.pulses_per_mm
-    length_mm = segment_mm(trace, machine)
-    duration = clock.duration_ms
+    length_mm = segment_mm(segments, machine)
+    duration = schedule.duration_ms
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = np.where(duration > 0, length_mm / duration * 1e3, 0.0)
-    mm_per_pulse = scale_mm(trace, machine)
-    fastest = np.where(clock.dwell, 0.0, np.maximum(clock.profile.peak, clock.profile.start)) * mm_per_pulse * 1e3
+    scale = mm_per_pulse(segments, machine)
+    fastest = np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start)) * scale * 1e3
     lit = np.zeros(len(duration), dtype=np.bool_)
     for channel in trace.channels:
         lit |= channel.emitted.emission_ms > 0
     return {
         "line": trace.line,
         "kind": _kinds(trace, lit),
-        "stage": (clock.stage + 1).astype(np.int32),
-        "x_mm": laid.x1 / px,
-        "y_mm": laid.y1 / py,
+        "stage": (schedule.stage + 1).astype(np.int32),
+        "x_mm": segments.x1 / px,
+        "y_mm": segments.y1 / py,
         "length_mm": length_mm,
-        "start_ms": clock.times_ms[:-1],
+        "start_ms": schedule.times_ms[:-1],
         "duration_ms": duration,
         "vel_mean_mm_s": mean,
         "vel_max_mm_s": fastest,
@@ -170,11 +170,11 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
 def _kinds(trace: Trace, lit: Bools) -> npt.NDArray[np.int8]:
     """SegmentKind of each timed call; what a dark motion is for is known of a planned job only."""
     dark = np.full(len(lit), SegmentKind.JUMP, dtype=np.int8)
-    if trace.intent is not None:
-        run = trace.intent.run[trace.clock.row]
+    run = trace.run_kind
+    if run is not None:
         dark[run == RunKind.RUN_IN] = SegmentKind.RUN_IN
         dark[run == RunKind.RUN_OUT] = SegmentKind.RUN_OUT
-    return np.where(trace.clock.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, dark)).astype(np.int8)
+    return np.where(trace.schedule.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, dark)).astype(np.int8)
 
 
 def own_lines(
@@ -186,29 +186,6 @@ def own_lines(
     bases = np.array([base for _, base in files], dtype=np.int32)
     file = (np.searchsorted(bases, line - 1, side="right") - 1).astype(np.int16)
     return line - bases[file], file
-
-
-def scale_mm(trace: Trace, machine: Machine) -> Floats:
-    """mm per pulse along each segment, (m,); on unequal axes an arc's mean."""
-    length = trace.clock.laid.length
-    one = np.full(len(length), 1 / machine.pulses_per_mm[0])
-    np.divide(segment_mm(trace, machine), length, out=one, where=length > 0)
-    return one
-
-
-def segment_mm(trace: Trace, machine: Machine) -> Floats:
-    """Length of each segment, mm; an arc on unequal axes is an ellipse, integrated (Gauss-Legendre)."""
-    laid = trace.clock.laid
-    px, py = machine.pulses_per_mm
-    if machine.equal_axes:
-        return laid.length / px
-    length = np.hypot((laid.x1 - laid.x0) / px, (laid.y1 - laid.y0) / py)
-    if len(laid.arc_at):
-        nodes, weights = np.polynomial.legendre.leggauss(_ARC_NODES)
-        angle = laid.arcs.angle + laid.arcs.sweep * (nodes[:, None] + 1) / 2
-        speed = laid.arcs.radius * np.hypot(np.sin(angle) / px, np.cos(angle) / py)
-        length[laid.arc_at] = np.abs(laid.arcs.sweep) / 2 * (weights @ speed)
-    return length
 
 
 def _channel_columns(channel: ChannelTrace, stages: Indices, machine: Machine) -> dict[str, npt.NDArray[Any]]:
@@ -237,7 +214,7 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
     entries = []
     for number, unit in enumerate(channel.units):
         mine = unit_of == number
-        last = next((s for s in reversed(channel.lasers) if s.power_mode.unit == unit), channel.at_end)
+        last = next((s for s in reversed(channel.lasers) if s.power_mode.unit == unit), channel.laser_at_end)
         emission = done.emission_ms[mine]
         power_max = done.power_max[mine][emission > 0]
         known = not np.isnan(_first(joules[mine]))
@@ -250,9 +227,9 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
                 "power_max": float(power_max.max()) if len(power_max) else None,
                 "joules": float(joules[mine].sum()) if known else None,
                 "clamped_ms": float(done.clamped_ms[mine].sum()),
-                "before_motion_power_ms": channel.lost_power_ms if number == 0 else 0.0,
+                "before_motion_power_ms": channel.before_motion_power_ms if number == 0 else 0.0,
                 "off_output": _off_output(last),
-                "lit_at_end": channel.lit_at_end,
+                "lit_at_end": channel.emission.on_at_end,
             }
         )
     return entries

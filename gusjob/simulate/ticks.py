@@ -1,4 +1,4 @@
-"""Power that follows velocity or distance: sampled at its call and at every tick, held in between, summed."""
+"""Power that follows velocity or distance: sampled when it is set and at every tick, held in between, integrated."""
 
 from __future__ import annotations
 
@@ -9,89 +9,93 @@ import numpy as np
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
 from gusjob.simulate.beam import Beam
-from gusjob.simulate.path import Motion
-from gusjob.simulate.settings import Setting, limited
-from gusjob.simulate.state import LaserState
+from gusjob.simulate.events import LaserState
+from gusjob.simulate.motion import Motion
+from gusjob.simulate.power_settings import PowerSettings, limited
 
 _ON_TICK = 1e-9
-"""Share of a period by which a moment may miss a tick and still lie on it: rounding."""
+"""Share of a period by which a moment may miss a tick and still count as on it: rounding."""
 
 _CHUNK_TICKS = 1 << 15
-"""Ticks worked on at once: they stay in the processor's cache."""
+"""Ticks that are computed at once: they fit in the processor's cache."""
 
 
 def _ticks_before(time: Floats, period: float) -> Floats:
-    """How many ticks lie before a time; one that lies on it but for rounding does not."""
+    """Number of ticks before each time; a tick at the time itself does not count, rounding aside."""
     ticks = time / period
     return np.asarray(np.ceil(ticks - _ON_TICK - ticks * 1e-15))
 
 
 @dataclass(slots=True, kw_only=True)
-class Ticks:
-    """Pieces whose power is sampled: at the moment of the power call, then at every tick, and held in between."""
+class SampledPower:
+    """Parts of segments whose power is sampled, (p,): at `set_at` (ms), when it is set, then at every tick."""
 
     motion: Motion
     beam: Beam
     lasers: Sequence[LaserState]
     period_ms: float
-    setting: Setting
+    settings: PowerSettings
     by_distance: Bools
-    cell: Indices
+    segment: Indices
     stage: Indices
-    moment: Floats
+    set_at: Floats
     start: Floats
     end: Floats
 
     def integrate(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """(integral, lowest, highest, time held by a limit) per piece."""
+        """Integrate each part: (integral, lowest, highest power, clamped time), (p,) each."""
         period = self.period_ms
-        origin = self.motion.clock.stage_start()[self.stage]
+        origin = self.motion.schedule.stage_start()[self.stage]
         first = _ticks_before(self.start - origin, period)
-        behind = _ticks_before(self.end - origin, period)
-        count = np.maximum(behind - first, 0).astype(np.intp)
+        stop = _ticks_before(self.end - origin, period)
+        count = np.maximum(stop - first, 0).astype(np.intp)
         first_tick = origin + first * period
-        # Up to the first tick inside: what was sampled at the last tick, or at the power call if that came later.
+        # Up to the first tick inside: the sample of the last tick, or of the setting if that came later.
         head = np.where(count > 0, first_tick, self.end) - self.start
-        sampled_at = np.maximum(np.maximum(origin + (first - 1) * period, self.moment), origin)
-        value, held = self.sample(self.segment_at(sampled_at), sampled_at, self.setting, self.by_distance)
+        sampled_at = np.maximum(np.maximum(origin + (first - 1) * period, self.set_at), origin)
+        value, held = self.sample(self._segment_at(sampled_at), sampled_at, self.settings, self.by_distance)
         with_head = head > _ON_TICK * period
         energy = np.where(with_head, value * head, 0.0)
         clamped = np.where(with_head & held, head, 0.0)
         lowest, highest = np.where(with_head, value, np.inf), np.where(with_head, value, -np.inf)
         ticked = np.flatnonzero(count > 0)
-        last_width = self.end - (origin + (behind - 1) * period)
-        runs = _Runs(ticks=self, pieces=ticked, first=first_tick[ticked], count=count[ticked], last=last_width[ticked])
+        last_width = self.end - (origin + (stop - 1) * period)
+        runs = _TickRuns(
+            sampled=self, part=ticked, first=first_tick[ticked], count=count[ticked], last=last_width[ticked]
+        )
         runs.add(energy, lowest, highest, clamped)
         return energy, lowest, highest, clamped
 
-    def held(self) -> Floats:
-        """Power held at each piece's start."""
-        origin = self.motion.clock.stage_start()[self.stage]
+    def at_start(self) -> Floats:
+        """Power held at each part's start, (p,)."""
+        origin = self.motion.schedule.stage_start()[self.stage]
         ticks = (self.start - origin) / self.period_ms
         tick = np.floor(ticks + _ON_TICK + ticks * 1e-15)
-        sampled_at = np.maximum(np.maximum(origin + tick * self.period_ms, self.moment), origin)
-        return self.sample(self.segment_at(sampled_at), sampled_at, self.setting, self.by_distance)[0]
+        sampled_at = np.maximum(np.maximum(origin + tick * self.period_ms, self.set_at), origin)
+        return self.sample(self._segment_at(sampled_at), sampled_at, self.settings, self.by_distance)[0]
 
-    def segment_at(self, time: Floats) -> Indices:
-        """The timed call that runs at a moment of a piece's stage: its own, or an earlier one."""
-        clock = self.motion.clock
-        found = np.searchsorted(clock.times_ms[:-1], time, side="right") - 1
-        first, last = clock.stage_first[self.stage], clock.stage_first[self.stage + 1] - 1
-        return np.maximum(np.minimum(found, np.minimum(self.cell, last)), np.minimum(first, last))
+    def _segment_at(self, time: Floats) -> Indices:
+        """Segment that runs at a moment of each part's stage: the part's own, or an earlier one."""
+        schedule = self.motion.schedule
+        found = np.searchsorted(schedule.times_ms[:-1], time, side="right") - 1
+        first, last = schedule.stage_first[self.stage], schedule.stage_first[self.stage + 1] - 1
+        return np.maximum(np.minimum(found, np.minimum(self.segment, last)), np.minimum(first, last))
 
-    def sample(self, cell: Indices, time: Floats, setting: Setting, by_distance: Bools) -> tuple[Floats, Bools]:
-        """Power at moments, through all limits, and where a limit held it."""
+    def sample(
+        self, segment: Indices, time: Floats, settings: PowerSettings, by_distance: Bools
+    ) -> tuple[Floats, Bools]:
+        """Power at moments, after all limits, and where a limit clamped it."""
         motion = self.motion
-        base = setting.low
-        if (setting.ratio > 0).any():
-            base = base + setting.ratio * motion.velocity(cell, time)
+        base = settings.low
+        if (settings.ratio > 0).any():
+            base = base + settings.ratio * motion.velocity(segment, time)
         if not by_distance.any():
-            return limited(setting, base, None)
-        return limited(setting, base, self.distance(cell, time, setting.laser))
+            return limited(settings, base, None)
+        return limited(settings, base, self._distance_term(segment, time, settings.stage))
 
-    def distance(self, cell: Indices, time: Floats, stage: Indices) -> tuple[Floats, Floats, Floats]:
+    def _distance_term(self, segment: Indices, time: Floats, stage: Indices) -> tuple[Floats, Floats, Floats]:
         """Distance term and its limits (M 五.2): ratio per mm from the reference, summed over the axes."""
-        x, y = self.motion.position(cell, time)
+        x, y = self.motion.position(segment, time)
         term = np.zeros(len(x))
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         for number in np.unique(stage).tolist():
@@ -100,69 +104,69 @@ class Ticks:
                 continue
             at = slice(None) if (stage[0] == stage).all() else stage == number
             seen = self.beam.position(stage[at], time[at]) if laser.distance_actual else (x[at], y[at])
-            places = self.motion.axis_positions(number, *seen)
-            for place, zero, scale, ratio in zip(
-                places, laser.reference_pulse, laser.scale_pulse_per_mm, laser.ratio_per_mm, strict=True
+            positions = self.motion.axis_positions(number, *seen)
+            for position, reference, scale, ratio in zip(
+                positions, laser.reference_pulse, laser.scale_pulse_per_mm, laser.ratio_per_mm, strict=True
             ):
                 if ratio:
-                    term[at] += ratio * np.abs(place - zero) / scale
+                    term[at] += ratio * np.abs(position - reference) / scale
             if laser.distance_limits is not None:
                 low[at], high[at] = laser.distance_limits
         return term, low, high
 
 
 @dataclass(slots=True, kw_only=True)
-class _Runs:
-    """Runs of whole ticks, chunk by chunk: a chunk stays in the processor's cache."""
+class _TickRuns:
+    """Runs of whole ticks, (r,), one for each part with ticks inside."""
 
-    ticks: Ticks
-    pieces: Indices
+    sampled: SampledPower
+    part: Indices
     first: Floats
     """Time of each run's first tick."""
     count: Indices
     last: Floats
-    """How long each run's last tick is held, ms; the others are held a period."""
+    """How long each run's last tick is held, ms; the others are held for a period."""
 
     def add(self, energy: Floats, lowest: Floats, highest: Floats, clamped: Floats) -> None:
-        """Add the runs to their pieces' results."""
-        period = self.ticks.period_ms
+        """Add the runs to the results of their parts, a chunk at a time."""
+        period = self.sampled.period_ms
         # A run longer than a chunk is cut.
         parts = np.maximum(-(-self.count // _CHUNK_TICKS), 1)
-        run, part = counted(parts)
-        size = np.minimum(self.count[run] - part * _CHUNK_TICKS, _CHUNK_TICKS)
-        begin = self.first[run] + part * _CHUNK_TICKS * period
-        final = np.where(part == parts[run] - 1, self.last[run], period)
+        run, number = counted(parts)
+        size = np.minimum(self.count[run] - number * _CHUNK_TICKS, _CHUNK_TICKS)
+        begin = self.first[run] + number * _CHUNK_TICKS * period
+        final = np.where(number == parts[run] - 1, self.last[run], period)
         chunk = (np.cumsum(size) - 1) // _CHUNK_TICKS
         edges = np.flatnonzero(np.diff(chunk)) + 1
         for a, b in zip([0, *edges.tolist()], [*edges.tolist(), len(run)], strict=True):
             if a == b:
                 continue
-            piece = self.pieces[run[a:b]]
-            value, held, begins = self.values(piece, begin[a:b], size[a:b])
+            part = self.part[run[a:b]]
+            value, held, begins = self._values(part, begin[a:b], size[a:b])
             ends = begins + size[a:b] - 1
             width_less = period - final[a:b]
-            np.add.at(energy, piece, np.add.reduceat(value, begins) * period - value[ends] * width_less)
-            np.minimum.at(lowest, piece, np.minimum.reduceat(value, begins))
-            np.maximum.at(highest, piece, np.maximum.reduceat(value, begins))
+            np.add.at(energy, part, np.add.reduceat(value, begins) * period - value[ends] * width_less)
+            np.minimum.at(lowest, part, np.minimum.reduceat(value, begins))
+            np.maximum.at(highest, part, np.maximum.reduceat(value, begins))
             if held is not None:
                 count_held = np.add.reduceat(held.astype(np.float64), begins)
-                np.add.at(clamped, piece, count_held * period - held[ends] * width_less)
+                np.add.at(clamped, part, count_held * period - held[ends] * width_less)
 
-    def values(self, piece: Indices, begin: Floats, size: Indices) -> tuple[Floats, Bools | None, Indices]:
-        """Power at every tick of some runs, where a limit held it (None: nowhere), and where each run begins."""
+    def _values(self, part: Indices, begin: Floats, size: Indices) -> tuple[Floats, Bools | None, Indices]:
+        """Power at every tick of some runs, where a limit clamped it (None: nowhere), and each run's first index."""
         begins = np.cumsum(size) - size
         steps = np.arange(int(size.sum()), dtype=np.float64) - np.repeat(begins.astype(np.float64), size)
-        ticks = self.ticks
-        motion, period = ticks.motion, ticks.period_ms
-        setting, cell = ticks.setting, ticks.cell[piece]
-        if ticks.by_distance[piece].any() or motion.slows_first(cell):
-            which = np.repeat(np.arange(len(piece)), size)
-            time, each = begin[which] + steps * period, piece[which]
-            value, held = ticks.sample(cell[which], time, setting.pick(each), ticks.by_distance[each])
+        sampled = self.sampled
+        motion, period = sampled.motion, sampled.period_ms
+        settings, segment = sampled.settings, sampled.segment[part]
+        if sampled.by_distance[part].any() or motion.starts_above_peak(segment):
+            which = np.repeat(np.arange(len(part)), size)
+            time, each = begin[which] + steps * period, part[which]
+            value, held = sampled.sample(segment[which], time, settings.pick(each), sampled.by_distance[each])
             return value, held, begins
         # Velocity follow alone: power is the lowest of three straight lines, each a constant and a slope per tick.
-        rise, fall, slope, peak = motion.lines(cell, begin)
-        ratio, low = setting.ratio[piece], setting.low[piece]
+        rise, fall, slope, peak = motion.velocity_lines(segment, begin)
+        ratio, low = settings.ratio[part], settings.low[part]
         rise, fall, slope, peak = low + ratio * rise, low + ratio * fall, ratio * slope * period, low + ratio * peak
         grown = np.repeat(slope, size)
         grown *= steps
@@ -172,8 +176,8 @@ class _Runs:
         down -= grown
         np.minimum(value, down, out=value)
         np.minimum(value, np.repeat(peak, size), out=value)
-        top = np.minimum(setting.high[piece], setting.mode_high[piece])
-        if (peak <= top).all() and (low >= setting.mode_low[piece]).all():
+        top = np.minimum(settings.high[part], settings.mode_high[part])
+        if (peak <= top).all() and (low >= settings.mode_low[part]).all():
             return value, None, begins
-        clipped, held = limited(setting.pick(np.repeat(piece, size)), value, None)
+        clipped, held = limited(settings.pick(np.repeat(part, size)), value, None)
         return clipped, held, begins

@@ -1,4 +1,4 @@
-"""What came out of a run: every segment's times, velocities and light."""
+"""Trace: the result of a simulation, with times, velocities and emission of every segment."""
 
 from __future__ import annotations
 
@@ -8,44 +8,42 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
-from gusjob.ir.intent import Intent
 from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.geometry import Segments
+from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate.beam import Beam
-from gusjob.simulate.clock import Clock
 from gusjob.simulate.emission import Emission
-from gusjob.simulate.path import Motion
-from gusjob.simulate.power import Emitted, held_power, integrals
-from gusjob.simulate.settings import PowerCalls
-from gusjob.simulate.spans import Spans
-from gusjob.simulate.state import LaserState
+from gusjob.simulate.events import LaserState, SwitchEvents
+from gusjob.simulate.motion import Motion
+from gusjob.simulate.power import HeldPower, SegmentEmission
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelTrace:
-    """One laser: its state in each stage and behind the last, when it shone, and what each timed call emitted.
+    """One laser channel: its state in each stage and after the last, its emission and its power.
 
-    `lost_power_ms`: light before the first motion, which belongs to no segment. `powers`: what the emission was
-    integrated with.
+    `emitted`: emission of each segment. `before_motion_power_ms`: power * ms emitted before the first segment, which
+    belongs to none. `switch`: the buffered switches, which `emission` refers to.
     """
 
     channel: int
     lasers: tuple[LaserState, ...]
-    at_end: LaserState
+    laser_at_end: LaserState
+    switch: SwitchEvents
     emission: Emission
-    powers: PowerCalls
-    emitted: Emitted
-    lost_power_ms: float
-    lit_at_end: bool
+    power: HeldPower
+    emitted: SegmentEmission
+    before_motion_power_ms: float
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units of its power, in the order in which its modes come."""
-        states = self.lasers or (self.at_end,)
+        states = self.lasers or (self.laser_at_end,)
         return tuple(dict.fromkeys(state.power_mode.unit for state in states))
 
     def unit_at(self, stages: Indices) -> npt.NDArray[np.uint8]:
-        """Place of the unit among `units` in stages."""
+        """Index among `units` of the unit in stages."""
         table = [self.units.index(state.power_mode.unit) for state in self.lasers] or [0]
         return np.array(table, dtype=np.uint8)[stages]
 
@@ -56,34 +54,52 @@ class ChannelTrace:
         table = np.array([np.nan if w is None else w for w in per_stage] or [np.nan])
         return table[stages] if len(stages) else np.empty(0)
 
+    @property
+    def first_emitting(self) -> int | None:
+        """Number of the first segment with emission."""
+        emitting = np.flatnonzero(self.emitted.emission_ms > 0)
+        return int(emitting[0]) if len(emitting) else None
+
+    def laser_in(self, segment: int) -> LaserState:
+        """State of the laser in a segment."""
+        return self.lasers[int(self.power.motion.schedule.stage[segment])]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A run. Times in ms, positions in pulse; one entry a timed call (motion or dwell), (m,).
+    """Result of a simulation. Times in ms, positions in pulse; columns have one entry a segment or dwell, (m,).
 
-    `line`: source line of each. `intent`: of a planned job with sky writing, else None.
+    `line`: source line of each. `call`: index of its call in the stream. `stage_line` (s,): source line of each stage's
+    start. `run_kind`: purpose of each jump (RunKind), of a planned job with sky writing, else None. `readings`: (line,
+    channel, value) of each reading of a switch.
     """
 
     name: str
     period_us: float
     line: npt.NDArray[np.int32]
-    clock: Clock
+    call: Indices
+    stage_line: npt.NDArray[np.int32]
     motion: Motion
     beam: Beam
     channels: tuple[ChannelTrace, ...]
     readings: tuple[tuple[int, int, int], ...]
-    intent: Intent | None = None
+    run_kind: npt.NDArray[np.int8] | None = None
+
+    def __len__(self) -> int:
+        """Number of segments, dwells included."""
+        return len(self.motion)
+
+    @property
+    def schedule(self) -> Schedule:
+        """When each segment runs, and how fast."""
+        return self.motion.schedule
+
+    @property
+    def segments(self) -> Segments:
+        """Geometry of the segments; a dwell has no length."""
+        return self.motion.segments
 
     @property
     def period_ms(self) -> float:
         """The controller's tick."""
         return self.period_us / US_PER_MS
-
-    def power_ms(self, channel: ChannelTrace, spans: Spans) -> Floats:
-        """Integral of a channel's held power over spans of time, (k,), unit * ms."""
-        return integrals(self.motion, self.beam, channel.powers, list(channel.lasers), self.period_ms, spans)
-
-    def held_power(self, channel: ChannelTrace, stage: Indices, time_ms: Floats) -> Floats:
-        """A channel's power at moments of stages, (k,), whether its light is on or not."""
-        lasers = list(channel.lasers)
-        return held_power(self.motion, self.beam, channel.powers, lasers, self.period_ms, stage, time_ms)

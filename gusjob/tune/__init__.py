@@ -8,6 +8,7 @@ from typing import Any
 
 from gusjob.config.machine import Machine, ScannerModel
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.ranges import RUN_STEP_US, SWITCH_DELAY_US, TIMELAG_US
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend import Source, read_job
@@ -15,7 +16,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job
 from gusjob.ir.setup import LaserDelay, SkyWrite, auto_steps
 from gusjob.lint import check
-from gusjob.simulate import ChannelTrace, Trace, interpret
+from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.tune.edit import with_statement
 from gusjob.tune.search import Band, nearest
@@ -60,7 +61,7 @@ def run_job(source: Source, job: Job, diagnostics: list[Diagnostic], machine: Ma
         stream, more = compile_job(job, machine)
         diagnostics = [*diagnostics, *more]
         if not has_errors(more):
-            trace, more = interpret(stream, machine)
+            trace, more = simulate_stream(stream, machine)
             if trace is not None and judged:
                 marking = marking_totals(trace, marks_of(trace, machine))
             elif trace is None:
@@ -202,7 +203,7 @@ def _sky_statement(mode: int, timelag_us: float, shift_us: float, nprev: int, np
 
 def _in_force(tuned: Tuned | str) -> Tuned | str:
     """A job with SKYWRITE, if marks are sky-written with it."""
-    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.intent is not None:
+    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.run_kind is not None:
         return tuned
     return Phrase(
         "SKYWRITE behind LASER MODE is taken back by a SKYWRITE OFF before the first mark: put it there by hand"

@@ -16,7 +16,7 @@ from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
-from gusjob.simulate.quality.ends import Place, ends_of
+from gusjob.simulate.quality.mark_ends import MarkPoints, mark_ends_of
 
 _MOST_MARKS = 2000
 """So many marks, evenly picked, speak for all."""
@@ -42,11 +42,11 @@ def nearest(
 ) -> tuple[Band, Band] | None:
     """Delays of light on and light off, up to `most_us`, for light that is switched where the marks of a channel begin
     and end; None without such marks. Of a job with sky writing, the marks that are sky-written."""
-    ends, clock = ends_of(trace, machine, channel), trace.clock
+    ends, schedule = mark_ends_of(trace, machine, channel), trace.schedule
     shine = channel.emission
-    switched = (shine.on_row >= 0) & (shine.off_row >= 0)
-    if trace.intent is not None:
-        switched &= trace.intent.run[clock.row[np.maximum(ends.first - 1, 0)]] == RunKind.RUN_IN
+    switched = (shine.on_event >= 0) & (shine.off_event >= 0)
+    if trace.run_kind is not None:
+        switched &= trace.run_kind[np.maximum(ends.first_motion - 1, 0)] == RunKind.RUN_IN
     marks = np.flatnonzero(switched)
     if not len(marks) or machine.scanner is None:
         return None
@@ -57,10 +57,10 @@ def nearest(
             trace=trace,
             machine=machine,
             stage=shine.stage[marks],
-            time=clock.times_ms[at[marks]],
+            time=schedule.times_ms[at[marks]],
             place=place.pick(marks),
         )
-        for at, place in ((ends.on, ends.begin), (ends.off, ends.finish))
+        for at, place in ((ends.start_segment, ends.start), (ends.end_segment, ends.end))
     )
     slack_mm = slack_pulse / min(machine.pulses_per_mm)
     return on.band(most, slack_mm), off.band(most, slack_mm)
@@ -74,7 +74,7 @@ class _Side:
     machine: Machine
     stage: Indices
     time: Floats
-    place: Place
+    place: MarkPoints
 
     def miss_mm(self, delay_us: float) -> float:
         """How far the beam is off a time after the command was there, RMS."""

@@ -17,13 +17,14 @@ from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, figure
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
 from gusjob.kinematics.chords import chord_counts
+from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import MS_PER_S
-from gusjob.report.rows import Report, scale_mm
+from gusjob.report.rows import Report
 from gusjob.simulate import ChannelTrace, Trace
-from gusjob.simulate.clock import Clock
-from gusjob.simulate.outputs.steps import follows, ticks_in
-from gusjob.simulate.outputs.timeline import timeline_of
-from gusjob.simulate.spans import Spans
+from gusjob.simulate.intervals import Intervals
+from gusjob.simulate.lengths import mm_per_pulse
+from gusjob.simulate.outputs.output_time import output_time_of
+from gusjob.simulate.outputs.steps import ticks_in
 
 FINE_STROKES = 300_000
 """Up to so many strokes are cut as fine as the controller works; longer runs by segments and light alone."""
@@ -99,26 +100,28 @@ class Strokes:
 
 def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES) -> Strokes:
     """The strokes of a run."""
-    clock = trace.clock
+    schedule = trace.schedule
     cuts, exact = _cuts(trace, machine, fine_strokes)
-    row, start = _in_order(clock, cuts)
-    end = np.append(start[1:], clock.times_ms[-1:])
+    row, start = _in_order(schedule, cuts)
+    end = np.append(start[1:], schedule.times_ms[-1:])
     goes_on = np.append(row[1:] == row[:-1], False) if len(row) else np.zeros(0, dtype=np.bool_)
-    end = np.where(goes_on, end, clock.times_ms[1:][row])
-    stage = clock.stage[row]
+    end = np.where(goes_on, end, schedule.times_ms[1:][row])
+    stage = schedule.stage[row]
     px, py = machine.pulses_per_mm
-    scale = scale_mm(trace, machine)[row] * MS_PER_S
+    scale = mm_per_pulse(trace.segments, machine)[row] * MS_PER_S
     if exact:
         vel0, vel1 = trace.motion.velocity(row, start) * scale, trace.motion.velocity(row, end) * scale
     else:
-        vel0 = vel1 = np.where(clock.dwell, 0.0, np.maximum(clock.profile.peak, clock.profile.start))[row] * scale
+        vel0 = vel1 = (
+            np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start))[row] * scale
+        )
     x0, y0 = trace.motion.position(row, start)
     x1, y1 = trace.motion.position(row, end)
     beam = None
     if machine.scanner is not None:
         (bx0, by0), (bx1, by1) = trace.beam.position(stage, start), trace.beam.position(stage, end)
         beam = Line(x0=bx0 / px, y0=by0 / py, x1=bx1 / px, y1=by1 / py)
-    spans = Spans(stage=stage, start_ms=start, end_ms=end)
+    spans = Intervals(stage=stage, start_ms=start, end_ms=end)
     return Strokes(
         row=row,
         start_ms=start,
@@ -134,61 +137,60 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
 
 def _cuts(trace: Trace, machine: Machine, fine_strokes: int) -> tuple[list[tuple[Indices, Floats]], bool]:
     """(timed call, moment) of the cuts behind each segment's start, and whether they are fine."""
-    clock = trace.clock
-    cuts = [_light_edges(clock, channel) for channel in trace.channels]
-    number = np.arange(len(clock.row))
-    risen, falls = clock.phases()
-    fine = [*cuts, _chords(clock, _CHORD_RAD), (number, risen), (number, falls), *_ticks(trace, machine, fine_strokes)]
+    schedule = trace.schedule
+    cuts = [_light_edges(schedule, channel) for channel in trace.channels]
+    number = np.arange(len(trace))
+    risen, falls = schedule.phases()
+    fine = [*cuts, _chords(trace, _CHORD_RAD), (number, risen), (number, falls), *_ticks(trace, machine, fine_strokes)]
     if sum(len(cell) for cell, _ in fine) + len(number) <= fine_strokes:
         return fine, True
-    return [*cuts, _chords(clock, _COARSE_CHORD_RAD)], False
+    return [*cuts, _chords(trace, _COARSE_CHORD_RAD)], False
 
 
-def _light_edges(clock: Clock, channel: ChannelTrace) -> tuple[Indices, Floats]:
+def _light_edges(schedule: Schedule, channel: ChannelTrace) -> tuple[Indices, Floats]:
     """Where light comes and goes while its stage moves."""
     shine = channel.emission
     stage = np.concatenate([shine.stage, shine.stage])
     time = np.concatenate([shine.start_ms, shine.end_ms])
-    inside = (time >= clock.stage_start()[stage]) & (time < clock.stage_end()[stage])
-    return clock.segment_at(stage[inside], time[inside]), time[inside]
+    inside = (time >= schedule.stage_start()[stage]) & (time < schedule.stage_end()[stage])
+    return schedule.segment_at(stage[inside], time[inside]), time[inside]
 
 
-def _chords(clock: Clock, step_rad: float) -> tuple[Indices, Floats]:
+def _chords(trace: Trace, step_rad: float) -> tuple[Indices, Floats]:
     """Arcs in equal times."""
-    laid = clock.laid
-    count = chord_counts(laid.arcs.sweep, step_rad) - 1
+    schedule, arc_at, arcs = trace.schedule, trace.segments.arc_at, trace.segments.arcs
+    count = chord_counts(arcs.sweep, step_rad) - 1
     which, part = counted(count)
-    cell = laid.arc_at[which]
-    return cell, clock.times_ms[cell] + clock.duration_ms[cell] * ((part + 1) / (count[which] + 1))
+    cell = arc_at[which]
+    return cell, schedule.times_ms[cell] + schedule.duration_ms[cell] * ((part + 1) / (count[which] + 1))
 
 
 def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
     """Ticks of the stages in which something is to be seen between them; too many: as many as are too many."""
-    clock = trace.clock
-    stages = np.arange(len(clock.stage_first) - 1)
-    whole = Spans(stage=stages, start_ms=clock.stage_start(), end_ms=clock.stage_end())
-    spans = [Spans(stage=c.emission.stage, start_ms=c.emission.start_ms, end_ms=c.emission.end_ms)
-             for c in trace.channels if follows(c)]  # fmt: skip
+    schedule = trace.schedule
+    stages = np.arange(len(schedule.stage_first) - 1)
+    whole = Intervals(stage=stages, start_ms=schedule.stage_start(), end_ms=schedule.stage_end())
+    spans = [c.emission.intervals for c in trace.channels if c.power.follows]
     found = []
     for of in [whole] if machine.scanner is not None else spans:
         if (of.end_ms - of.start_ms).sum() / trace.period_ms > most:
             return [(np.zeros(most + 1, dtype=np.intp), np.zeros(most + 1))]
         which, time = ticks_in(trace, of)
-        inside = time < clock.stage_end()[of.stage[which]]
+        inside = time < schedule.stage_end()[of.stage[which]]
         stage, time = of.stage[which[inside]], time[inside]
-        found.append((clock.segment_at(stage, time), time))
+        found.append((schedule.segment_at(stage, time), time))
     return found
 
 
-def _in_order(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
+def _in_order(schedule: Schedule, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
     """Start of each stroke: (timed call, ms). Every timed call has one, however short it is."""
-    starts = clock.times_ms[:-1]
+    starts = schedule.times_ms[:-1]
     number = np.arange(len(starts))
     cell = np.concatenate([number, *(cell for cell, _ in cuts)])
     time = np.concatenate([starts, *(time for _, time in cuts)])
     first = np.zeros(len(cell), dtype=np.bool_)
     first[: len(number)] = True
-    real = first | ((time > starts[cell] + _SAME_MS) & (time < clock.times_ms[1:][cell] - _SAME_MS))
+    real = first | ((time > starts[cell] + _SAME_MS) & (time < schedule.times_ms[1:][cell] - _SAME_MS))
     cell, time, first = cell[real], time[real], first[real]
     order = np.lexsort((time, cell))
     cell, time, first = cell[order], time[order], first[order]
@@ -197,9 +199,9 @@ def _in_order(clock: Clock, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices
     return cell[apart], time[apart]
 
 
-def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) -> Light:
+def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals) -> Light:
     """A channel's light in strokes, none of which has an edge of that light inside."""
-    shine, shift = channel.emission, timeline_of(trace).shift_ms
+    shine, shift = channel.emission, output_time_of(trace).shift_ms
     begin = shine.start_ms + shift[shine.stage]
     middle = (spans.start_ms + spans.end_ms) / 2 + shift[spans.stage]
     number = np.searchsorted(begin, middle, side="right") - 1
@@ -207,8 +209,8 @@ def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Spans) 
     on = (middle < behind[number]) & (np.append(shine.stage, -1)[number] == spans.stage)
     lit = np.flatnonzero(on & (spans.end_ms > spans.start_ms))
     power = np.zeros(len(on))
-    part = Spans(stage=spans.stage[lit], start_ms=spans.start_ms[lit], end_ms=spans.end_ms[lit])
-    power[lit] = trace.power_ms(channel, part) / (part.end_ms - part.start_ms)
+    part = Intervals(stage=spans.stage[lit], start_ms=spans.start_ms[lit], end_ms=spans.end_ms[lit])
+    power[lit] = channel.power.integral(part) / (part.end_ms - part.start_ms)
     return Light(
         channel=channel.channel,
         on=on,

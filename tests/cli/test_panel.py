@@ -28,8 +28,8 @@ from gusjob.cli.panel import Watch, watch
 from gusjob.config.machine import Machine
 from gusjob.controllers.control import Control, Phase, View
 from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.hardware.forecast import Forecast, forecast
-from gusjob.simulate import interpret
 
 MACHINE = Machine(pulses_per_mm=(1000.0, 500.0))
 JOB = MARK + "LASER POWER 40\nJUMP X -10 Y 0\nLASER ON\nLINE X 10\nLASER OFF\nDWELL 60\nLASER ON\nLINE X 0\nLASER OFF\n"
@@ -91,7 +91,7 @@ class Bench:
 @pytest.fixture(name="bench")
 def _bench() -> Bench:
     stream = stream_of(JOB, MACHINE)
-    trace, _ = interpret(stream, MACHINE)
+    trace, _ = simulate_stream(stream, MACHINE)
     assert trace is not None
     return Bench(stream, forecast(stream, trace, MACHINE))
 
@@ -564,9 +564,10 @@ def read_until(master: int, raw: bytearray, done: Callable[[], bool], seconds: f
 PANEL = """
 import time
 from gusjob.controllers.control import Phase
-from cli.test_panel import JOB, MACHINE, Bench, forecast, interpret, stream_of
+from cli.test_panel import JOB, MACHINE, Bench, forecast, simulate_stream, stream_of
 stream = stream_of(JOB, MACHINE)
-bench = Bench(stream, forecast(stream, interpret(stream, MACHINE)[0], MACHINE), path="a folder of a long name/" * 4)
+trace, _ = simulate_stream(stream, MACHINE)
+bench = Bench(stream, forecast(stream, trace, MACHINE), path="a folder of a long name/" * 4)
 with bench.watch("auto") as watcher:
     while bench.control.stop < 2:
         time.sleep(0.01)

@@ -11,11 +11,11 @@ import pytest
 from support.tools import ROOT, calls_of, stream_in
 
 from gusjob.controllers.gus.calls import SIGNATURES
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.ranges import CONTRADICTIONS, TABLE, Range
 from gusjob.diagnostics.model import Severity
 from gusjob.diagnostics.rules import RULES
 from gusjob.pipeline import examine_file
-from gusjob.simulate import interpret
 
 REFERENCE = ROOT / "grammar" / "README.md"
 
@@ -87,7 +87,7 @@ def test_examples_check_clean_and_run(example: str, tmp_path: Path) -> None:
     assert [f.message for f in loaded.diagnostics if f.severity is not Severity.NOTE] == []
     stream = stream_in(loaded)
     assert stream is not None
-    trace, diagnostics = interpret(stream, loaded.machine)
+    trace, diagnostics = simulate_stream(stream, loaded.machine)
     assert trace is not None
     assert diagnostics == []
 

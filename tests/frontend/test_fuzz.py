@@ -17,13 +17,13 @@ from gusjob.config.profile import parse_machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.frontend import Source, check_text, read_job, read_listing
 from gusjob.lint import check
 from gusjob.report.files import report_csv, report_json
 from gusjob.report.rows import make_report
 from gusjob.report.table import report_table
-from gusjob.simulate import interpret
 
 MACHINES = (Machine(), Machine(pulses_per_mm=(655.36, 500.0), period_us=333.0))
 JOBS = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "jobs").rglob("*.job")) if p.stem != "engrave"]
@@ -56,9 +56,9 @@ def shown(diagnostics: list[Diagnostic], source: Source) -> None:
         assert diagnostic.span.line >= 1
 
 
-def run_all(stream: Stream, machine: Machine, *, foreign: bool) -> list[Diagnostic]:
+def run_all(stream: Stream, machine: Machine, *, is_listing: bool) -> list[Diagnostic]:
     with np.errstate(all="raise", under="ignore"):
-        trace, diagnostics = interpret(stream, machine, foreign=foreign)
+        trace, diagnostics = simulate_stream(stream, machine, is_listing=is_listing)
     if trace is None:
         assert diagnostics[-1].rule.code == "GJ713"
         return diagnostics[:-1]
@@ -88,7 +88,7 @@ def as_job(text: str) -> None:
         shown(more, source)
         if has_errors(more):
             continue
-        found = run_all(stream, machine, foreign=False)
+        found = run_all(stream, machine, is_listing=False)
         assert [f.message for f in found if f.severity is Severity.ERROR] == []
         printed = "".join(listing(stream))
         again_source, _ = check_text(printed.encode(), "x")
@@ -103,7 +103,7 @@ def as_listing(text: str) -> None:
     if source is not None:
         stream, diagnostics = read_listing(source)
         shown(diagnostics, source)
-        shown(run_all(stream, MACHINES[0], foreign=True), source)
+        shown(run_all(stream, MACHINES[0], is_listing=True), source)
 
 
 @given(st.text(max_size=300))

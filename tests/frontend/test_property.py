@@ -16,11 +16,12 @@ from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.lint import check
 from gusjob.report.rows import Report, SegmentKind, make_report
-from gusjob.simulate import Trace, interpret
+from gusjob.simulate import Trace
 
 MACHINES = (
     Machine(),
@@ -49,10 +50,10 @@ def errors(diagnostics: list[Diagnostic]) -> list[str]:
     return [f"{f.span.line}: {f.rule.code} {f.message}" for f in wrong]
 
 
-def interpreted(stream: Stream, machine: Machine, *, foreign: bool) -> Trace | None:
+def interpreted(stream: Stream, machine: Machine, *, is_listing: bool) -> Trace | None:
     """A run without an error, whose light has a mode and a power and ends; None if it is too long."""
     with np.errstate(all="raise", under="ignore"):
-        trace, diagnostics = interpret(stream, machine, foreign=foreign)
+        trace, diagnostics = simulate_stream(stream, machine, is_listing=is_listing)
         assert errors(diagnostics) == []
         assert not {"GJ708", "GJ712", "GJ715"} & {f.rule.code for f in diagnostics}
         if trace is not None:
@@ -94,16 +95,16 @@ def holds(text: str, machine: Machine) -> bool:
             "GJ810",
         }
         return False
-    own = interpreted(stream, machine, foreign=False)
+    own = interpreted(stream, machine, is_listing=False)
     if not job.has_forced_ends:
-        assert {f.rule.code for f in interpret(stream, machine, coarse=True)[1]} & HARD == set()
+        assert {f.rule.code for f in simulate_stream(stream, machine, coarse=True)[1]} & HARD == set()
     printed = "".join(listing(stream))
     source, _ = check_text(printed.encode(), "x.gts")
     assert source is not None
     again, diagnostics = read_listing(source)
     assert [f.rule.code for f in diagnostics] in ([], ["GJ004"])
     assert "".join(listing(again)) == printed
-    theirs = interpreted(again, machine, foreign=True)
+    theirs = interpreted(again, machine, is_listing=True)
     assert (own is None) == (theirs is None)
     if own is not None and theirs is not None:
         jumps_are_dark(text, make_report(own, machine))

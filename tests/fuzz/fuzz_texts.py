@@ -22,13 +22,13 @@ with atheris.instrument_imports(include=["gusjob"]):
     from gusjob.cli.text import diagnostic_text
     from gusjob.config.machine import Machine
     from gusjob.controllers.gus.lower import compile_job
+    from gusjob.controllers.gus.model import simulate_stream
     from gusjob.diagnostics.model import Diagnostic, has_errors
     from gusjob.frontend import check_text, read_job, read_listing
     from gusjob.frontend.expand import ledger
     from gusjob.frontend.listing.reader import looks_like_listing
     from gusjob.lint import check
     from gusjob.report.rows import make_report
-    from gusjob.simulate import interpret
 
 MACHINE = replace(Machine(), expansion_max_statements=5_000)
 UNEQUAL = replace(MACHINE, pulses_per_mm=(1000.0, 700.0))
@@ -49,7 +49,7 @@ def one(data: bytes) -> None:
         stream, diagnostics = read_listing(source)
         localized(diagnostics)
         if not has_errors(diagnostics):
-            trace, diagnostics = interpret(stream, machine, foreign=True)
+            trace, diagnostics = simulate_stream(stream, machine, is_listing=True)
             localized(diagnostics)
     else:
         job, diagnostics = read_job(source, machine)
@@ -59,7 +59,7 @@ def one(data: bytes) -> None:
             stream, diagnostics = compile_job(job, machine)
             localized(diagnostics)
             if not has_errors(diagnostics):
-                trace, diagnostics = interpret(stream, machine)
+                trace, diagnostics = simulate_stream(stream, machine)
                 localized(diagnostics)
                 if has_errors(diagnostics) and not all(f.rule.code == "GJ713" for f in diagnostics):
                     raise AssertionError("what checks clean must run")

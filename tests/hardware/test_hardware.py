@@ -24,9 +24,9 @@ from gusjob.controllers.gus.driver.library import load_library
 from gusjob.controllers.gus.driver.session import needed_calls
 from gusjob.controllers.gus.dry import frame, without_laser
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.journal import Journal
 from gusjob.pipeline import examine_file
-from gusjob.simulate import interpret
 
 pytestmark = needs_controller
 
@@ -95,16 +95,16 @@ def test_a_job_is_received_and_done_as_compiled_and_interpreted(gus: Bench, path
     wanted = [plain(line) for line in "".join(listing(stream)).splitlines()]
     wanted = [c for c in wanted if not c.startswith(("GT_CrdStart", "GT_CrdStatus", "GT_SetHSIOOpt(0"))]
     assert job_calls(gus.controller.calls()) == wanted
-    trace, _ = interpret(stream, machine)
+    trace, _ = simulate_stream(stream, machine)
     assert trace is not None
     rows, period_ms = gus.controller.rows(), machine.period_us / 1000
-    assert len(rows) == len(trace.clock.row)
+    assert len(rows) == len(trace)
     if not len(rows):
         return
-    assert np.abs(rows[:, Row.START_MS] - trace.clock.times_ms[:-1]).max() < period_ms / 1000
-    assert np.abs(rows[:, Row.DURATION_MS] - trace.clock.duration_ms).max() < period_ms / 1000
-    assert np.abs(rows[:, Row.X1] - trace.clock.laid.x1).max() < 1e-6
-    assert np.abs(rows[:, Row.Y1] - trace.clock.laid.y1).max() < 1e-6
+    assert np.abs(rows[:, Row.START_MS] - trace.schedule.times_ms[:-1]).max() < period_ms / 1000
+    assert np.abs(rows[:, Row.DURATION_MS] - trace.schedule.duration_ms).max() < period_ms / 1000
+    assert np.abs(rows[:, Row.X1] - trace.segments.x1).max() < 1e-6
+    assert np.abs(rows[:, Row.Y1] - trace.segments.y1).max() < 1e-6
     for channel in trace.channels:
         lit_ms = rows[:, Row.EMISSION0_MS + channel.channel]
         energy = rows[:, Row.POWER0_MS + channel.channel]
@@ -577,7 +577,7 @@ def test_without_laser_there_is_no_call_to_a_laser(gus: Bench) -> None:
 def test_the_frame_is_the_box_of_the_marks(gus: Bench) -> None:
     text = MARK + "LASER POWER 3\nJUMP X 50 Y 50\nJUMP X 0 Y 0\nLASER ON\nARC CCW I 5 J 0\nLINE X -2 Y 3\nLASER OFF\n"
     stream = stream_of(text)
-    trace, _ = interpret(stream, Machine())
+    trace, _ = simulate_stream(stream, Machine())
     assert trace is not None
     framed = frame(stream, trace)
     assert framed is not None

@@ -24,14 +24,14 @@ from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.controllers.gus.driver import fifo, session
 from gusjob.controllers.gus.driver import shutdown as way_out
 from gusjob.controllers.gus.driver.session import outputs_of
+from gusjob.controllers.gus.geometry import call_segments
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.place import Place, Route
 from gusjob.controllers.gus.remainder import rest
 from gusjob.frontend import check_text, read_listing
 from gusjob.hardware.forecast import forecast
 from gusjob.hardware.runner import signals
 from gusjob.hardware.sent import sent_calls
-from gusjob.simulate import interpret
-from gusjob.simulate.clock import lay
 
 pytestmark = needs_controller
 
@@ -501,17 +501,17 @@ def test_end_velocities_are_those_that_can_be_reached_from_rest() -> None:
 @pytest.mark.parametrize("arc", ["ARC CCW I 5 J 1", "ARC CW X 8 Y 3 R 6", "ARC CCW X 8 Y 3 R -6"])
 def test_begun_within_an_arc_it_stays_on_it(arc: str) -> None:
     stream = stream_of(MARK + f"JUMP X 1 Y 2\n{arc}\n")
-    trace, _ = interpret(stream, Machine())
+    trace, _ = simulate_stream(stream, Machine())
     assert trace is not None
     row = int(np.flatnonzero(stream.buffered.kind <= Buffered.ARC_RADIUS)[-1])
-    laid = trace.clock.laid
+    laid = trace.segments
     length = float(laid.length[-1])
     for share in (0.1, 0.6, 0.9):
         part = rest(stream, Place(row=row, run_pulse=share * length))
-        begun, faults = interpret(part.stream, Machine())
+        begun, faults = simulate_stream(part.stream, Machine())
         assert begun is not None
         assert faults == []
-        there = begun.clock.laid
+        there = begun.segments
         assert float(there.length[-1]) == pytest.approx((1 - share) * length, abs=5)
         middle = laid.points(np.array([len(laid.length) - 1]), np.array([(1 + share) / 2]))
         found = there.points(np.array([len(there.length) - 1]), np.array([0.5]))
@@ -677,7 +677,7 @@ def test_places_on_an_arc_and_beyond_its_ends(way: str) -> None:
     stream = stream_of(MARK + f"JUMP X 5 Y 0\nARC {way} X 0 {end} R 5\n")
     route = Route.of(stream.buffered, (0, 0))
     number = len(route.timed) - 1
-    laid = lay(stream.buffered, route.timed, np.zeros(len(route.timed), dtype=np.bool_))
+    laid = call_segments(stream.buffered, route.timed, np.zeros(len(route.timed), dtype=np.bool_))
     length, sign = float(laid.length[-1]), 1 if way == "CCW" else -1
     for share in (0.0, 0.25, 0.7, 1.0):
         turn = sign * share * np.pi / 2
@@ -713,12 +713,12 @@ def test_the_report_of_a_journal_is_what_was_run(gus: Bench, how: str) -> None:
     assert source is not None
     sent, faults = sent_calls(source)
     assert faults == [] and sent is not None
-    trace, found = interpret(sent, machine, foreign=True)
+    trace, found = simulate_stream(sent, machine, is_listing=True)
     assert trace is not None
     assert {fault.rule.severity.name for fault in found} <= {"WARNING", "NOTE"}
     light_ms = sum(float(channel.emitted.emission_ms.sum()) for channel in trace.channels)
     assert light_ms == pytest.approx(done[:, Row.EMISSION0_MS].sum(), rel=0.02)
-    length = float(trace.clock.laid.length.sum())
+    length = float(trace.segments.length.sum())
     assert length == pytest.approx(done[:, Row.LENGTH].sum(), rel=0.02)
     assert set(sent.buffered.line.tolist()) <= set(stream.buffered.line.tolist())
 
@@ -729,9 +729,9 @@ def reported(ran: Ran, machine: Machine) -> tuple[Stream, float]:
     assert source is not None
     sent, faults = sent_calls(source)
     assert faults == [] and sent is not None
-    trace, _ = interpret(sent, machine, foreign=True)
+    trace, _ = simulate_stream(sent, machine, is_listing=True)
     assert trace is not None
-    return sent, float(trace.clock.laid.length.sum())
+    return sent, float(trace.segments.length.sum())
 
 
 @pytest.mark.parametrize("arc", ["LINE X 80", "ARC CCW X 20 R -15", "ARC CW X 1 R -30"])
@@ -822,7 +822,7 @@ def test_two_streams_that_differ_in_any_call_have_two_fingerprints() -> None:
 def test_the_box_has_each_axis_own_scale() -> None:
     machine = Machine(pulses_per_mm=(1000.0, 500.0))
     stream = stream_of(MARK + "LASER POWER 3\nJUMP X 1 Y 2\nLASER ON\nLINE X 4 Y 8\nLASER OFF\n", machine)
-    trace, _ = interpret(stream, machine)
+    trace, _ = simulate_stream(stream, machine)
     assert trace is not None
     assert forecast(stream, trace, machine).box_mm == pytest.approx((1, 4, 2, 8))
 

@@ -22,9 +22,9 @@ from support.catalogue import needed
 from support.faulty import bad_files, diagnostics_of_file, diagnostics_of_text
 from support.tools import ROOT
 
-from gusjob.config.machine import Abi, Budget, Controller, Interlock, Laser, Machine, parse_scanner
+from gusjob.config.machine import Abi, Budget, ControllerSettings, Interlock, Laser, Machine, parse_scanner
 from gusjob.config.profile import parse_machine, read_machine
-from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, PASSED_OVER, SIGNATURES
+from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, IGNORED_CALLS, SIGNATURES
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Remark, Rule
 from gusjob.diagnostics.rules import (
     CALL_OCTAL,
@@ -188,7 +188,7 @@ def words_of(*texts: str) -> set[str]:
 @cache
 def entries_of_the_profile() -> set[str]:
     """Keys, tables and choices of the machine profile."""
-    tables = (Machine, Laser, Controller, Interlock, Budget)
+    tables = (Machine, Laser, ControllerSettings, Interlock, Budget)
     names = {entry.name for table in tables for entry in fields(table)}
     inner = {name.removeprefix(head) for name in names for head in ("lookahead_", "expansion_")}
     return names | inner | {"laser", "interlock", "expansion", "lookahead"} | words_of(*Abi)
@@ -201,7 +201,7 @@ FIGURES = {"inf", "nan", "e"}
 OPERATORS = {*FUNCTIONS, "and", "or", "not"}
 """Functions and operators of the job language are in small letters."""
 _CALLS = {**SIGNATURES, **HOST_CALLS}
-ARGUMENTS = {*PASSED_OVER, *(a.name for s in _CALLS.values() for a in s.args), *(f[0] for f in CRD_FIELDS)}
+ARGUMENTS = {*IGNORED_CALLS, *(a.name for s in _CALLS.values() for a in s.args), *(f[0] for f in CRD_FIELDS)}
 """Calls that are passed over (printf), arguments of calls, fields of their structs."""
 OF_CALLS = ("GJ7", *(f"GJ11{number}" for number in range(1, 7)))
 CODEC_SAYS = {"invalid start byte", "invalid continuation byte", "unexpected end of data"}

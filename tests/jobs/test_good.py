@@ -10,10 +10,10 @@ from support.tools import ROOT, stream_in
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.frontend import check_text, read_listing
 from gusjob.pipeline import examine_file
-from gusjob.simulate import interpret
 
 FOLDER = ROOT / "tests" / "good"
 GOOD = sorted(FOLDER.glob("*.job"))
@@ -56,6 +56,6 @@ def test_the_listing_reads_back(path: Path) -> None:
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda p: p.stem)
 def test_runs_without_a_warning(path: Path) -> None:
-    trace, diagnostics = interpret(stream_of(path), Machine())
+    trace, diagnostics = simulate_stream(stream_of(path), Machine())
     assert trace is not None
     assert beyond_notes(list(diagnostics)) == []

@@ -12,12 +12,12 @@ from support.tools import ROOT, stream_in
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Severity
 from gusjob.frontend import check_text, read_listing
 from gusjob.pipeline import examine_file
 from gusjob.report.rows import Report, make_report
 from gusjob.report.table import report_table
-from gusjob.simulate import interpret
 
 JOBS = sorted(p for p in (ROOT / "jobs").rglob("*.job") if p.parent.name != "shared")
 GOLDEN = ROOT / "tests" / "golden"
@@ -30,7 +30,7 @@ def stream_of(path: Path) -> Stream:
 
 
 def report_of(stream: Stream, machine: Machine) -> Report:
-    trace, _ = interpret(stream, machine)
+    trace, _ = simulate_stream(stream, machine)
     assert trace is not None
     return make_report(trace, machine)
 
@@ -48,7 +48,7 @@ def test_checks_clean(path: Path) -> None:
 @pytest.mark.parametrize("path", JOBS, ids=lambda p: p.stem)
 def test_golden(path: Path, rewrite: bool) -> None:
     machine = examine_file(path, None).machine
-    trace, diagnostics = interpret(stream_of(path), machine)
+    trace, diagnostics = simulate_stream(stream_of(path), machine)
     assert diagnostics == []
     assert trace is not None
     report = make_report(trace, machine)

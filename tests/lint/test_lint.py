@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from support.tools import MACHINE, MARK, diagnostics_in
 
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.frontend import check_text, read_job, read_listing
-from gusjob.simulate import find_diagnostics
-from gusjob.simulate.power import emitted
+from gusjob.simulate.emission import Emission
+from gusjob.simulate.power import HeldPower, SegmentEmission
 
 FAST = "LASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\n"
 """1 mm from rest to rest takes 1 ms at 1000 mm/s and 1 ms for both ramps of 1000 mm/s at 10^6 mm/s2."""
@@ -56,11 +55,13 @@ def test_faults_need_no_tick(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     periods_ms: list[float] = []
 
-    def seen(*args: Any) -> Any:
-        periods_ms.append(args[-1])
-        return emitted(*args)
+    emitted = HeldPower.emitted
 
-    monkeypatch.setattr("gusjob.simulate.emitted", seen)
+    def seen(power: HeldPower, emission: Emission) -> tuple[SegmentEmission, float]:
+        periods_ms.append(power.period_ms)
+        return emitted(power, emission)
+
+    monkeypatch.setattr(HeldPower, "emitted", seen)
     source, _ = check_text(text.encode(), "x.gts")
     assert source is not None
     assert "GJ709" in [f.rule.code for f in find_diagnostics(read_listing(source)[0], MACHINE)]

@@ -123,7 +123,7 @@ def test_no_segment_asks_for_what_it_cant_get(seed: int) -> None:
     text = "\n".join(lines)
     ran = run_job(text)
     assert not {"GJ704", "GJ705", "GJ706", "GJ701"} & set(ran.codes())
-    from gusjob.simulate import interpret
+    from gusjob.controllers.gus.model import simulate_stream
 
-    _, foreign = interpret(stream_of(text), Machine(), foreign=True)
-    assert "GJ707" not in [f.rule.code for f in foreign]
+    _, found = simulate_stream(stream_of(text), Machine(), is_listing=True)
+    assert "GJ707" not in [f.rule.code for f in found]

@@ -19,8 +19,9 @@ from gusjob.cli import cli
 from gusjob.config.machine import Machine, Scanner, ScannerModel, parse_scanner
 from gusjob.config.profile import parse_machine
 from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.model import find_diagnostics, simulate_stream
 from gusjob.frontend import check_text, read_listing
-from gusjob.simulate import Trace, find_diagnostics, interpret
+from gusjob.simulate import Trace
 
 Floats = npt.NDArray[np.float64]
 Call = tuple[object, ...]
@@ -44,7 +45,7 @@ def calls_in(text: str) -> Stream:
 
 
 def trace_of(text: str, scanner: Scanner | None, period_us: float = 250.0) -> Trace:
-    trace, _ = interpret(calls_in(text), Machine(scanner=scanner, period_us=period_us))
+    trace, _ = simulate_stream(calls_in(text), Machine(scanner=scanner, period_us=period_us))
     assert trace is not None
     return trace
 
@@ -134,7 +135,7 @@ def test_a_corner_at_speed(model: ScannerModel) -> None:
     tau, vel = 0.3, 100.0
     trace = trace_of(CORNER, lag(model, tau * 1000))
     corner = 50.0 + vel / AT_ONCE / 2
-    assert trace.clock.times_ms[1] == pytest.approx(corner)
+    assert trace.schedule.times_ms[1] == pytest.approx(corner)
     u = np.linspace(-2.0, 5.0, 7001)
     x, y = seen(trace, corner + u)
     # In X a ramp goes on and its like is taken off; in Y one begins.
@@ -359,8 +360,8 @@ def test_what_is_not_forgotten_goes_from_block_to_block(model: ScannerModel) -> 
     turn = vel / radius * tau
     gain = 1 / (1 + 1j * turn) if model is ScannerModel.FIRST_ORDER else 1 / (1 + 1j * turn / 2) ** 2
     wanted = radius * (np.exp(1j * angle) * gain - 1)
-    got_x, got_y = seen(trace, trace.clock.times_ms)
-    settled = trace.clock.times_ms > 20 * tau
+    got_x, got_y = seen(trace, trace.schedule.times_ms)
+    settled = trace.schedule.times_ms > 20 * tau
     assert np.abs(got_x + 1j * got_y - wanted)[settled].max() < 5
 
 
@@ -419,11 +420,11 @@ def test_faults_alone_need_no_beam(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object) -> None:
         raise AssertionError("the beam is worked out")
 
-    monkeypatch.setattr("gusjob.simulate.beam._pieces", never)
+    monkeypatch.setattr("gusjob.simulate.beam._polynomials", never)
     text = ACTUAL.format(source=1, crd="", ratio="{3,0,0,0}")
     machine = Machine(scanner=lag(ScannerModel.FIRST_ORDER, 100))
     find_diagnostics(calls_in(text), machine)
-    interpret(calls_in(ACTUAL.format(source=0, crd="", ratio="{3,0,0,0}")), machine)
+    simulate_stream(calls_in(ACTUAL.format(source=0, crd="", ratio="{3,0,0,0}")), machine)
 
 
 # How a scanner is written.

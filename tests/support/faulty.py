@@ -9,11 +9,11 @@ from support.tools import ROOT
 from gusjob.config.machine import Machine
 from gusjob.config.profile import read_machine
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.diagnostics.model import Diagnostic, Rule, has_errors
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.lint import check
 from gusjob.pipeline import Checked, examine, examine_file, load
-from gusjob.simulate import find_diagnostics
 
 BAD = ROOT / "tests" / "bad"
 COMMENTS = ("GJ144", "GJ145")

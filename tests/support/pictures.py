@@ -17,9 +17,10 @@ import numpy.typing as npt
 from support.tools import MACHINE, stream_of
 
 from gusjob.config.machine import Machine, parse_scanner
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.ir.intent import RunKind
-from gusjob.simulate import Trace, interpret
-from gusjob.simulate.quality.ends import ends_of
+from gusjob.simulate import Trace
+from gusjob.simulate.quality.mark_ends import mark_ends_of
 from gusjob.simulate.quality.marks import BIN_MM
 
 Floats = npt.NDArray[np.float64]
@@ -183,7 +184,7 @@ class Mark:
 
 def run(text: str, machine: Machine = MACHINE) -> Trace:
     """The trace of a job in which there is nothing to find fault with."""
-    trace, diagnostics = interpret(stream_of(text, machine), machine)
+    trace, diagnostics = simulate_stream(stream_of(text, machine), machine)
     assert trace is not None
     assert [f.message for f in diagnostics] == []
     return trace
@@ -191,18 +192,19 @@ def run(text: str, machine: Machine = MACHINE) -> Trace:
 
 def _points(trace: Trace) -> list[Point]:
     """Start of the first timed call, and the end of each, mm."""
-    laid, (px, py) = trace.clock.laid, MACHINE.pulses_per_mm
+    laid, (px, py) = trace.segments, MACHINE.pulses_per_mm
     first = [Point(float(laid.x0[0]) / px, float(laid.y0[0]) / py)]
     return first + [Point(float(x) / px, float(y) / py) for x, y in zip(laid.x1, laid.y1, strict=True)]
 
 
 def legs_of(trace: Trace) -> list[Leg]:
     """The commanded path; what the planner split on a straight line is one leg again."""
-    ends, points = ends_of(trace, MACHINE, trace.channels[0]), _points(trace)
-    marked = {c for a, b in zip(ends.first.tolist(), ends.last.tolist(), strict=True) for c in range(a, b + 1)}
+    ends, points = mark_ends_of(trace, MACHINE, trace.channels[0]), _points(trace)
+    motions = zip(ends.first_motion.tolist(), ends.last_motion.tolist(), strict=True)
+    marked = {c for a, b in motions for c in range(a, b + 1)}
     legs: list[Leg] = []
-    for cell, row in enumerate(trace.clock.row):
-        meant = RunKind(int(trace.intent.run[row])) if trace.intent is not None else RunKind.NONE
+    for cell in range(len(trace)):
+        meant = RunKind(int(trace.run_kind[cell])) if trace.run_kind is not None else RunKind.NONE
         role = "mark" if cell in marked else {RunKind.RUN_IN: "run-in", RunKind.RUN_OUT: "run-out"}.get(meant, "jump")
         leg = Leg(role=role, start=points[cell], end=points[cell + 1])
         if legs and legs[-1].role == role and _straight_on(legs[-1], leg):
@@ -219,21 +221,21 @@ def _straight_on(leg: Leg, follower: Leg) -> bool:
 
 def marks_of(trace: Trace) -> list[Mark]:
     """The marks of the first laser."""
-    ends, points = ends_of(trace, MACHINE, trace.channels[0]), _points(trace)
-    shine, times = trace.channels[0].emission, trace.clock.times_ms
+    ends, points = mark_ends_of(trace, MACHINE, trace.channels[0]), _points(trace)
+    shine, times = trace.channels[0].emission, trace.schedule.times_ms
     marks = []
     for k, (start, end) in enumerate(zip(shine.start_ms.tolist(), shine.end_ms.tolist(), strict=True)):
         between = np.flatnonzero((times > start) & (times < end)).tolist()
         on, off = command_at(trace, start), command_at(trace, end)
-        inner = [points[c + 1] for c in range(int(ends.first[k]), int(ends.last[k]) + 1)]
-        inner.insert(0, points[int(ends.first[k])])
+        inner = [points[c + 1] for c in range(int(ends.first_motion[k]), int(ends.last_motion[k]) + 1)]
+        inner.insert(0, points[int(ends.first_motion[k])])
         marks.append(Mark(points=tuple(inner), on=on, off=off, lit=(on, *(points[c] for c in between), off)))
     return marks
 
 
 def command_at(trace: Trace, time: float) -> Point:
     """Where the command is, mm."""
-    cell = int(np.clip(np.searchsorted(trace.clock.times_ms, time, side="right") - 1, 0, len(trace.clock.row) - 1))
+    cell = int(np.clip(np.searchsorted(trace.schedule.times_ms, time, side="right") - 1, 0, len(trace) - 1))
     x, y = trace.motion.position(np.array([cell]), np.array([time]))
     return Point(float(x[0]) / MACHINE.pulses_per_mm[0], float(y[0]) / MACHINE.pulses_per_mm[1])
 
@@ -502,7 +504,7 @@ def _draw_beam(canvas: Canvas, view: View, trace: Trace) -> None:
             [view.px(leg.start), view.px(leg.end)], class_="command", stroke=COMMAND, stroke_width=6,
             stroke_linecap="round",
         )  # fmt: skip
-    time = np.arange(0.0, float(trace.clock.times_ms[-1]) + 1.0, DOT_US / 1000)
+    time = np.arange(0.0, float(trace.schedule.times_ms[-1]) + 1.0, DOT_US / 1000)
     canvas.path(map(view.px, map(Point, *beam_at(trace, time))), class_="beam", stroke=BEAM, stroke_width=1.5)
     shine = trace.channels[0].emission
     spans = zip(burnt(trace), shine.start_ms.tolist(), shine.end_ms.tolist(), strict=True)

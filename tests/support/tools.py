@@ -9,13 +9,13 @@ from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.frontend import check_text, read_job, read_listing
 from gusjob.ir.job import Job
 from gusjob.lint import check
 from gusjob.pipeline import Checked, Compiled, FileResult, compile_calls
 from gusjob.report.rows import Report, make_report
-from gusjob.simulate import interpret
 
 ROOT = Path(__file__).resolve().parents[2]
 MACHINE = Machine()
@@ -88,13 +88,13 @@ def run_listing(text: str, machine: Machine = MACHINE) -> Ran:
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
     stream, read_diagnostics = read_listing(source)
-    trace, diagnostics = interpret(stream, machine, foreign=True)
+    trace, diagnostics = simulate_stream(stream, machine, is_listing=True)
     assert trace is not None
     return Ran(make_report(trace, machine), [*read_diagnostics, *diagnostics])
 
 
 def run_job(text: str, machine: Machine = MACHINE) -> Ran:
     """Compile and interpret a job."""
-    trace, diagnostics = interpret(stream_of(text, machine), machine)
+    trace, diagnostics = simulate_stream(stream_of(text, machine), machine)
     assert trace is not None
     return Ran(make_report(trace, machine), diagnostics)

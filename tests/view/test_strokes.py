@@ -9,7 +9,7 @@ import pytest
 from support.tools import stream_of
 
 from gusjob.config.machine import Laser, Machine, parse_scanner
-from gusjob.simulate import interpret
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.view.strokes import Strokes, strokes_of
 
 DUTY = "LOOKAHEAD OFF\nLASER MODE DUTY CARRIER 10\nVEL 100\nACC 10000\n"
@@ -18,7 +18,7 @@ DUTY = "LOOKAHEAD OFF\nLASER MODE DUTY CARRIER 10\nVEL 100\nACC 10000\n"
 
 def strokes(text: str, machine: Machine | None = None, fine_strokes: int = 300_000) -> Strokes:
     machine = machine or Machine()
-    trace, _ = interpret(stream_of(text, machine), machine)
+    trace, _ = simulate_stream(stream_of(text, machine), machine)
     assert trace is not None
     return strokes_of(trace, machine, fine_strokes)
 

@@ -1,4 +1,4 @@
-"""Arguments against their ranges: which calls the controller takes, and what it says of the others."""
+"""Check arguments against their ranges: which calls the controller accepts, and how it refuses the others."""
 
 from __future__ import annotations
 
@@ -13,26 +13,28 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase, number
 from gusjob.kinematics.arrays import Bools, Indices
-from gusjob.simulate.state import PARAMETER_ERROR
 
-_OFF_MEANS_NOTHING = ("GT_SetWaitPulse", "GT_SetPreVltg", "GT_SetLaserDisMode")
-"""Calls whose other numbers mean nothing while their first argument switches off."""
+EXECUTION_ERROR, PARAMETER_ERROR = 1, 7
+"""Return codes (sister series)."""
+
+_UNUSED_WHEN_OFF = ("GT_SetWaitPulse", "GT_SetPreVltg", "GT_SetLaserDisMode")
+"""Calls whose other numbers are not used if their first argument switches off."""
 
 
-def bad_argument(call: Call) -> str:
-    """Why the controller would not take a call that is not buffered; '' if it would."""
-    switched_off = call.name in _OFF_MEANS_NOTHING and call.args[0] == 0.0
+def argument_error(call: Call) -> str:
+    """Describe the first argument for which the controller refuses an immediate call; '' if it accepts the call."""
+    switched_off = call.name in _UNUSED_WHEN_OFF and call.args[0] == 0.0
     for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
         if arg.range is None or (switched_off and arg.kind in (ArgKind.REAL, ArgKind.ARRAY)):
             continue
         for one in value if isinstance(value, tuple) else (value,):
-            if isinstance(one, float) and (reason := out_of(arg.range, arg.name, one)):
+            if isinstance(one, float) and (reason := range_error(arg.range, arg.name, one)):
                 return reason
     return ""
 
 
-def out_of(allowed: Range, name: str, value: float) -> str:
-    """Why a value is none for a range; '' if it is one."""
+def range_error(allowed: Range, name: str, value: float) -> str:
+    """Describe why a value does not fit a range; '' if it does."""
     shown = f"{name} {number(value)} {allowed.unit}".rstrip()
     if allowed.classify_one(value) is Membership.OUTSIDE:
         return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
@@ -40,15 +42,15 @@ def out_of(allowed: Range, name: str, value: float) -> str:
 
 
 @dataclass(slots=True, kw_only=True)
-class BufferedJudge:
-    """Judges buffered rows. `modes`: of both channels, when the calls are made."""
+class ArgumentChecker:
+    """Checks arguments of buffered calls. `modes`: power modes of both channels when the calls are made."""
 
     calls: BufferedCalls
     modes: tuple[PowerMode, PowerMode]
     collector: Collector
 
-    def taken(self, rows: Indices) -> Indices:
-        """The rows whose arguments the controller takes; the others are diagnostics."""
+    def accepted(self, rows: Indices) -> Indices:
+        """Return the rows whose arguments the controller accepts; report the others."""
         bad = np.zeros(len(rows), dtype=np.bool_)
         kinds = self.calls.kind[rows]
         for kind, signature in BUFFERED.items():
@@ -57,28 +59,27 @@ class BufferedJudge:
                 continue
             for arg in signature.args:
                 if arg.range is not None:
-                    self.judge(rows, at, signature, arg, arg.range, bad)
+                    self._check(rows, at, signature, arg, arg.range, bad)
             if kind in (Buffered.POWER, Buffered.FOLLOW):
                 for channel, mode in enumerate(self.modes):
                     mine = at[self.calls.channel[rows[at]] == channel]
-                    self.judge_power(
-                        rows, mine, signature, POWER[mode] if kind == Buffered.POWER else FOLLOW[mode], bad
-                    )
+                    allowed = POWER[mode] if kind == Buffered.POWER else FOLLOW[mode]
+                    self._check_power(rows, mine, signature, allowed, bad)
         return rows[~bad] if bad.any() else rows
 
-    def judge_power(self, rows: Indices, at: Indices, signature: Signature, allowed: Range, bad: Bools) -> None:
-        """Powers, whose range hangs on the mode; and follow's max above its min."""
+    def _check_power(self, rows: Indices, at: Indices, signature: Signature, allowed: Range, bad: Bools) -> None:
+        """Check powers, whose range depends on the mode, and that a follow's max is above its min."""
         for arg in signature.args:
             if arg.range is None:
-                self.judge(rows, at, signature, arg, allowed, bad)
+                self._check(rows, at, signature, arg, allowed, bad)
         if signature.buffered is Buffered.FOLLOW:
             upside_down = at[~(self.calls.r[rows[at]] > self.calls.q[rows[at]]) & ~bad[at]]
             reason = Phrase("maxPower must be above minPower")
-            self.each(rules.REFUSED, rows[upside_down], lambda _: _refused(signature, reason))
+            self._report(rules.REFUSED, rows[upside_down], lambda _: _refused(signature, reason))
             bad[upside_down] = True
 
-    def judge(self, rows: Indices, at: Indices, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
-        """One argument of the rows at `at` against its range."""
+    def _check(self, rows: Indices, at: Indices, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
+        """Check one argument of the rows at `at`; mark bad rows."""
         values = self.calls.column(arg.column)[rows[at]]
         verdict = allowed.classify(values)
         whole = allowed.carries(values) if allowed.whole else np.isfinite(values)
@@ -86,18 +87,18 @@ class BufferedJudge:
             return
         wrong = (verdict == Membership.OUTSIDE) | ~whole
         fresh = np.flatnonzero(wrong & ~bad[at])
-        self.each(
+        self._report(
             rules.REFUSED,
             rows[at[fresh]],
-            lambda i: _refused(signature, out_of(allowed, arg.name, float(values[fresh[i]]))),
+            lambda i: _refused(signature, range_error(allowed, arg.name, float(values[fresh[i]]))),
         )
         bad[at[wrong]] = True
         ends = np.flatnonzero((verdict == Membership.ON_TOLERATED_END) & whole)
         what = {"what": f"{signature.name} {arg.name}", "unit": allowed.unit, "range": str(allowed)}
-        self.each(rules.ON_OPEN_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
+        self._report(rules.ON_OPEN_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
 
-    def each(self, rule: Rule, rows: Indices, fields: Callable[[int], dict[str, object]]) -> None:
-        """A diagnostic for each row, with the fields for the i-th."""
+    def _report(self, rule: Rule, rows: Indices, fields: Callable[[int], dict[str, object]]) -> None:
+        """Report each row, with the fields for the i-th."""
         listed = rows[: self.collector.room(rule)].tolist()
         for i, row in enumerate(listed):
             self.collector.add(rule, Span(line=int(self.calls.line[row])), fields(i))

@@ -1,7 +1,7 @@
-"""A stream as a C program that sends it: c_program.c with the job's calls in the place of its mark.
+"""Write a stream as a C program that sends it: the template c_program.c with the job's calls at its mark.
 
-Buffered calls stand in tables, since a compiler takes a million rows of numbers in seconds and a million statements in
-minutes; all other calls are statements, in functions of bounded length.
+Buffered calls are rows of tables, since a C compiler needs seconds for a million rows of numbers and minutes for a
+million statements. All other calls are statements, in functions of bounded length.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ _TEMPLATE = Path(__file__).with_name("c_program.c")
 _MARK = "/* @job@ */\n\n"
 _CHUNK = 1 << 16
 _STEPS = 200
-_LONGEST_NAME = 80
-_MOST_FAULTS = 20
+_MAX_NAME_LENGTH = 80
+_MAX_ERRORS = 20
 
 
 def c_program(stream: Stream) -> Iterator[str]:
-    """The program's text, in pieces that end with a line end; plain ASCII.
+    """Write the program's text, in pieces that end with a line end; plain ASCII.
 
-    A number that its C type can't hold, and a struct that the listing leaves open, become an #error with their line:
-    C would cut the number to another one without a word.
+    A number that its C type cannot hold, and a struct whose fields the listing does not give, become an #error with
+    their line: C would silently convert the number to another one.
     """
     before, after = _TEMPLATE.read_text(encoding="ascii").split(_MARK)
     yield _head(stream)
@@ -51,16 +51,16 @@ def c_program(stream: Stream) -> Iterator[str]:
 
 
 def _head(stream: Stream) -> str:
-    """What the file is, and what the template asks for: the job's channels, coordinate systems, axes, calls."""
+    """Write the head: the file's origin, and the macros of the template: channels, coordinate systems, axes, calls."""
     name = re.split(r"[/\\]", stream.name)[-1]
     rows, starts = len(stream.buffered), sum(call.name == "GT_CrdStart" for call in stream.calls)
     kinds = [BUFFERED[kind] for kind in BUFFERED if np.any(stream.buffered.kind == kind)]
     lines = [
         "/*",
-        f" * Job: {_in_comment(name)[:_LONGEST_NAME]}",
+        f" * Job: {_in_comment(name)[:_MAX_NAME_LENGTH]}",
         f" * Buffered calls: {rows}, stages: {starts}. Written by gusjob {__version__}.",
         " */",
-        *(f"#error {_in_comment(diagnostic)}" for diagnostic in _faults(stream)),
+        *(f"#error {_in_comment(error)}" for error in _errors(stream)),
         f"#define GUSJOB_CHANNELS {_list(_named(stream, 'channel'))}",
         f"#define GUSJOB_CRDS {_list(_named(stream, 'crd'))}",
         f"#define GUSJOB_AXES {_list(_axes(stream))}",
@@ -71,7 +71,7 @@ def _head(stream: Stream) -> str:
 
 
 def _functions(stream: Stream) -> Iterator[str]:
-    """Tables, and functions that send them and make the other calls; then run_job, which calls these in order."""
+    """Write tables, functions that send them and make the other calls, and run_job, which calls these in order."""
     steps, parts, tables = list[str](), 0, 0
     for first, last, call in stream.parts():
         for start in range(first, last, _CHUNK):
@@ -94,7 +94,7 @@ def _functions(stream: Stream) -> Iterator[str]:
 
 
 def _rows(calls: BufferedCalls) -> list[str]:
-    """One row a buffered call, (n,): {line,call,{arguments}}, numbers as in a listing."""
+    """Write one row a buffered call, (n,): {line,call,{arguments}}, numbers as in a listing."""
     rows = np.empty(len(calls), dtype=object)
     for kind, signature in BUFFERED.items():
         at = np.flatnonzero(calls.kind == kind)
@@ -107,7 +107,7 @@ def _rows(calls: BufferedCalls) -> list[str]:
 
 
 def _step(call: Call) -> str:
-    """One call that is not buffered."""
+    """Write one call that is not buffered."""
     texts = list(map(value_text, call.args))
     match call.name:
         case "GT_CrdClear":
@@ -121,7 +121,7 @@ def _step(call: Call) -> str:
 
 
 def _statement(call: Call, texts: list[str]) -> str:
-    """A call with what it points to in variables of its own."""
+    """Write a call, with the targets of its pointers in variables of its own."""
     before = list[str]()
     for i, (arg, value) in enumerate(zip(SIGNATURES[call.name].args, call.args, strict=True)):
         match arg.kind:
@@ -143,7 +143,7 @@ def _statement(call: Call, texts: list[str]) -> str:
 
 
 def _fields(value: Value) -> Iterator[str]:
-    """What is not 0 in a TCrdPrm, by name, since the order of the fields is the header's matter."""
+    """Assign the fields of a TCrdPrm that are not 0 by name, since their order depends on the header."""
     if isinstance(value, tuple):
         for (name, *_), part in zip(CRD_FIELDS, value, strict=True):
             if isinstance(part, tuple):
@@ -153,7 +153,7 @@ def _fields(value: Value) -> Iterator[str]:
 
 
 def _named(stream: Stream, name: str) -> list[int]:
-    """The channels or coordinate systems that any call names."""
+    """Find the channels or coordinate systems that any call names."""
     found = set[float]()
     for kind, signature in BUFFERED.items():
         if any(arg.name == name for arg in signature.args):
@@ -166,41 +166,41 @@ def _named(stream: Stream, name: str) -> list[int]:
 
 
 def _axes(stream: Stream) -> list[int]:
-    """The axes that the coordinate systems are made of: those with a profile."""
+    """Find the axes of the coordinate systems: those with a profile."""
     profiles = [
         call.args[1][1] for call in stream.calls if call.name == "GT_SetCrdPrm" and isinstance(call.args[1], tuple)
     ]
     return sorted({axis for p in profiles if isinstance(p, tuple) for axis, use in enumerate(p, start=1) if use})
 
 
-def _faults(stream: Stream) -> list[str]:
-    """What can't be written in C, with its line."""
-    return [*_buffered_faults(stream.buffered), *_call_faults(stream.calls)][:_MOST_FAULTS]
+def _errors(stream: Stream) -> list[str]:
+    """Describe the arguments that cannot be written in C, with their lines."""
+    return [*_buffered_errors(stream.buffered), *_call_errors(stream.calls)][:_MAX_ERRORS]
 
 
-def _buffered_faults(calls: BufferedCalls) -> Iterator[str]:
+def _buffered_errors(calls: BufferedCalls) -> Iterator[str]:
     for kind, signature in BUFFERED.items():
         at = np.flatnonzero(calls.kind == kind)
         for arg in signature.args:
             if arg.kind is ArgKind.WHOLE and len(at):
                 allowed, values = arg.range or ranges.SHORT, calls.column(arg.column)[at]
                 bad = (allowed.classify(values) == Membership.OUTSIDE) | ~allowed.carries(values)
-                for i in np.flatnonzero(bad)[:_MOST_FAULTS].tolist():
-                    yield _fault(int(calls.line[at[i]]), signature.name, arg.name, values[i], allowed)
+                for i in np.flatnonzero(bad)[:_MAX_ERRORS].tolist():
+                    yield _error(int(calls.line[at[i]]), signature.name, arg.name, values[i], allowed)
 
 
-def _call_faults(calls: Iterable[Call]) -> Iterator[str]:
+def _call_errors(calls: Iterable[Call]) -> Iterator[str]:
     for call in calls:
         for arg, value in zip(SIGNATURES[call.name].args, call.args, strict=True):
             if arg.kind is ArgKind.STRUCT and isinstance(value, str):
                 yield f"line {call.line}: {call.name}: the fields of {value} are not given"
             for name, allowed, number in _whole_numbers(arg, value):
                 if allowed.classify_one(number) is Membership.OUTSIDE or not allowed.carries(number):
-                    yield _fault(call.line, call.name, name, number, allowed)
+                    yield _error(call.line, call.name, name, number, allowed)
 
 
 def _whole_numbers(arg: Arg, value: Value) -> Iterator[tuple[str, Range, float]]:
-    """What has to be whole in an argument: its name, its range, the number."""
+    """Find the numbers of an argument that must be whole: (name, range, number)."""
     match arg.kind:
         case ArgKind.WHOLE:
             yield from ((arg.name, arg.range or ranges.SHORT, number) for number in _flat(value))
@@ -223,7 +223,7 @@ def _flat(value: Value) -> Iterator[float]:
             yield from _flat(part)
 
 
-def _fault(line: int, call: str, argument: str, value: float, allowed: Range) -> str:
+def _error(line: int, call: str, argument: str, value: float, allowed: Range) -> str:
     return f"line {line}: {call}: {argument} is {value:.17g}, it must be whole and in {allowed}"
 
 
@@ -232,10 +232,10 @@ def _short(signature: Signature) -> str:
 
 
 def _list(values: list[int]) -> str:
-    """A list as the template takes it: -1 ends it."""
+    """Write a list for the template: -1 ends it."""
     return ", ".join(map(str, [*values, -1]))
 
 
 def _in_comment(text: str) -> str:
-    """Text that ends no comment, joins no lines and holds no trigraph."""
+    """Replace characters that could end a comment, join lines or form a trigraph."""
     return re.sub(r"[^A-Za-z0-9 ._+()\[\],:=@#/-]", "_", text)

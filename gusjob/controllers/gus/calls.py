@@ -1,6 +1,6 @@
-"""GT_ calls as data. Buffered calls stand as columns, all others as objects; one table of signatures for every reader.
+"""GT_ calls as data, and their signatures.
 
-What a call does is not known here: see interpreter/.
+Buffered calls are columns, all others objects. The effect of a call is defined in executor.py and model.py.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gusjob.kinematics.arrays import Floats
 
 
 class Buffered(IntEnum):
-    """The buffered calls. All up to DELAY take time."""
+    """The buffered calls. Those up to DELAY take time."""
 
     LINE = 0
     ARC_CENTRE = 1
@@ -33,7 +33,7 @@ class Buffered(IntEnum):
 
 
 class ArgKind(IntEnum):
-    """What an argument is in C."""
+    """Kind of an argument in C."""
 
     WHOLE = 0
     REAL = 1
@@ -43,7 +43,7 @@ class ArgKind(IntEnum):
 
 
 class CType(StrEnum):
-    """A type of C: of an argument, or of what an array or pointer holds."""
+    """C type of an argument, or of the elements of an array or pointer."""
 
     SHORT = "short"
     USHORT = "unsigned short"
@@ -56,9 +56,9 @@ class CType(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arg:
-    """An argument: its kind, its range (or None where the range hangs on the power mode), its column if buffered.
+    """An argument: its kind, its range (None if that depends on the power mode), its column if buffered.
 
-    `c`: its type; `count`: how many of them an array or pointer holds.
+    `c`: its type; `count`: number of elements of an array or pointer.
     """
 
     name: str
@@ -77,9 +77,9 @@ class Arg:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """A GT_ call.
+    """Signature of a GT_ call.
 
-    `buffered` is its number among the buffered calls, None for the others. `section` is M's, or 'sister'.
+    `buffered`: its number among the buffered calls, None for the others. `section`: of M, or 'sister'.
     """
 
     name: str
@@ -252,7 +252,7 @@ _SIGNATURES = (
 )
 
 SIGNATURES: dict[str, Signature] = {s.name: s for s in _SIGNATURES}
-"""Every call that means something to the laser or the path."""
+"""Every call that has an effect on laser or path."""
 
 BUFFERED: dict[Buffered, Signature] = {s.buffered: s for s in _SIGNATURES if s.buffered is not None}
 
@@ -275,12 +275,12 @@ HOST_CALLS: dict[str, Signature] = {
         Signature(name="GT_GetCrdPos", args=(_CRD, _found("pPos", CType.DOUBLE, 8))),
     )
 }
-"""Calls by which a program handles the controller, beside those of the job (sister)."""
+"""Calls of a host program, besides those of a job (sister)."""
 
-PASSED_OVER = frozenset(
+IGNORED_CALLS = frozenset(
     (HOST_CALLS.keys() | {"GT_GetVersion", "GT_CrdData", "GT_GetCrdVel", "GT_GetSts", "GT_ZeroPos"}) - {"GT_Stop"}
 )
-"""Calls of the basic manual that a listing may hold and that change neither light nor path here."""
+"""Calls of the basic manual that a listing may contain and that have no effect on laser or path."""
 
 CRD_FIELDS: tuple[tuple[str, CType, int, Range | None], ...] = (
     ("dimension", CType.SHORT, 1, ranges.DIMENSION),
@@ -291,7 +291,7 @@ CRD_FIELDS: tuple[tuple[str, CType, int, Range | None], ...] = (
     ("setOriginFlag", CType.SHORT, 1, ranges.SHORT),
     ("originPos", CType.LONG, 8, ranges.COORDINATE_PULSE),
 )
-"""TCrdPrm in its order (sister): name, type, how many, range (None for the numbers that are no whole ones)."""
+"""Fields of TCrdPrm in order (sister): name, type, count, range (None for numbers that need not be whole)."""
 
 Value = float | str | tuple["Value", ...]
 """An argument of a call that is not buffered: a number, a pointer's name, an array or a struct."""
@@ -299,7 +299,7 @@ Value = float | str | tuple["Value", ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Call:
-    """One call that is not buffered. `at`: how many buffered calls stand before it; `line`: source line."""
+    """One call that is not buffered. `at`: number of buffered calls before it; `line`: source line."""
 
     name: str
     args: tuple[Value, ...]
@@ -308,13 +308,13 @@ class Call:
 
 
 def crd_start(crd: int, fifo: int, *, at: int, line: int) -> Call:
-    """GT_CrdStart of one coordinate system with one FIFO: bit 0 is system 1, bit 1 the other (sister)."""
+    """Make GT_CrdStart of one coordinate system with one FIFO: bit 0 is system 1, bit 1 the other (sister)."""
     return Call(name="GT_CrdStart", args=(float(1 << (crd - 1)), float(fifo << (crd - 1))), at=at, line=line)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BufferedCalls:
-    """Buffered calls, (n,) each; unused places hold 0.
+    """Buffered calls, (n,) each; unused entries are 0.
 
     x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and
     its direction; a delay's ms; a power; a follow's ratio, min, max.
@@ -338,18 +338,18 @@ class BufferedCalls:
         return len(self.kind)
 
     def column(self, name: str) -> npt.NDArray[Any]:
-        """A column by its name in a signature."""
+        """Return a column by its name in a signature."""
         found: npt.NDArray[Any] = getattr(self, name)
         return found
 
     def pick(self, where: npt.NDArray[Any]) -> BufferedCalls:
-        """The calls at a mask or at indices."""
+        """Pick the calls at a mask or at indices."""
         return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """A program of GT_ calls in order. `intent`: of a planned job with sky writing; a listing has none."""
+    """A sequence of GT_ calls. `intent`: of a planned job with sky writing; a listing has none."""
 
     name: str
     buffered: BufferedCalls
@@ -357,7 +357,7 @@ class Stream:
     intent: Intent | None = None
 
     def parts(self) -> Iterator[tuple[int, int, Call | None]]:
-        """(first, last, call): buffered calls first..last-1, then the call behind them (None at the end)."""
+        """Yield (first, last, call): buffered calls first..last-1, then the call after them (None at the end)."""
         done = 0
         for call in self.calls:
             yield done, call.at, call

@@ -47,11 +47,11 @@ def frame(stream: Stream, trace: Trace) -> Stream | None:
 
 def box_pulse(trace: Trace) -> tuple[float, float, float, float] | None:
     """(x low, x high, y low, y high) of all marks, or of all motion if nothing is marked; None without motion."""
-    lit = np.zeros(len(trace.clock.row), dtype=np.bool_)
+    lit = np.zeros(len(trace), dtype=np.bool_)
     for channel in trace.channels:
         lit |= channel.emitted.emission_ms > 0
-    taken = np.flatnonzero(lit if lit.any() else ~trace.clock.dwell)
+    taken = np.flatnonzero(lit if lit.any() else ~trace.schedule.dwell)
     if not len(taken):
         return None
-    x_low, x_high, y_low, y_high = trace.clock.laid.extent(taken)
+    x_low, x_high, y_low, y_high = trace.segments.extent(taken)
     return float(x_low.min()), float(x_high.max()), float(y_low.min()), float(y_high.max())

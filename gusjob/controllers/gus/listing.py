@@ -1,4 +1,4 @@
-"""A stream as text: one call a line, every argument written out, numbers in the shortest form that reads back."""
+"""Write a stream as text: one call a line with all arguments, numbers in the shortest form that reads back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CHUNK = 1 << 16
 
 
 def listing(stream: Stream) -> Iterator[str]:
-    """The listing, in pieces that end with a line end."""
+    """Write the listing, in pieces that end with a line end."""
     for first, last, call in stream.parts():
         for start in range(first, last, _CHUNK):
             yield "\n".join(buffered_lines(stream.buffered.pick(np.arange(start, min(start + _CHUNK, last))))) + "\n"
@@ -23,7 +23,7 @@ def listing(stream: Stream) -> Iterator[str]:
 
 
 def buffered_lines(calls: BufferedCalls) -> list[str]:
-    """One text a buffered call, (n,)."""
+    """Write one text a buffered call, (n,)."""
     lines = np.empty(len(calls), dtype=object)
     for kind, signature in BUFFERED.items():
         at = np.flatnonzero(calls.kind == kind)
@@ -36,7 +36,7 @@ def buffered_lines(calls: BufferedCalls) -> list[str]:
 
 
 def number_texts(values: npt.NDArray[np.generic]) -> list[str]:
-    """Shortest texts that read back to the same numbers: 50, 0.1."""
+    """Write numbers as the shortest texts that read back to the same values: 50, 0.1."""
     flat = np.ascontiguousarray(values)
     texts = orjson.dumps(flat, option=orjson.OPT_SERIALIZE_NUMPY).decode("ascii")[1:-1].split(",")
     if flat.dtype.kind == "f":
@@ -45,7 +45,7 @@ def number_texts(values: npt.NDArray[np.generic]) -> list[str]:
 
 
 def value_text(value: Value) -> str:
-    """One argument as text: 50, run, {1,2,0,0}."""
+    """Write one argument as text: 50, run, {1,2,0,0}."""
     if isinstance(value, str):
         return value
     if isinstance(value, tuple):
@@ -54,9 +54,9 @@ def value_text(value: Value) -> str:
 
 
 def listing_json(stream: Stream) -> Iterator[bytes]:
-    """gusjob-calls/1 in pieces.
+    """Write the JSON schema gusjob-calls/1, in pieces.
 
-    The calls that are not buffered as objects, each with `at`, the number of buffered calls before it; those as
+    Calls that are not buffered are objects, each with `at`, the number of buffered calls before it; buffered calls are
     columns.
     """
     calls = [{"call": c.name, "args": c.args, "at": c.at, "line": c.line} for c in stream.calls]

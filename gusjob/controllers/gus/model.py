@@ -1,382 +1,146 @@
-"""Runs the calls in order, as the controller takes them: what is refused, what each stage runs, how each laser stands.
-
-Host calls take no time. A call made while a stage moves (no GT_CrdStatus since its GT_CrdStart) acts at that stage's
-start, behind the buffered calls that stand before its first motion: when it really comes, nobody can tell from a
-listing.
-"""
+"""Model of the GUS controller: a stream of calls to events, and the simulation of a stream."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-
 import numpy as np
 
-from gusjob.controllers.gus.arguments import BufferedJudge, bad_argument, out_of
-from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
-from gusjob.controllers.gus.ranges import (
-    DIMENSION,
-    DISTANCE_LIMIT,
-    EVEN_TIME_MS,
-    MODE_LIMIT,
-    POWER_NOW,
-    PowerMode,
-    Range,
-)
-from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Collector, Rule, Span
-from gusjob.i18n.phrases import Phrase
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream
+from gusjob.controllers.gus.checks import carrier_diagnostics, listing_diagnostics, velocity_diagnostics
+from gusjob.controllers.gus.execution import Execution
+from gusjob.controllers.gus.executor import execute
+from gusjob.controllers.gus.geometry import call_segments
+from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Indices
-from gusjob.simulate.state import EXECUTION_ERROR, PARAMETER_ERROR, Action, LaserState, Program, StageRun
-
-_DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")
-_PWM, _MOVING = Phrase("the PWM modes"), Phrase("the coordinate system is moving")
+from gusjob.simulate import Trace, simulate
+from gusjob.simulate.events import ChannelEvents, Events, MotionEvents, PowerEvents, StageEvents, SwitchEvents
 
 
-def run_program(stream: Stream, *, has_scanner: bool = False) -> Program:
-    """Every call of a stream in order. `has_scanner`: where the beam is, is known apart from where it is planned."""
-    executor = _Executor(stream=stream, collector=Collector(stream.name), has_scanner=has_scanner)
-    for first, last, call in stream.parts():
-        executor.take(first, last)
-        if call is not None:
-            executor.call(call)
-    return executor.finish()
+def simulate_stream(
+    stream: Stream, machine: Machine, *, is_listing: bool = False, coarse: bool = False
+) -> tuple[Trace | None, list[Diagnostic]]:
+    """Simulate a stream on a machine.
+
+    Args:
+        stream: The calls.
+        machine: Period, scanner, field and look-ahead.
+        is_listing: The calls do not come from the planner: check corners, arcs, field and FIFO, too.
+        coarse: Only the diagnostics are of interest: sample power at fewer ticks.
+
+    Returns:
+        The trace, or None if the run is too long to be simulated; and the diagnostics.
+    """
+    execution = execute(stream, has_scanner=machine.scanner is not None)
+    events, diagnostics = events_of(stream, execution)
+    trace, found = simulate(events, machine, is_listing=is_listing, coarse=coarse)
+    diagnostics += found
+    if trace is not None:
+        if is_listing:
+            diagnostics += listing_diagnostics(stream.buffered, execution, events)
+        diagnostics += carrier_diagnostics(trace)
+    return trace, diagnostics
 
 
-@dataclass(slots=True)
-class _Executor:
-    stream: Stream
-    collector: Collector
-    has_scanner: bool
-    lasers: list[LaserState] = field(default_factory=lambda: [LaserState(), LaserState()])
-    switch: list[bool] = field(default_factory=lambda: [False, False])
-    axis_called: list[bool] = field(default_factory=lambda: [False, False])
-    """GT_SetAxisMode since the last GT_LaserPowerMode, per channel."""
-    axis_ever: list[bool] = field(default_factory=lambda: [False, False])
-    named: set[int] = field(default_factory=set)
-    queues: dict[tuple[int, int], list[Indices]] = field(default_factory=dict)
-    running: StageRun | None = None
-    stages: list[StageRun] = field(default_factory=list)
-    actions: list[Action] = field(default_factory=list)
-    readings: list[tuple[int, int, int]] = field(default_factory=list)
-    crd_built: dict[int, Value] = field(default_factory=dict)
+def find_diagnostics(stream: Stream, machine: Machine) -> list[Diagnostic]:
+    """Find everything that the controller would report for a listing."""
+    return simulate_stream(stream, machine, is_listing=True, coarse=True)[1]
 
-    # Reporting.
 
-    def diagnostic(self, rule: Rule, line: int, **fields: object) -> None:
-        self.collector.add(rule, Span(line=line), fields)
+def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagnostic]]:
+    """Turn an executed stream into events.
 
-    def refuse(self, call: str, line: int, code: int, reason: str) -> None:
-        self.diagnostic(rules.REFUSED, line, call=call, code=code, reason=reason)
-
-    # Buffered calls.
-
-    def take(self, first: int, last: int) -> None:
-        """Queue buffered rows first..last-1; those with a bad argument are refused."""
-        if first == last:
-            return
-        calls = self.stream.buffered
-        modes = (self.lasers[0].power_mode, self.lasers[1].power_mode)
-        rows = BufferedJudge(calls=calls, modes=modes, collector=self.collector).taken(np.arange(first, last))
-        keys = calls.crd[rows].astype(np.int64) * 2 + calls.fifo[rows]
-        lasers = calls.kind[rows] >= Buffered.ON
-        self.named.update(np.unique(calls.channel[rows][lasers]).tolist())
-        for key in np.unique(keys).tolist():
-            crd, fifo = key // 2, key % 2
-            part = rows[keys == key] if len(np.unique(keys)) > 1 else rows
-            if self.running is not None and self.running.crd == crd:
-                if self.running.fifo != fifo:
-                    runs = self.running.fifo
-                    reason = Phrase("FIFO {fifo} can't be filled while FIFO {other} runs", fifo=fifo, other=runs)
-                    name = BUFFERED[Buffered(int(calls.kind[part[0]]))].name
-                    self.refuse(name, int(calls.line[part[0]]), EXECUTION_ERROR, reason)
-                else:
-                    self.running.parts.append(part)
-            else:
-                self.queues.setdefault((crd, fifo), []).append(part)
-
-    # Calls that are not buffered.
-
-    def call(self, call: Call) -> None:
-        """One call; its effect, or why it has none."""
-        reason = bad_argument(call)
-        if reason:
-            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
-            return
-        handler = _HANDLERS[call.name]
-        handler(self, call)
-
-    def number(self, call: Call, index: int) -> float:
-        value = call.args[index]
-        assert isinstance(value, float)
-        return value
-
-    def channel(self, call: Call) -> int:
-        channel = int(self.number(call, len(call.args) - 1))
-        self.named.add(channel)
-        return channel
-
-    def set(self, channel: int, **changes: object) -> None:
-        self.lasers[channel] = replace(self.lasers[channel], **changes)  # type: ignore[arg-type]  # fields by name
-        if self.running is not None:
-            self.running.lasers = (self.lasers[0], self.lasers[1])
-
-    def act(self, action: Action) -> None:
-        (self.actions if self.running is None else self.running.moving).append(action)
-
-    def axis_mode(self, call: Call) -> None:
-        axis, mode = int(self.number(call, 0)), int(self.number(call, 1))
-        if axis == 8 and mode == 0:
-            self.refuse(call.name, call.line, PARAMETER_ERROR, Phrase("axis 8 takes mode 1 only"))
-            return
-        self.axis_called[axis - 7] = self.axis_ever[axis - 7] = mode == 1
-
-    def power_mode(self, call: Call) -> None:
-        if self.running is not None:
-            reason = Phrase("the coordinate system is moving; the mode stays as it was")
-            self.refuse(call.name, call.line, EXECUTION_ERROR, reason)
-            return
-        channel, mode = self.channel(call), PowerMode(int(self.number(call, 0)))
-        high, low = self.number(call, 1), self.number(call, 2)
-        if not self.limits_fit(call, MODE_LIMIT[mode], ("minValue", low), ("maxValue", high)):
-            return
-        if mode.is_pwm and not self.axis_ever[channel]:
-            first = f"GT_SetAxisMode({7 + channel},1)"
-            reason = Phrase("{call} comes first in the PWM modes (M 三.1)", call=first)
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
-        if mode is PowerMode.ANALOG and self.axis_called[channel]:
-            self.diagnostic(
-                rules.ACCEPTED_ODD, call.line, call=call.name,
-                reason=Phrase("GT_SetAxisMode is not to be called in analog mode (M 三.1 (3), in its comment)"),
-            )  # fmt: skip
-        if self.lasers[channel].power_mode is not mode:
-            self.act(Action(channel=channel, power=float("nan"), line=call.line))
-        self.axis_called[channel] = False
-        self.set(channel, mode=mode, low=low, high=high)
-
-    def limits_fit(self, call: Call, allowed: Range, low: tuple[str, float], high: tuple[str, float]) -> bool:
-        """Whether two limits are in their range and in order; else the call is refused."""
-        upside_down = Phrase("{low} is above {high}", low=low[0], high=high[0]) if low[1] > high[1] else ""
-        reason = out_of(allowed, *high) or out_of(allowed, *low) or upside_down
-        if reason:
-            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
-        return not reason
-
-    def power_now(self, call: Call) -> None:
-        channel, power = self.channel(call), self.number(call, 0)
-        if reason := out_of(POWER_NOW[self.lasers[channel].power_mode], "outputCmd", power):
-            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
-            return
-        self.act(Action(channel=channel, power=power, line=call.line))
-
-    def switch_now(self, call: Call) -> None:
-        channel, on = self.channel(call), self.number(call, 0) == 1
-        self.act(Action(channel=channel, on=on, line=call.line))
-        self.switch[channel] = on
-
-    def read_switch(self, call: Call) -> None:
-        channel = self.channel(call)
-        self.readings.append((call.line, channel, int(self.switch[channel])))
-
-    def needs_mode(self, call: Call, good: bool, where: str) -> None:
-        if not good:
-            reason = Phrase("it has an effect only in {modes}", modes=where)
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
-
-    def carrier(self, call: Call) -> None:
-        channel = self.channel(call)
-        self.needs_mode(call, self.lasers[channel].power_mode in (PowerMode.DUTY, PowerMode.DUTY2), _DUTY)
-        self.set(channel, carrier_khz=self.number(call, 0))
-
-    def pulse_width(self, call: Call) -> None:
-        channel = self.channel(call)
-        self.needs_mode(call, self.lasers[channel].power_mode is PowerMode.FREQUENCY, _FREQUENCY)
-        self.set(channel, pulse_width_us=self.number(call, 0))
-
-    def standby(self, call: Call) -> None:
-        channel, on = self.channel(call), self.number(call, 0) == 1
-        self.needs_mode(call, not on or self.lasers[channel].power_mode.is_pwm, _PWM)
-        self.set(channel, standby=(self.number(call, 1), self.number(call, 2)) if on else None)
-
-    def prevoltage(self, call: Call) -> None:
-        channel, on = self.channel(call), self.number(call, 0) == 1
-        self.needs_mode(call, not on or not self.lasers[channel].power_mode.is_pwm, _ANALOG)
-        self.set(channel, prevoltage_v=self.number(call, 1) if on else None)
-
-    def delays(self, call: Call) -> None:
-        self.set(self.channel(call), off_delay_us=self.number(call, 0), on_delay_us=self.number(call, 1))
-
-    def fpk(self, call: Call) -> None:
-        channel = self.channel(call)
-        self.needs_mode(call, self.lasers[channel].power_mode.is_pwm, _PWM)
-        self.set(channel, fpk_us=(self.number(call, 0), self.number(call, 1), self.number(call, 2)))
-
-    def no_fpk(self, call: Call) -> None:
-        self.set(self.channel(call), fpk_us=None)
-
-    def distance_mode(self, call: Call) -> None:
-        actual = self.number(call, 1) == 1
-        if self.number(call, 0) == 1 and actual and not self.has_scanner:
-            reason = Phrase("no scanner is modelled: the planned position stands in for the actual one")
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
-        self.set(
-            self.channel(call),
-            distance=self.number(call, 0) == 1,
-            distance_actual=actual,
-            reference_pulse=call.args[2],
-            scale_pulse_per_mm=call.args[3],
+    Returns:
+        The events, and diagnostics of the calls that the controller refuses or treats in an unexpected way.
+    """
+    calls, stages = stream.buffered, execution.stages
+    per_stage = [stage.rows for stage in stages]
+    rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
+    stage_of_row = np.repeat(np.arange(len(stages)), [len(r) for r in per_stage])
+    takes_time = calls.kind[rows] <= Buffered.DELAY
+    timed = np.flatnonzero(takes_time)
+    stage_first = np.searchsorted(stage_of_row[timed], np.arange(len(stages) + 1))
+    # For each row, how many motions and dwells run before it.
+    segment_of_row: Indices = np.cumsum(takes_time) - takes_time
+    motion, diagnostics = _motion(stream, execution, rows[timed], stage_of_row[timed])
+    channels = tuple(
+        ChannelEvents(
+            channel=channel,
+            switch=_switch(stream, rows, stage_of_row, segment_of_row, channel),
+            power=_power(calls, rows, stage_of_row, segment_of_row, channel),
+            laser_at_end=execution.lasers[channel],
         )
-
-    def distance_ratio(self, call: Call) -> None:
-        channel = self.channel(call)
-        laser = self.lasers[channel]
-        if not laser.distance:
-            reason = Phrase("GT_SetLaserDisMode has not enabled distance follow")
-            self.refuse(call.name, call.line, EXECUTION_ERROR, reason)
-            return
-        low, high = self.number(call, 1), self.number(call, 2)
-        if not self.limits_fit(call, DISTANCE_LIMIT[laser.power_mode], ("minPower", low), ("maxPower", high)):
-            return
-        self.set(channel, ratio_per_mm=call.args[0], distance_limits=(low, high))
-
-    def build_crd(self, call: Call) -> None:
-        crd = int(self.number(call, 0))
-        if self.running is not None and self.running.crd == crd:
-            self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
-            return
-        parameters = call.args[1]
-        if isinstance(parameters, tuple):
-            for name, allowed, value in (
-                ("dimension", DIMENSION, parameters[0]),
-                ("evenTime", EVEN_TIME_MS, parameters[4]),
-            ):
-                if isinstance(value, float) and (reason := out_of(allowed, name, value)):
-                    self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
-                    return
-        self.crd_built[crd] = parameters
-
-    def clear(self, call: Call) -> None:
-        crd, fifo = int(self.number(call, 0)), int(self.number(call, 1))
-        if self.running is not None and self.running.crd == crd:
-            self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
-            return
-        dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
-        if dropped:
-            reason = Phrase("{count} buffered calls are cleared, never run", count=dropped)
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
-
-    def start(self, call: Call) -> None:
-        mask, option = int(self.number(call, 0)), int(self.number(call, 1))
-        if mask not in (1, 2):
-            rule, fields = (rules.CRDS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
-            reason = Phrase("mask {mask} names no coordinate system", mask=mask)
-            self.diagnostic(rule, call.line, **fields, code=PARAMETER_ERROR, reason=reason)
-            return
-        crd = mask
-        fifo = (option >> (crd - 1)) & 1
-        if self.running is not None:
-            if self.running.crd == crd:
-                self.refuse(call.name, call.line, EXECUTION_ERROR, Phrase("the coordinate system is moving already"))
-            else:
-                self.diagnostic(rules.CRDS_AT_ONCE, call.line)
-            return
-        parts = self.queues.pop((crd, fifo), [])
-        self.running = StageRun(
-            crd=crd,
-            fifo=fifo,
-            line=call.line,
-            parts=parts,
-            waiting=len(parts),
-            lasers=(self.lasers[0], self.lasers[1]),
-            at_rest=self.actions,
-            vel_max=_vel_max(self.crd_built.get(crd)),
-            axes=_axes(self.crd_built.get(crd)),
-        )
-        self.actions = []
-        self.stages.append(self.running)
-        self.follow_switch(self.running.parts)
-
-    def follow_switch(self, parts: list[Indices]) -> None:
-        """The switch as GT_GetHSIOOpt would find it: behind the buffered calls before the first motion."""
-        calls = self.stream.buffered
-        rows = np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
-        timed = np.flatnonzero(calls.kind[rows] <= Buffered.DELAY)
-        early = rows[: timed[0]] if len(timed) else rows
-        for channel in (0, 1):
-            switched = early[
-                np.isin(calls.kind[early], (Buffered.ON, Buffered.OFF)) & (calls.channel[early] == channel)
-            ]
-            if len(switched):
-                self.switch[channel] = bool(calls.kind[switched[-1]] == Buffered.ON)
-
-    def wait(self, call: Call) -> None:
-        """GT_CrdStatus: the program waited for the end of the motion."""
-        if self.running is None or self.running.crd != int(self.number(call, 0)):
-            return
-        rows, calls = self.running.rows, self.stream.buffered
-        for channel in (0, 1):
-            mine = rows[(calls.channel[rows] == channel) & np.isin(calls.kind[rows], (Buffered.ON, Buffered.OFF))]
-            late = [a.on for a in self.running.moving if a.channel == channel and a.power is None]
-            timed = np.flatnonzero(calls.kind[rows] <= Buffered.DELAY)
-            behind = mine[mine > rows[timed[0]]] if len(timed) else mine
-            if len(behind) or (len(mine) and not late):
-                self.switch[channel] = bool(calls.kind[mine[-1]] == Buffered.ON)
-        self.running = None
-
-    def finish(self) -> Program:
-        """The end of the program: the last stage runs out."""
-        calls = self.stream.buffered
-        for (crd, fifo), parts in self.queues.items():
-            count = sum(map(len, parts))
-            if count:
-                self.diagnostic(rules.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
-        if len(calls) and not self.crd_built:
-            self.diagnostic(rules.ASSUMED_CRD, int(calls.line[0]))
-        return Program(
-            stages=tuple(self.stages),
-            at_end=tuple(self.actions),
-            lasers=(self.lasers[0], self.lasers[1]),
-            readings=tuple(self.readings),
-            channels=tuple(sorted(self.named)),
-            diagnostics=tuple(self.collector.done(rules.MORE)),
-        )
+        for channel in execution.channels
+    )
+    events = Events(
+        name=stream.name,
+        stages=tuple(
+            StageEvents(
+                line=stage.line,
+                lasers=stage.lasers,
+                at_rest=tuple(stage.at_rest),
+                moving=tuple(stage.moving),
+                axes=stage.axes,
+            )
+            for stage in stages
+        ),
+        stage_first=stage_first,
+        motion=motion,
+        channels=channels,
+        at_end=execution.at_end,
+        readings=execution.readings,
+    )
+    return events, [*execution.diagnostics, *diagnostics]
 
 
-def _vel_max(parameters: Value | None) -> float:
-    """synVelMax of a TCrdPrm that is known: the controller takes no path velocity above it."""
-    if isinstance(parameters, tuple) and isinstance(parameters[2], float) and parameters[2] > 0:
-        return parameters[2]
-    return float("inf")
+def _motion(
+    stream: Stream, execution: Execution, row: Indices, stage: Indices
+) -> tuple[MotionEvents, list[Diagnostic]]:
+    """Make the motions and dwells that run, from their rows and stages, (m,)."""
+    calls = stream.buffered
+    dwell = calls.kind[row] == Buffered.DELAY
+    vel_max = np.array([s.vel_max_pulse_per_ms for s in execution.stages] or [np.inf])
+    motion = MotionEvents(
+        segments=call_segments(calls, row, dwell),
+        vel=np.where(dwell, 1.0, np.minimum(calls.vel[row], vel_max[stage])),
+        acc=calls.acc[row],
+        vel_end=np.where(dwell, 0.0, calls.vel_end[row]),
+        dwell=dwell,
+        dwell_ms=calls.p[row],
+        line=calls.line[row],
+        call=row,
+        run_kind=None if stream.intent is None else stream.intent.run[row],
+    )
+    too_fast = ~dwell & (calls.vel[row] > vel_max[stage] * (1 + 1e-9))
+    return motion, velocity_diagnostics(stream.name, motion, too_fast)
 
 
-def _axes(parameters: Value | None) -> tuple[int, int]:
-    """Which axes (from 0) X and Y are: profile[k] names the dimension of axis k+1."""
-    if isinstance(parameters, tuple) and isinstance(parameters[1], tuple):
-        profile = list(parameters[1])
-        if 1.0 in profile and 2.0 in profile:
-            return profile.index(1.0), profile.index(2.0)
-    return 0, 1
+def _switch(
+    stream: Stream, rows: Indices, stage_of_row: Indices, segment_of_row: Indices, channel: int
+) -> SwitchEvents:
+    calls, kind = stream.buffered, stream.buffered.kind[rows]
+    mine = np.flatnonzero(((kind == Buffered.ON) | (kind == Buffered.OFF)) & (calls.channel[rows] == channel))
+    segment, on = segment_of_row[mine], kind[mine] == Buffered.ON
+    mark_segment = segment
+    if stream.intent is not None:
+        # The planner names the motion that starts at the mark's start, or the one that ends at its end.
+        number = np.zeros(len(calls), dtype=np.intp)
+        number[rows] = segment_of_row
+        named = stream.intent.mark_end[rows[mine]]
+        mark_segment = np.where(named >= 0, number[named] + ~on, segment)
+    return SwitchEvents(stage=stage_of_row[mine], segment=segment, on=on, mark_segment=mark_segment)
 
 
-_HANDLERS: dict[str, Callable[[_Executor, Call], None]] = {
-    "GT_SetAxisMode": _Executor.axis_mode,
-    "GT_SetHSIOOpt": _Executor.switch_now,
-    "GT_GetHSIOOpt": _Executor.read_switch,
-    "GT_LaserPowerMode": _Executor.power_mode,
-    "GT_LaserPrfCmd": _Executor.power_now,
-    "GT_LaserOutFrq": _Executor.carrier,
-    "GT_SetPulseWidth": _Executor.pulse_width,
-    "GT_SetWaitPulse": _Executor.standby,
-    "GT_SetPreVltg": _Executor.prevoltage,
-    "GT_SetLevelDelay": _Executor.delays,
-    "GT_EnaFPK": _Executor.fpk,
-    "GT_DisFPK": _Executor.no_fpk,
-    "GT_SetLaserDisMode": _Executor.distance_mode,
-    "GT_SetLaserDisRatio": _Executor.distance_ratio,
-    "GT_SetCrdPrm": _Executor.build_crd,
-    "GT_CrdClear": _Executor.clear,
-    "GT_CrdStart": _Executor.start,
-    "GT_CrdStatus": _Executor.wait,
-}
-
-assert _HANDLERS.keys() == SIGNATURES.keys() - {s.name for s in BUFFERED.values()}
+def _power(
+    calls: BufferedCalls, rows: Indices, stage_of_row: Indices, segment_of_row: Indices, channel: int
+) -> PowerEvents:
+    kind = calls.kind[rows]
+    mine = np.flatnonzero(((kind == Buffered.POWER) | (kind == Buffered.FOLLOW)) & (calls.channel[rows] == channel))
+    row = rows[mine]
+    follow = calls.kind[row] == Buffered.FOLLOW
+    return PowerEvents(
+        stage=stage_of_row[mine],
+        segment=segment_of_row[mine],
+        low=np.where(follow, calls.q[row], calls.p[row]),
+        ratio=np.where(follow, calls.p[row], 0.0),
+        high=np.where(follow, calls.r[row], np.inf),
+    )

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
+from gusjob.controllers.gus.geometry import call_segments
 from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.geometry import TURN
-from gusjob.simulate.clock import lay
 
 NEAR_PULSE = 2.0
 """So near to a segment is on it: reported positions are rounded."""
@@ -53,7 +53,7 @@ class Route:
         while first > 0 and self.calls.kind[self.timed[first]] == Buffered.DELAY:
             first -= 1
         rows = self.timed[max(first, 0) : number + 1]
-        laid = lay(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start)
+        laid = call_segments(self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start)
         at = len(rows) - 1
         x0, y0, length = float(laid.x0[at]), float(laid.y0[at]), float(laid.length[at])
         found, arcs = laid.arcs_among(np.array([at]))

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
+from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.place import START, Place
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import reachable_ends
-from gusjob.simulate.clock import lay
 
 CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
 _NOW = ("GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_GetHSIOOpt")
@@ -210,7 +210,7 @@ def point(calls: BufferedCalls, place: Place) -> tuple[float, float]:
     start = (float(calls.x[before[-1]]), float(calls.y[before[-1]])) if len(before) else (0.0, 0.0)
     if place.run_pulse <= 0:
         return start
-    laid = lay(calls, np.array([place.row]), np.zeros(1, dtype=np.bool_), start)
+    laid = call_segments(calls, np.array([place.row]), np.zeros(1, dtype=np.bool_), start)
     x, y = laid.points(np.array([0]), place.run_pulse / laid.length)
     return float(np.rint(x[0])), float(np.rint(y[0]))
 
@@ -245,7 +245,7 @@ def _centre(calls: BufferedCalls, row: int) -> tuple[float, float]:
 
 def _laid(calls: BufferedCalls, row: int) -> Segments:
     """One motion."""
-    return lay(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point(calls, Place(row=row)))
+    return call_segments(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point(calls, Place(row=row)))
 
 
 def _joined(pieces: list[BufferedCalls]) -> BufferedCalls:
@@ -261,7 +261,7 @@ def _reach(stream: Stream, start: tuple[float, float]) -> None:
     if not len(rows):
         return
     dwell = calls.kind[rows] == Buffered.DELAY
-    laid = lay(calls, rows, dwell, start)
+    laid = call_segments(calls, rows, dwell, start)
     given = calls.vel_end[rows]
     ends = np.array([0, len(rows)])
     reached = np.minimum(given, reachable_ends(laid.length, calls.vel[rows], calls.acc[rows], given, dwell, ends))

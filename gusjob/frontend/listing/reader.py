@@ -14,7 +14,7 @@ from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
 from gusjob.controllers.gus.calls import (
     BUFFERED,
-    PASSED_OVER,
+    IGNORED_CALLS,
     SIGNATURES,
     Arg,
     ArgKind,
@@ -295,7 +295,7 @@ class _ListingReader:
         name, args = str(token), subtrees(item)
         signature = SIGNATURES.get(name)
         if signature is None:
-            if name in PASSED_OVER or not name.startswith("GT_"):
+            if name in IGNORED_CALLS or not name.startswith("GT_"):
                 self.at(rules.CALL_IGNORED, token, line, call=name)
             else:
                 near = get_close_matches(name, SIGNATURES, 1, cutoff=0.8)

@@ -1,16 +1,16 @@
-"""What the controller's laser outputs carry (M 一.1, 一.2, 三.1), window of time by window of time.
+"""Levels of the controller's laser outputs (M 一.1, 一.2, 三.1), window of time by window of time.
 
 Each channel has an energy line and a switch line, both differential, and an analog output:
 
-    energy  PWM0 (PWM2): + rests high and is low while energy is put out; duty is the low part of the period
+    energy  PWM0 (PWM2): + is high at rest and low while energy is put out; duty is the low part of the period
     switch  PWM1 (PWM3): + is high with the laser off, low with it on; with FPK it carries that pulse instead
-    analog  AO0 (AO1):   volts, in analog mode; the energy line rests then
+    analog  AO0 (AO1):   volts, in analog mode; the energy line is at rest then
 
-Where M is silent: the first period of the carrier begins with the light; a period keeps the duty that it began with;
-in frequency mode the phase goes on when the frequency changes; light that ends cuts its pulse short; the FPK pulse has
-the level of "on"; in duty mode 2 the + line of the switch is high; the standby pulse begins anew when light ends;
-pulses go on over a change of stage that changes nothing of them; while a duty mode shines without GT_LaserOutFrq, or
-frequency mode without GT_SetPulseWidth, the energy line is unknown.
+Where M is silent: the first period of the carrier begins with the emission; a period keeps the duty that it began with;
+in frequency mode the phase continues when the frequency changes; the end of an emission cuts its pulse short; the FPK
+pulse has the level of "on"; in duty mode 2 the + line of the switch is high; the standby pulse begins anew when an
+emission ends; pulses continue over a change of stage that changes none of their settings; during emission in a duty
+mode without GT_LaserOutFrq, or in frequency mode without GT_SetPulseWidth, the energy line is unknown.
 """
 
 from __future__ import annotations
@@ -25,25 +25,31 @@ from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, counted
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
-from gusjob.simulate.outputs.light import Lit, Off, lit_of, off_of, switch_of
-from gusjob.simulate.outputs.steps import Steps, steps_of
-from gusjob.simulate.outputs.timeline import Timeline, timeline_of
-from gusjob.simulate.spans import Spans
-from gusjob.simulate.state import LaserState
+from gusjob.simulate.events import LaserState
+from gusjob.simulate.intervals import Intervals
+from gusjob.simulate.outputs.output_intervals import (
+    OutputEmission,
+    OutputOff,
+    output_emission,
+    output_off,
+    output_switch,
+)
+from gusjob.simulate.outputs.output_time import OutputTime, output_time_of
+from gusjob.simulate.outputs.steps import PowerSteps, power_steps
 
 NS_PER_MS = 1e6
 _WINDOW_PULSES = 50_000
-"""Pulses that are worked on at once: bounds the memory."""
+"""Pulses that are computed at once: bounds the memory."""
 _WINDOW_MS = 500.0
 _MARGIN_MS = 2e-6
 _ROUNDING_MS = 1e-7
-"""A period that begins with a power call has that call's power, whatever rounding says."""
+"""A period that begins at a power event has that event's power, whatever the rounding."""
 _SAME_PHASE = 1e-9
-"""Part of a period by which rounding may put a pulse before its moment."""
+"""Share of a period by which rounding may put a pulse before its moment."""
 
 
 class Level(IntEnum):
-    """Of a + line."""
+    """Level of a + line."""
 
     LOW = 0
     HIGH = 1
@@ -52,7 +58,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edges:
-    """A line in a window: its value at the start, then changes, (n,): moment in ns, new value."""
+    """Edges of a line in a window: its value at the start, then changes, (n,): moment in ns, new value."""
 
     first: float
     time_ns: Ints
@@ -61,18 +67,18 @@ class Edges:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Some time of the outputs, ns; what happens at its start has happened before, what happens at its end is in it.
+    """Edges of the outputs in an interval (start, end], ns.
 
     `lines`: + lines and analog outputs by name, in order.
     """
 
-    span_ns: tuple[int, int]
+    interval_ns: tuple[int, int]
     lines: dict[str, Edges]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Pulses:
-    """Low parts of a + line, (n,) ms in order, none reaching into the next; `unknown`: nobody knows the level there."""
+    """Low pulses of a + line, (n,) ms in order, none reaching into the next; `unknown`: the level is unknown there."""
 
     start: Floats
     end: Floats
@@ -80,80 +86,80 @@ class _Pulses:
 
 
 def line_names(channel: int) -> tuple[str, str, str]:
-    """Energy, switch and analog output of a channel (M 一.1)."""
+    """Names of the energy, switch and analog output of a channel (M 一.1)."""
     return f"PWM{2 * channel}", f"PWM{2 * channel + 1}", f"AO{channel}"
 
 
 def windows_of(trace: Trace, start_ms: float = 0.0, end_ms: float | None = None) -> Iterator[Window]:
-    """The outputs of all channels from `start_ms` to `end_ms` (the end), in windows that stay small."""
-    timeline = timeline_of(trace)
-    lines = [_Channel(trace=trace, timeline=timeline, channel=channel) for channel in trace.channels]
-    stop = timeline.total_ms if end_ms is None else min(end_ms, timeline.total_ms)
+    """Yield the outputs of all channels from `start_ms` to `end_ms` (None: the end) in small windows."""
+    time = output_time_of(trace)
+    lines = [_ChannelOutputs(trace=trace, time=time, channel=channel) for channel in trace.channels]
+    stop = time.total_ms if end_ms is None else min(end_ms, time.total_ms)
     rate = max([sum(line.highest_khz for line in lines), _WINDOW_PULSES / _WINDOW_MS])
     size_ns = max(round(_WINDOW_PULSES / rate * NS_PER_MS), 1)
     at_ns, stop_ns = round(start_ms * NS_PER_MS), round(stop * NS_PER_MS)
     while True:
         end_ns = min(at_ns + size_ns, stop_ns)
         named = {name: edges for line in lines for name, edges in line.window(at_ns, end_ns)}
-        yield Window(span_ns=(at_ns, end_ns), lines=named)
+        yield Window(interval_ns=(at_ns, end_ns), lines=named)
         if end_ns >= stop_ns:
             return
         at_ns = end_ns
 
 
 @dataclass(slots=True)
-class _Channel:
+class _ChannelOutputs:
     """The three outputs of one channel."""
 
     trace: Trace
-    timeline: Timeline
+    time: OutputTime
     channel: ChannelTrace
     lasers: tuple[LaserState, ...]
-    lit: Lit
-    off: Off
+    emission: OutputEmission
+    off: OutputOff
     switch: tuple[Ints, Floats]
-    before: Floats
-    """Periods of light in frequency mode since its train began, (k,)."""
+    periods_before: Floats
+    """Periods of emission in frequency mode since its pulse train began, (k,)."""
     highest_khz: float
     lead_ms: float
+    """A pulse that begins by so much before a window may reach into it."""
 
-    def __init__(self, *, trace: Trace, timeline: Timeline, channel: ChannelTrace) -> None:
-        self.trace, self.timeline, self.channel, self.lasers = trace, timeline, channel, channel.lasers
-        self.lit = lit_of(channel, timeline)
-        self.off = off_of(channel, self.lit, timeline)
-        start, end = switch_of(channel, timeline)
-        self.switch = _settings(_Pulses(start=start, end=end, unknown=np.zeros(len(start), dtype=np.bool_)))
-        self.before = self.periods_before()
+    def __init__(self, *, trace: Trace, time: OutputTime, channel: ChannelTrace) -> None:
+        self.trace, self.time, self.channel, self.lasers = trace, time, channel, channel.lasers
+        self.emission = output_emission(channel, time)
+        self.off = output_off(channel, self.emission, time)
+        start, end = output_switch(channel, time)
+        self.switch = _levels(_Pulses(start=start, end=end, unknown=np.zeros(len(start), dtype=np.bool_)))
+        self.periods_before = self._periods_before()
         rates = [_highest_khz(laser) for laser in channel.lasers]
         self.highest_khz = max([*rates, float(self.off.khz.max(initial=0.0))])
         slowest = [1 / laser.carrier_khz for laser in channel.lasers if laser.carrier_khz and _is_duty(laser)]
         slowest += [laser.pulse_width_us / US_PER_MS for laser in channel.lasers if laser.mode is PowerMode.FREQUENCY]
         slowest += [1 / float(khz) for khz in np.unique(self.off.khz) if khz]
         self.lead_ms = max(slowest, default=0.0)
-        """A pulse that begins by so much before a window may reach into it."""
 
-    def periods_before(self) -> Floats:
-        """kHz * ms are periods: those of the lights of a train before each."""
-        lit = self.lit
-        if (lit.first == np.arange(len(lit.first))).all():
-            return np.zeros(len(lit.first))
-        shift = self.timeline.shift_ms[lit.stage]
-        whole = Spans(stage=lit.stage, start_ms=lit.start - shift, end_ms=lit.end - shift)
-        turned = self.trace.power_ms(self.channel, whole)
+    def _periods_before(self) -> Floats:
+        """Count the periods of each emission's pulse train before it: kHz * ms are periods."""
+        emission = self.emission
+        if (emission.first == np.arange(len(emission.first))).all():
+            return np.zeros(len(emission.first))
+        shift = self.time.shift_ms[emission.stage]
+        whole = Intervals(stage=emission.stage, start_ms=emission.start - shift, end_ms=emission.end - shift)
+        turned = self.channel.power.integral(whole)
         total = np.cumsum(turned) - turned
-        return np.asarray(total - total[lit.first])
+        return np.asarray(total - total[emission.first])
 
     def window(self, start_ns: int, end_ns: int) -> Iterator[tuple[str, Edges]]:
-        """Edges of the three outputs in a window."""
+        """Yield the edges of the three outputs in a window, by name."""
         energy, switch, analog = line_names(self.channel.channel)
-        # What rounding moves over a window's ends is looked at too.
+        # Rounding may move an edge over a window's ends.
         start, end = start_ns / NS_PER_MS - _MARGIN_MS, end_ns / NS_PER_MS + _MARGIN_MS
-        yield energy, changes(*_settings(self.energy(start, end)), float(Level.HIGH), start_ns, end_ns)
+        yield energy, changes(*_levels(self.energy(start, end)), float(Level.HIGH), start_ns, end_ns)
         yield switch, changes(*self.switch, float(Level.HIGH), start_ns, end_ns)
         yield analog, changes(*self.analog(start, end), 0.0, start_ns, end_ns)
 
     def energy(self, start: float, end: float) -> _Pulses:
-        """Low parts of the energy line that lie in a window, or reach into it."""
+        """Low pulses of the energy line that are in a window, or reach into it."""
         parts = [self.standby(start, end), *self.duty(start, end), *self.frequency(start, end)]
         begin = np.concatenate([part.start for part in parts])
         order = np.argsort(begin, kind="stable")
@@ -164,82 +170,84 @@ class _Channel:
         )
 
     def in_window(self, start: float, end: float, modes: tuple[PowerMode, ...]) -> Indices:
-        """Light of some modes in a window."""
-        lit = self.lit
-        first = int(np.searchsorted(lit.end, start - self.lead_ms))
-        behind = int(np.searchsorted(lit.start, end, side="right"))
+        """Emission of some modes in a window."""
+        emission = self.emission
+        first = int(np.searchsorted(emission.end, start - self.lead_ms))
+        stop = int(np.searchsorted(emission.start, end, side="right"))
         of_mode = np.array([laser.power_mode in modes for laser in self.lasers], dtype=np.bool_)
-        at = np.arange(first, max(first, behind))
-        return at[of_mode[lit.stage[at]]]
+        at = np.arange(first, max(first, stop))
+        return at[of_mode[emission.stage[at]]]
 
     def standby(self, start: float, end: float) -> _Pulses:
         """Standby pulses (M 二.2: while off, in the PWM modes)."""
         off = self.off
         first = int(np.searchsorted(off.end, start - self.lead_ms, side="right"))
-        behind = int(np.searchsorted(off.start, end, side="right"))
-        at = np.arange(first, max(first, behind))
+        stop = int(np.searchsorted(off.start, end, side="right"))
+        at = np.arange(first, max(first, stop))
         at = at[off.khz[at] > 0]
         return _carrier(off.start[at], off.end[at], off.khz[at], off.pct[at], start - self.lead_ms, end)
 
     def duty(self, start: float, end: float) -> Iterator[_Pulses]:
-        """Light in a duty mode: periods of the carrier from its start on."""
-        lit, at = self.lit, self.in_window(start, end, (PowerMode.DUTY, PowerMode.DUTY2))
-        at = np.unique(lit.first[at])  # A train's periods go on over a change of stage.
-        khz = np.array([laser.carrier_khz or 0.0 for laser in self.lasers])[lit.stage[at]]
-        begin, finish, known = lit.start[at], lit.end[lit.last[at]], khz > 0
+        """Emission in a duty mode: periods of the carrier from its start on."""
+        emission, at = self.emission, self.in_window(start, end, (PowerMode.DUTY, PowerMode.DUTY2))
+        at = np.unique(emission.first[at])  # A train's periods continue over a change of stage.
+        khz = np.array([laser.carrier_khz or 0.0 for laser in self.lasers])[emission.stage[at]]
+        begin, finish, known = emission.start[at], emission.end[emission.last[at]], khz > 0
         yield _unknown(begin[~known], finish[~known])
         begin, finish, khz = begin[known], finish[known], khz[known]
         which, period_start = _periods(begin, finish, khz, start - self.lead_ms, end)
         moment = period_start + _ROUNDING_MS
-        stage = self.timeline.stage_at(moment)
-        pct = self.trace.held_power(self.channel, stage, moment - self.timeline.shift_ms[stage])
+        stage = self.time.stage_at(moment)
+        pct = self.channel.power.value(stage, moment - self.time.shift_ms[stage])
         yield _low_parts(period_start, finish[which], 1 / khz[which], pct)
 
     def frequency(self, start: float, end: float) -> Iterator[_Pulses]:
-        """Light in frequency mode: a pulse of fixed width whenever the phase comes round."""
-        lit, at = self.lit, self.in_window(start, end, (PowerMode.FREQUENCY,))
+        """Emission in frequency mode: a pulse of fixed width at every whole phase."""
+        emission, at = self.emission, self.in_window(start, end, (PowerMode.FREQUENCY,))
         widths = np.array([laser.pulse_width_us for laser in self.lasers]) / US_PER_MS
-        known = widths[lit.stage[at]] > 0
-        yield _unknown(lit.start[at[~known]], lit.end[at[~known]])
+        known = widths[emission.stage[at]] > 0
+        yield _unknown(emission.start[at[~known]], emission.end[at[~known]])
         at = at[known]
-        begin, stage = lit.start[at], lit.stage[at]
+        begin, stage = emission.start[at], emission.stage[at]
         since = np.maximum(begin, start - self.lead_ms)
-        steps = self.steps(stage, since, np.minimum(lit.end[at], end))
+        steps = self.steps(stage, since, np.minimum(emission.end[at], end))
         if not len(steps.value):
             return
-        shift = self.timeline.shift_ms[stage]
+        shift = self.time.shift_ms[stage]
         turned = steps.value * steps.length_ms
         total = np.cumsum(turned) - turned
-        since_train = self.before[at] + self.trace.power_ms(
-            self.channel, Spans(stage=stage, start_ms=begin - shift, end_ms=since - shift)
+        since_train = self.periods_before[at] + self.channel.power.integral(
+            Intervals(stage=stage, start_ms=begin - shift, end_ms=since - shift)
         )
         phase = total - total[np.searchsorted(steps.which, steps.which)] + since_train[steps.which]
         low = np.ceil(phase - _SAME_PHASE)
         step, number = counted((np.ceil(phase + turned - _SAME_PHASE) - low).astype(np.intp))
         fired = steps.start_ms[step] + np.maximum(low[step] + number - phase[step], 0.0) / steps.value[step]
-        light = at[steps.which[step]]
-        stop = np.minimum(fired + widths[lit.stage[light]], lit.end[lit.last[light]])
+        of = at[steps.which[step]]
+        stop = np.minimum(fired + widths[emission.stage[of]], emission.end[emission.last[of]])
         stop = np.minimum(stop, np.append(fired[1:], np.inf))
         yield _Pulses(start=fired, end=stop, unknown=np.zeros(len(fired), dtype=np.bool_))
 
     def analog(self, start: float, end: float) -> tuple[Ints, Floats]:
-        """Volts from moments on: held power under light, the pre-voltage without, in analog mode (M 二.2); else 0."""
-        lit, at = self.lit, self.in_window(start, end, (PowerMode.ANALOG,))
+        """Volts from moments on, in analog mode: held power or, while off, the pre-voltage (M 二.2). Otherwise 0."""
+        emission, at = self.emission, self.in_window(start, end, (PowerMode.ANALOG,))
         first = int(np.searchsorted(self.off.end, start))
-        behind = int(np.searchsorted(self.off.start, end, side="right"))
-        dark = np.arange(first, max(first, behind))
-        steps = self.steps(lit.stage[at], np.maximum(lit.start[at], start), np.minimum(lit.end[at], end))
+        stop = int(np.searchsorted(self.off.start, end, side="right"))
+        off = np.arange(first, max(first, stop))
+        steps = self.steps(emission.stage[at], np.maximum(emission.start[at], start), np.minimum(emission.end[at], end))
         other = self.in_window(start, end, tuple(mode for mode in PowerMode if mode is not PowerMode.ANALOG))
-        time = np.concatenate([steps.start_ms, self.off.start[dark], lit.start[other]])
-        volts = np.concatenate([steps.value, self.off.volts[dark], np.zeros(len(other))])
+        time = np.concatenate([steps.start_ms, self.off.start[off], emission.start[other]])
+        volts = np.concatenate([steps.value, self.off.volts[off], np.zeros(len(other))])
         order = np.argsort(time, kind="stable")
         return to_ns(time[order]), volts[order]
 
-    def steps(self, stage: Indices, start: Floats, end: Floats) -> Steps:
-        """Held power over spans on the wires."""
-        shift = self.timeline.shift_ms[stage]
-        steps = steps_of(self.trace, self.channel, Spans(stage=stage, start_ms=start - shift, end_ms=end - shift))
-        return steps.later(shift[steps.which])
+    def steps(self, stage: Indices, start: Floats, end: Floats) -> PowerSteps:
+        """Steps of held power in intervals of output time."""
+        shift = self.time.shift_ms[stage]
+        steps = power_steps(
+            self.trace, self.channel, Intervals(stage=stage, start_ms=start - shift, end_ms=end - shift)
+        )
+        return steps.shifted(shift[steps.which])
 
 
 def _is_duty(laser: LaserState) -> bool:
@@ -247,14 +255,14 @@ def _is_duty(laser: LaserState) -> bool:
 
 
 def _highest_khz(laser: LaserState) -> float:
-    """The fastest that a laser pulses under light."""
+    """Highest pulse frequency of a laser while emitting."""
     if _is_duty(laser):
         return laser.carrier_khz or 0.0
     return laser.high if laser.mode is PowerMode.FREQUENCY else 0.0
 
 
 def _periods(begin: Floats, finish: Floats, khz: Floats, since: float, until: float) -> tuple[Indices, Floats]:
-    """Ints of a carrier's periods in spans, cut to a window: (span, ms)."""
+    """Find the starts of a carrier's periods in intervals, cut to a window: (interval, ms)."""
     low = np.maximum(np.floor((since - begin) * khz), 0.0)
     high = np.ceil((np.minimum(finish, until) - begin) * khz - _SAME_PHASE)
     # A window's end may be a period's start: it belongs to both windows, and is cut off there.
@@ -264,14 +272,14 @@ def _periods(begin: Floats, finish: Floats, khz: Floats, since: float, until: fl
 
 
 def _unknown(start: Floats, end: Floats) -> _Pulses:
-    """Light of which nobody knows the pulses."""
+    """Intervals in which the pulses are not known."""
     return _Pulses(start=start, end=end, unknown=np.ones(len(start), dtype=np.bool_))
 
 
 def _low_parts(period_start: Floats, finish: Floats, period: Floats, pct: Floats) -> _Pulses:
-    """The low part of periods, duty in %."""
-    lit = (pct > 0) & (period_start < finish)
-    start, end = period_start[lit], np.minimum(period_start + period * pct / 100, finish)[lit]
+    """Low part of periods, duty in %."""
+    real = (pct > 0) & (period_start < finish)
+    start, end = period_start[real], np.minimum(period_start + period * pct / 100, finish)[real]
     return _Pulses(start=start, end=end, unknown=np.zeros(len(start), dtype=np.bool_))
 
 
@@ -280,8 +288,8 @@ def _carrier(begin: Floats, finish: Floats, khz: Floats, pct: Floats, since: flo
     return _low_parts(period_start, finish[which], 1 / khz[which], pct[which])
 
 
-def _settings(pulses: _Pulses) -> tuple[Ints, Floats]:
-    """A + line's edges in order, (2n,): moment in ns, level from there on."""
+def _levels(pulses: _Pulses) -> tuple[Ints, Floats]:
+    """Turn pulses of a + line into levels, (2n,): moment in ns, level from there on."""
     low = np.where(pulses.unknown, float(Level.UNKNOWN), float(Level.LOW))
     time = np.stack([pulses.start, pulses.end], axis=1).ravel()
     level = np.stack([low, np.full(len(low), float(Level.HIGH))], axis=1).ravel()
@@ -289,18 +297,18 @@ def _settings(pulses: _Pulses) -> tuple[Ints, Floats]:
 
 
 def to_ns(time_ms: Floats) -> Ints:
-    """Moments to the nanosecond; half of one goes the same way, whatever rounding there was before."""
+    """Round moments to nanoseconds; halves round the same way, whatever rounding there was before."""
     return np.rint(np.round(time_ms * NS_PER_MS, 3)).astype(np.int64)
 
 
 def changes(time: Ints, value: Floats, rest: float, start_ns: int, end_ns: int) -> Edges:
-    """Settings in order as changes in a window: of several at one moment the last counts, of equal ones the first.
+    """Reduce values in order to changes in a window: of several at one moment the last counts, of equal ones the first.
 
-    `rest`: before all.
+    `rest`: the value before the first one.
     """
-    first, behind = np.searchsorted(time, [start_ns, end_ns], side="right")
+    first, stop = np.searchsorted(time, [start_ns, end_ns], side="right")
     before = float(value[first - 1]) if first else rest
-    time, value = time[first:behind], value[first:behind]
+    time, value = time[first:stop], value[first:stop]
     settled = np.ones(len(time), dtype=np.bool_)
     settled[:-1] = time[1:] != time[:-1]
     time, value = time[settled], value[settled]

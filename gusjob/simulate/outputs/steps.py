@@ -1,4 +1,4 @@
-"""Held power as steps: it changes at power calls and, where it follows something, at ticks."""
+"""Held power as steps: it changes at power events and, where it follows velocity or distance, at ticks."""
 
 from __future__ import annotations
 
@@ -8,64 +8,59 @@ import numpy as np
 
 from gusjob.kinematics.arrays import Floats, Indices, counted
 from gusjob.simulate import ChannelTrace, Trace
-from gusjob.simulate.spans import Spans
+from gusjob.simulate.intervals import Intervals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Steps:
-    """Power held over spans, (n,): which span each step lies in, its start and length in ms, the power in it."""
+class PowerSteps:
+    """Held power in intervals, (n,): the interval of each step, its start and length in ms, and its power."""
 
     which: Indices
     start_ms: Floats
     length_ms: Floats
     value: Floats
 
-    def later(self, shift_ms: Floats) -> Steps:
-        """The same, each later by (n,) ms."""
+    def shifted(self, shift_ms: Floats) -> PowerSteps:
+        """The same steps, each later by `shift_ms`, (n,)."""
         return replace(self, start_ms=self.start_ms + shift_ms)
 
 
-def steps_of(trace: Trace, channel: ChannelTrace, spans: Spans) -> Steps:
-    """The steps of a channel's held power in spans, in order; each span begins with one."""
-    number = np.arange(len(spans.stage))
-    parts = [(number, spans.start_ms), _calls(trace, channel, spans)]
-    if follows(channel):
-        parts.append(ticks_in(trace, spans))
+def power_steps(trace: Trace, channel: ChannelTrace, intervals: Intervals) -> PowerSteps:
+    """Find the steps of a channel's held power in intervals, in order; each interval begins with one."""
+    number = np.arange(len(intervals.stage))
+    parts = [(number, intervals.start_ms), _events(trace, channel, intervals)]
+    if channel.power.follows:
+        parts.append(ticks_in(trace, intervals))
     which, time = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     order = np.lexsort((time, which))
     which, time = which[order], time[order]
-    real = time < spans.end_ms[which]
+    real = time < intervals.end_ms[which]
     real[1:] &= (time[1:] > time[:-1]) | (which[1:] != which[:-1])
     which, time = which[real], time[real]
-    behind = spans.end_ms[which]
-    goes_on = which[1:] == which[:-1]
-    behind[:-1][goes_on] = time[1:][goes_on]
-    value = trace.held_power(channel, spans.stage[which], time)
-    return Steps(which=which, start_ms=time, length_ms=behind - time, value=value)
+    end = intervals.end_ms[which]
+    continues = which[1:] == which[:-1]
+    end[:-1][continues] = time[1:][continues]
+    value = channel.power.value(intervals.stage[which], time)
+    return PowerSteps(which=which, start_ms=time, length_ms=end - time, value=value)
 
 
-def follows(channel: ChannelTrace) -> bool:
-    """Whether the power of a channel may change at ticks."""
-    return bool((channel.powers.ratio > 0).any()) or any(laser.follows_distance for laser in channel.lasers)
-
-
-def ticks_in(trace: Trace, spans: Spans) -> tuple[Indices, Floats]:
-    """(span, ms) of every tick in spans; ticks count from their stage's start."""
-    origin, period = trace.clock.stage_start()[spans.stage], trace.period_ms
-    first = np.ceil((spans.start_ms - origin) / period - 1e-9)
-    count = np.maximum(np.ceil((spans.end_ms - origin) / period - 1e-9) - first, 0.0).astype(np.intp)
+def ticks_in(trace: Trace, intervals: Intervals) -> tuple[Indices, Floats]:
+    """(interval, ms) of every tick in intervals; ticks count from their stage's start."""
+    origin, period = trace.schedule.stage_start()[intervals.stage], trace.period_ms
+    first = np.ceil((intervals.start_ms - origin) / period - 1e-9)
+    count = np.maximum(np.ceil((intervals.end_ms - origin) / period - 1e-9) - first, 0.0).astype(np.intp)
     which, number = counted(count)
     return which, origin[which] + (first[which] + number) * period
 
 
-def _calls(trace: Trace, channel: ChannelTrace, spans: Spans) -> tuple[Indices, Floats]:
-    """(span, ms) of every power call that acts within spans."""
-    clock, powers = trace.clock, channel.powers
-    moments = clock.times_ms[np.minimum(powers.boundary, len(clock.times_ms) - 1)]
-    first = np.searchsorted(moments, spans.start_ms, side="right")
-    behind = np.searchsorted(moments, spans.end_ms, side="left")
-    count = np.maximum(behind - first, 0)
+def _events(trace: Trace, channel: ChannelTrace, intervals: Intervals) -> tuple[Indices, Floats]:
+    """(interval, ms) of every power event that acts within intervals."""
+    times, events = trace.schedule.times_ms, channel.power.events
+    moments = times[np.minimum(events.segment, len(times) - 1)]
+    first = np.searchsorted(moments, intervals.start_ms, side="right")
+    stop = np.searchsorted(moments, intervals.end_ms, side="left")
+    count = np.maximum(stop - first, 0)
     which, number = counted(count)
     at = first[which] + number
-    mine = powers.stage[at] == spans.stage[which]
+    mine = events.stage[at] == intervals.stage[which]
     return which[mine], moments[at[mine]]

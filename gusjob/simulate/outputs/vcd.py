@@ -14,7 +14,7 @@ from vcd import VCDWriter
 from gusjob.kinematics.arrays import Floats, Ints
 from gusjob.simulate import Trace
 from gusjob.simulate.outputs.levels import Edges, Level, changes, line_names, to_ns, windows_of
-from gusjob.simulate.outputs.timeline import timeline_of
+from gusjob.simulate.outputs.output_time import output_time_of
 
 _SCOPE, _LINE = "outputs", "line"
 _PLUS = {Level.LOW: "0", Level.HIGH: "1", Level.UNKNOWN: "x"}
@@ -24,49 +24,55 @@ _MINUS = {Level.LOW: "1", Level.HIGH: "0", Level.UNKNOWN: "x"}
 def vcd_pieces(
     trace: Trace, lines: npt.NDArray[np.int32], version: str, start_ms: float = 0.0, end_ms: float | None = None
 ) -> Iterator[bytes]:
-    """A VCD file in pieces, 1 ns a unit: the outputs of each channel that is used, and the source line that runs.
+    """Write a VCD file in pieces, 1 ns a unit: the outputs of each channel that is used, and the source line that runs.
 
-    `lines` (m,): source line of each timed call, as it is to be shown. Times count from the first stage's start; off
-    delays between stages take their time (see timeline).
+    Times count from the first stage's start; off delays between stages are included (see output_time.py).
+
+    Args:
+        trace: The simulation.
+        lines: Source line of each segment to be shown, (m,).
+        version: Version of the program.
+        start_ms: Start of the file, ms.
+        end_ms: End of the file, ms; None: the end of the run.
     """
     runs = _running_lines(trace, lines)
     outputs: list[_Output] = []
     for window in windows_of(trace, start_ms, end_ms):
-        edges = {**window.lines, _LINE: changes(*runs, 0.0, *window.span_ns)}
+        edges = {**window.lines, _LINE: changes(*runs, 0.0, *window.interval_ns)}
         if not outputs:
-            head, outputs = _head(trace, edges, version, window.span_ns[0])
+            head, outputs = _head(trace, edges, version, window.interval_ns[0])
             yield head.encode()
         yield _changes_text(edges, outputs).encode()
-        end_ns = window.span_ns[1]
-        ended = end_ns == window.span_ns[0] or any(one.time_ns[-1:].tolist() == [end_ns] for one in edges.values())
+        end_ns = window.interval_ns[1]
+        ended = end_ns == window.interval_ns[0] or any(one.time_ns[-1:].tolist() == [end_ns] for one in edges.values())
     if not ended:
         yield f"#{end_ns}\n".encode()
 
 
 def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[Ints, Floats]:
-    """The source line from moments on, ns."""
-    clock = trace.clock
-    start_ms = clock.times_ms[:-1] + timeline_of(trace).shift_ms[clock.stage]
+    """Source line from moments on, ns."""
+    schedule = trace.schedule
+    start_ms = schedule.times_ms[:-1] + output_time_of(trace).shift_ms[schedule.stage]
     return to_ns(start_ms), lines.astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Output:
-    """An output in the file, and what the file says of its values: of a pair of wires one of three texts."""
+    """An output in the file. `levels`: the text for each level of a pair of wires, empty for numbers."""
 
     name: str
     levels: tuple[str, ...]
     ident: str
 
     def texts(self, values: Floats) -> list[str]:
-        """What is said of values."""
+        """Texts of values."""
         if self.levels:
             return list(map(self.levels.__getitem__, values.astype(np.intp).tolist()))
         return [f"r{value:.16g} {self.ident}\n" for value in values.tolist()]
 
 
 def _head(trace: Trace, edges: dict[str, Edges], version: str, start_ns: int) -> tuple[str, list[_Output]]:
-    """Everything up to the values at the start, and the outputs that change from there on."""
+    """Write the file up to the values at its start; return the outputs, too."""
     out = io.StringIO()
     writer = VCDWriter(
         out,
@@ -95,13 +101,13 @@ def _head(trace: Trace, edges: dict[str, Edges], version: str, start_ns: int) ->
 
 
 def _changes_text(edges: dict[str, Edges], outputs: list[_Output]) -> str:
-    """What changes, in order of time. Written here, as the library takes a call for every change."""
+    """Write the changes in order of time, without a call of the library for every change."""
     time = np.concatenate([edges[output.name].time_ns for output in outputs])
     order = np.argsort(time, kind="stable")
-    said = [text for output in outputs for text in output.texts(edges[output.name].value)]
+    texts = [text for output in outputs for text in output.texts(edges[output.name].value)]
     time = time[order]
     fresh = np.ones(len(time), dtype=np.bool_)
     fresh[1:] = time[1:] != time[:-1]
     stamps = np.full(len(time), "", dtype=object)
     stamps[fresh] = list(map("#%d\n".__mod__, time[fresh].tolist()))
-    return "".join(chain.from_iterable(zip(stamps.tolist(), map(said.__getitem__, order.tolist()), strict=True)))
+    return "".join(chain.from_iterable(zip(stamps.tolist(), map(texts.__getitem__, order.tolist()), strict=True)))

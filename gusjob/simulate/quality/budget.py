@@ -1,4 +1,4 @@
-"""A run against the [budget] of the machine profile: what is above it, and in which line."""
+"""Check a trace against the [budget] of the machine profile."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from gusjob.kinematics.units import MS_PER_S
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marks_of
 
-Lines = npt.NDArray[np.int32]
+_Lines = npt.NDArray[np.int32]
 
 
 def over_budget(trace: Trace, machine: Machine) -> list[Diagnostic]:
-    """Everything in a run that is above the machine's budget; lines count through all files of the job."""
+    """Report everything above the machine's budget; lines count through all files of the job."""
     budget, found = machine.budget, Collector(trace.name)
     if budget == Budget():
         return []
     _duration(trace, budget, found)
     for channel in trace.channels:
         _power(trace, machine, channel, found)
-        _held(trace, budget, channel, found)
+        _clamped(trace, budget, channel, found)
     if budget.judges_marks:
         _marks(trace, machine, found)
     return found.done(rules.MORE)
 
 
-def _add(found: Collector, rule: Rule, lines: Lines, values: Floats, limit: float | Floats, **fields: object) -> None:
-    """A diagnostic of each value above its limit."""
+def _add(found: Collector, rule: Rule, lines: _Lines, values: Floats, limit: float | Floats, **fields: object) -> None:
+    """Report each value above its limit."""
     limits = np.broadcast_to(limit, values.shape)
     over = np.flatnonzero(values > limits)
     listed = over[: found.room(rule)].tolist()
@@ -42,8 +42,8 @@ def _add(found: Collector, rule: Rule, lines: Lines, values: Floats, limit: floa
 
 
 def _duration(trace: Trace, budget: Budget, found: Collector) -> None:
-    """The whole run, at the segment in which the time is up."""
-    end_s = trace.clock.times_ms[1:] / MS_PER_S
+    """Check the duration of the run; report the segment in which it exceeds the budget."""
+    end_s = trace.schedule.times_ms[1:] / MS_PER_S
     if budget.duration_s is None or not len(end_s) or end_s[-1] <= budget.duration_s:
         return
     at = int(np.searchsorted(end_s, budget.duration_s, side="right"))
@@ -52,8 +52,8 @@ def _duration(trace: Trace, budget: Budget, found: Collector) -> None:
 
 
 def _power(trace: Trace, machine: Machine, channel: ChannelTrace, found: Collector) -> None:
-    """Highest power of each segment, in its unit and in watts."""
-    budget, stage, power = machine.budget, trace.clock.stage, channel.emitted.power_max
+    """Check the highest power of each segment, in its unit and in watts."""
+    budget, stage, power = machine.budget, trace.schedule.stage, channel.emitted.power_max
     unit_at = channel.unit_at(stage)
     for number, unit in enumerate(channel.units):
         limit = budget.power(unit)
@@ -65,15 +65,15 @@ def _power(trace: Trace, machine: Machine, channel: ChannelTrace, found: Collect
         _add(found, rules.BUDGET_POWER, trace.line, watts, budget.power_w, unit="W", channel=channel.channel)
 
 
-def _held(trace: Trace, budget: Budget, channel: ChannelTrace, found: Collector) -> None:
-    """Time in which a limit held the power, segment by segment."""
+def _clamped(trace: Trace, budget: Budget, channel: ChannelTrace, found: Collector) -> None:
+    """Check the time in which a limit clamped the power, segment by segment."""
     if budget.clamped_ms is not None:
-        held = channel.emitted.clamped_ms
-        _add(found, rules.BUDGET_HELD, trace.line, held, budget.clamped_ms, channel=channel.channel)
+        clamped = channel.emitted.clamped_ms
+        _add(found, rules.BUDGET_HELD, trace.line, clamped, budget.clamped_ms, channel=channel.channel)
 
 
 def _marks(trace: Trace, machine: Machine, found: Collector) -> None:
-    """Energy per mm and light-on error of each mark."""
+    """Check energy per mm and on error of each mark."""
     budget, marks = machine.budget, marks_of(trace, machine)
     for channel in trace.channels:
         mine = marks["channel"] == channel.channel

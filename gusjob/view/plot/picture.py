@@ -197,19 +197,19 @@ class _Drawing:
     def _dark(self, *, jumps: bool) -> dict[str, Bools]:
         """Strokes in sight that are not coloured, by what they are."""
         dark, other = dark_of(self.strokes, self.shade)
-        run = np.full(len(dark), RunKind.NONE) if self.trace.intent is None else self._intent()
+        run = np.full(len(dark), RunKind.NONE) if self.trace.run_kind is None else self._intent()
         seen = self.sight.of(self.strokes.path)
         found = {"commanded path": ~dark & ~other & seen} if self.strokes.beam is not None else {}
         found["other light"] = other & seen
         if jumps:
-            dark = dark & seen & (self.strokes.duration_ms > 0) & ~self.trace.clock.dwell[self.strokes.row]
+            dark = dark & seen & (self.strokes.duration_ms > 0) & ~self.trace.schedule.dwell[self.strokes.row]
             found["jump"] = dark & (run != RunKind.RUN_IN) & (run != RunKind.RUN_OUT)
             found["run-in"], found["run-out"] = dark & (run == RunKind.RUN_IN), dark & (run == RunKind.RUN_OUT)
         return found
 
     def _intent(self) -> npt.NDArray[Any]:
-        assert self.trace.intent is not None
-        return np.asarray(self.trace.intent.run[self.trace.clock.row[self.strokes.row]])
+        assert self.trace.run_kind is not None
+        return np.asarray(self.trace.run_kind[self.strokes.row])
 
     def _count(self, *, jumps: bool) -> int:
         """Strokes in sight."""

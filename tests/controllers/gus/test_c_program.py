@@ -446,7 +446,7 @@ def test_many_stages_are_cut_into_functions(build: Build) -> None:
 
 
 @pytest.mark.parametrize(
-    ("calls", "fault"),
+    ("calls", "message"),
     [
         ("GT_SetCrdPrm(1,crdPrm)", "line 1: GT_SetCrdPrm: the fields of crdPrm are not given"),
         ("GT_LnXY(1,2.5,0,1,1,0,0)", "line 1: GT_LnXY: x is 2.5, it must be whole and in "),
@@ -456,10 +456,10 @@ def test_many_stages_are_cut_into_functions(build: Build) -> None:
         ("GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0.5},1,1,0,1,{0,0,0,0,0,0,0,0}})", "line 1: GT_SetCrdPrm: profile is 0.5, "),
     ],
 )
-def test_what_c_would_cut_without_a_word_does_not_compile(calls: str, diagnostic: str) -> None:
+def test_an_argument_that_its_c_type_cannot_hold_is_an_error(calls: str, message: str) -> None:
     errors = [line for line in "".join(c_program(calls_in(calls))).splitlines() if line.startswith("#error")]
     assert len(errors) == 1
-    assert errors[0].startswith(f"#error {diagnostic}")
+    assert errors[0].startswith(f"#error {message}")
 
 
 def test_what_can_be_written_has_no_fault() -> None:

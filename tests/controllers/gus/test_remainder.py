@@ -18,12 +18,12 @@ from gusjob.controllers.gus.driver import fifo
 from gusjob.controllers.gus.driver.resume import recorded_place
 from gusjob.controllers.gus.driver.session import one_queue
 from gusjob.controllers.gus.driver.shutdown import Outputs, WayOut
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.place import Place, Route
 from gusjob.controllers.gus.remainder import rest, settled
 from gusjob.controllers.journal import read_journal
 from gusjob.frontend import check_text, read_listing
 from gusjob.hardware.forecast import forecast
-from gusjob.simulate import interpret
 
 pytestmark = needs_controller
 
@@ -319,7 +319,7 @@ def test_a_controller_that_did_something_else_meanwhile_is_not_asked(gus: Bench)
 def test_a_channel_that_changes_its_mode_is_forecast_in_each_unit() -> None:
     text = MARK + "LASER POWER 40\nLASER ON\nLINE X 5\nLASER OFF\nLASER MODE ANALOG MAX 8\nLASER POWER 3\n"
     stream = stream_of(text + "LASER ON\nLINE X 9\nLASER OFF\n")
-    trace, _ = interpret(stream, Machine())
+    trace, _ = simulate_stream(stream, Machine())
     assert trace is not None
     found = {channel.unit: channel.left(0)[1] for channel in forecast(stream, trace, Machine()).channels}
     assert found == {"%": 40, "V": 3}

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from support.tools import stream_in
 
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.pipeline import examine_file
 from gusjob.report.rows import make_report
-from gusjob.simulate import interpret
 
 HEAD = "LASER MODE DUTY CARRIER 10\nVEL 100\nACC 5000\nLASER POWER 30\n"
 
@@ -75,7 +75,7 @@ def test_lines_are_those_of_their_files(folder: Path) -> None:
     assert loaded.diagnostics == ()
     stream = stream_in(loaded)
     assert stream is not None
-    trace, _ = interpret(stream, loaded.machine)
+    trace, _ = simulate_stream(stream, loaded.machine)
     assert trace is not None
     report = make_report(trace, loaded.machine, loaded.files)
     names = [Path(name).name for name in report.notes["files"]]

@@ -16,10 +16,11 @@ from support.tools import MACHINE, diagnostics_in, job_of, run_job
 from gusjob.config.machine import Machine, Scanner, ScannerModel
 from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.controllers.gus.lower import compile_job
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.ir.setup import SkyWriting
 from gusjob.lint import check
-from gusjob.simulate import Trace, interpret
+from gusjob.simulate import Trace
 
 SEEDS = int(os.environ.get("SKYWRITE_SEEDS", "150"))
 """Random jobs of each kind. Set it high to search for long."""
@@ -249,7 +250,7 @@ def compiled(text: str, machine: Machine = MACHINE) -> tuple[Stream, list[Diagno
 
 def ran(stream: Stream, machine: Machine = MACHINE) -> Trace:
     """A run without a fault that a planned path must not have."""
-    trace, diagnostics = interpret(stream, machine)
+    trace, diagnostics = simulate_stream(stream, machine)
     assert trace is not None
     assert [f"{f.span.line}: {f.rule.code} {f.message}" for f in diagnostics if f.severity is Severity.ERROR] == []
     assert [f"{f.span.line}: {f.rule.code} {f.message}" for f in diagnostics if f.rule.code in HARD] == []
@@ -258,7 +259,7 @@ def ran(stream: Stream, machine: Machine = MACHINE) -> Trace:
 
 def path_at(trace: Trace, time: float) -> tuple[Point, float]:
     """Where the command is at a moment, and how fast."""
-    times = trace.clock.times_ms
+    times = trace.schedule.times_ms
     cell = np.array([min(max(int(np.searchsorted(times, time, side="right")) - 1, 0), len(times) - 2)])
     x, y = trace.motion.position(cell, np.array([time]))
     v = trace.motion.velocity(cell, np.array([time]))
@@ -278,11 +279,11 @@ class Case:
 
     def starts(self, leg: int) -> float:
         """When a leg starts, ms."""
-        return float(self.trace.clock.times_ms[self.ends[leg - 1] + 1 if leg else 0])
+        return float(self.trace.schedule.times_ms[self.ends[leg - 1] + 1 if leg else 0])
 
     def over(self, leg: int) -> float:
         """When a leg ends, ms."""
-        return float(self.trace.clock.times_ms[self.ends[leg] + 1])
+        return float(self.trace.schedule.times_ms[self.ends[leg] + 1])
 
 
 def case_of(steps: list[Step], *, pulses: bool = False, head: str = "", frame: tuple[int, Point] | None = None,
@@ -301,13 +302,13 @@ def case_of(steps: list[Step], *, pulses: bool = False, head: str = "", frame: t
 
 def on_circles(case: Case) -> None:
     """Arcs lie on the reference's arcs, not only their ends."""
-    laid = case.trace.clock.laid
+    laid = case.trace.segments
     rounds = set(laid.arc_at.tolist())
     first = 0
     for leg, last in zip(case.plan.legs, case.ends, strict=True):
         for motion in range(first, last + 1):
             if motion in rounds:
-                a, b = case.trace.clock.times_ms[motion], case.trace.clock.times_ms[motion + 1]
+                a, b = case.trace.schedule.times_ms[motion], case.trace.schedule.times_ms[motion + 1]
                 for share in (0.25, 0.5, 0.75):
                     at, _ = path_at(case.trace, float(a + (b - a) * share))
                     assert leg.way.distance(at) <= 2.0, f"motion {motion} lies {leg.way.distance(at)} off {leg}"
@@ -450,7 +451,7 @@ def test_rtc5_run_times(mode: int, acc: float) -> None:
     steps = [*marked(head(sky, acc=acc), (15000.0, 5000.0)), Step(op="jump", at=(0.0, 20000.0))]
     plan = ref.planned(steps)
     stream, _ = compiled(ref.job_text(steps), machine)
-    ends, times = matched(plan.legs, moves_of(stream)), ran(stream, machine).clock.times_ms
+    ends, times = matched(plan.legs, moves_of(stream)), ran(stream, machine).schedule.times_ms
     mark, ramp = plan.marks[0], FAST / acc
     first, last = ends[mark.legs[0] - 1], ends[mark.legs[-1]]
     begin = ends[mark.legs[0] - (3 if mode == 1 else 2)]

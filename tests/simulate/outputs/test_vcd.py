@@ -27,7 +27,7 @@ from support.tools import MACHINE, stream_of
 from vcd.reader import RealChange, ScalarChange, TokenKind, VarDecl, VectorChange, tokenize
 
 from gusjob.cli import cli
-from gusjob.simulate import interpret
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.simulate.outputs.vcd import vcd_pieces
 
 vcdvcd = pytest.importorskip("vcdvcd")
@@ -586,7 +586,7 @@ def test_memory_does_not_grow_with_the_light() -> None:
     peaks = []
     for seconds in (2, 20):
         job = DUTY.format(2) + "LASER POWER 37\nLASER ON\n" + "DWELL 1000\n" * seconds + "LASER OFF\n"
-        trace, _ = interpret(stream_of(job), MACHINE)
+        trace, _ = simulate_stream(stream_of(job), MACHINE)
         assert trace is not None
         tracemalloc.start()
         try:

@@ -10,7 +10,7 @@ from support.cli import gusjob, write
 from support.tools import stream_of
 
 from gusjob.config.machine import Budget, Laser, Machine
-from gusjob.simulate import interpret
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.simulate.quality.budget import over_budget
 
 JOB = (
@@ -23,7 +23,7 @@ MACHINE = Machine(lasers=(Laser(channel=0, rated_w=50.0),))
 
 def broken(budget: Budget) -> list[tuple[object, ...]]:
     """(code, line, value) of what is above a budget."""
-    trace, _ = interpret(stream_of(JOB, MACHINE), MACHINE)
+    trace, _ = simulate_stream(stream_of(JOB, MACHINE), MACHINE)
     assert trace is not None
     found = over_budget(trace, replace(MACHINE, budget=budget))
     return [
@@ -58,7 +58,7 @@ def test_energy_per_mm_is_the_peak_of_a_mark() -> None:
 
 
 def test_without_rated_power_there_are_no_watts() -> None:
-    trace, _ = interpret(stream_of(JOB), Machine())
+    trace, _ = simulate_stream(stream_of(JOB), Machine())
     assert trace is not None
     assert over_budget(trace, Machine(budget=Budget(power_w=0, energy_j_per_mm=0))) == []
 

@@ -17,15 +17,15 @@ from support.tools import MACHINE, MARK, Ran, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine, Scanner, ScannerModel
 from gusjob.controllers.gus.calls import Buffered, Stream
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.frontend import check_text, read_listing
 from gusjob.ir.intent import Intent, RunKind
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
 from gusjob.report.rows import Report, SegmentKind, make_report
 from gusjob.report.table import report_table
-from gusjob.simulate import interpret
+from gusjob.simulate.intervals import Intervals
 from gusjob.simulate.quality.marks import BIN_MM, MARKING_WORDS, _root
-from gusjob.simulate.spans import Spans
 
 HEAD = "GT_LaserPowerMode(0,100,0,0)\nGT_LaserOutFrq(10,0)\nGT_BufLaserPrfCmd(1,50,0,0)\n"
 ON, OFF, START = "GT_BufLaserOn(1,0,0)\n", "GT_BufLaserOff(1,0,0)\n", "GT_CrdStart(1,0)\n"
@@ -145,7 +145,7 @@ def intent_of(stream: Stream, ends: dict[int, int], runs: dict[int, RunKind] | N
 
 
 def report_of(stream: Stream, intent: Intent, machine: Machine = MACHINE) -> Report:
-    trace, _ = interpret(replace(stream, intent=intent), machine)
+    trace, _ = simulate_stream(replace(stream, intent=intent), machine)
     assert trace is not None
     return make_report(trace, machine)
 
@@ -305,20 +305,21 @@ def test_merged_light_keeps_the_first_on_and_the_last_off() -> None:
     assert marks(ran)["length_mm"] == pytest.approx(10.02)
     assert (marks(ran)["on_error_um"], marks(ran)["off_error_um"]) == pytest.approx((0, 20))
     stream = listing_stream(text)
-    trace, _ = interpret(stream, MACHINE)
+    trace, _ = simulate_stream(stream, MACHINE)
     assert trace is not None
     shine = trace.channels[0].emission
-    kinds = stream.buffered.kind
-    assert shine.on_row.tolist() == [int(np.flatnonzero(kinds == Buffered.ON)[0])]
-    assert shine.off_row.tolist() == [int(np.flatnonzero(kinds == Buffered.OFF)[-1])]
+    assert trace.channels[0].switch.on.tolist() == [True, False, True, False]
+    assert (shine.on_event.tolist(), shine.off_event.tolist()) == ([0], [3])
 
 
 def test_light_carried_through_stages_has_no_rows_of_its_own() -> None:
-    trace, _ = interpret(stream_of(MARK + "LASER POWER 10\nLASER ON\nLINE X 1\nWAIT\nLINE X 2\nLASER OFF\n"), MACHINE)
+    trace, _ = simulate_stream(
+        stream_of(MARK + "LASER POWER 10\nLASER ON\nLINE X 1\nWAIT\nLINE X 2\nLASER OFF\n"), MACHINE
+    )
     assert trace is not None
     shine = trace.channels[0].emission
-    assert [row >= 0 for row in shine.on_row.tolist()] == [True, False]
-    assert [row >= 0 for row in shine.off_row.tolist()] == [False, True]
+    assert [row >= 0 for row in shine.on_event.tolist()] == [True, False]
+    assert [row >= 0 for row in shine.off_event.tolist()] == [False, True]
 
 
 def test_follow_makes_up_for_slow_ends() -> None:
@@ -332,12 +333,12 @@ def test_follow_makes_up_for_slow_ends() -> None:
 @pytest.mark.parametrize("power", ["GT_BufLaserPrfFollow(1,0.5,0,100,0,0)\n", ""])
 def test_parts_of_a_segment_add_up_to_its_energy(power: str) -> None:
     text = "GT_SetLevelDelay(300,0,0)\n" + HEAD + power + ON + move(10000, 0, 0) + OFF + START
-    trace, _ = interpret(listing_stream(text), MACHINE)
+    trace, _ = simulate_stream(listing_stream(text), MACHINE)
     assert trace is not None
     (channel,) = trace.channels
     edges = np.linspace(0, 110.3, 1001)
-    spans = Spans(stage=np.zeros(1000, dtype=np.intp), start_ms=edges[:-1], end_ms=edges[1:])
-    parts = trace.power_ms(channel, spans)
+    spans = Intervals(stage=np.zeros(1000, dtype=np.intp), start_ms=edges[:-1], end_ms=edges[1:])
+    parts = channel.power.integral(spans)
     assert parts.sum() == pytest.approx(channel.emitted.power_ms[0], rel=1e-12)
     if not power:
         assert parts == pytest.approx(50 * 0.1103)
@@ -404,7 +405,7 @@ def test_people_see_worst_and_typical() -> None:
 
 
 def test_marks_can_be_left_out() -> None:
-    trace, _ = interpret(listing_stream(STEADY), MACHINE)
+    trace, _ = simulate_stream(listing_stream(STEADY), MACHINE)
     assert trace is not None
     report = make_report(trace, MACHINE, marking=False)
     assert (report.marks, report.totals["marking"]) == (None, None)
@@ -412,7 +413,7 @@ def test_marks_can_be_left_out() -> None:
 
 
 def test_lines_count_in_their_own_file() -> None:
-    trace, _ = interpret(listing_stream(STEADY), MACHINE)
+    trace, _ = simulate_stream(listing_stream(STEADY), MACHINE)
     assert trace is not None
     report = make_report(trace, MACHINE, (("a.job", 0), ("b.job", 4)))
     assert (marks_in(report)["line"].tolist(), marks_in(report)["file"].tolist()) == ([2], [1])
@@ -429,9 +430,9 @@ def test_many_marks_at_once() -> None:
 
 
 def test_light_left_on_has_no_off() -> None:
-    trace, _ = interpret(listing_stream(HEAD + ON + move(10000, 0, 0) + START), MACHINE)
+    trace, _ = simulate_stream(listing_stream(HEAD + ON + move(10000, 0, 0) + START), MACHINE)
     assert trace is not None
-    assert trace.channels[0].emission.off_row.tolist() == [-1]
+    assert trace.channels[0].emission.off_event.tolist() == [-1]
     assert marks_in(make_report(trace, MACHINE))["off_miss_um"].tolist() == [0]
 
 

@@ -7,8 +7,8 @@ import pytest
 from support.tools import stream_of
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.report.rows import make_report
-from gusjob.simulate import interpret
 from gusjob.view.page.content import page_of
 from gusjob.view.page.encode import decode, encode
 from gusjob.view.page.render import MAX_BYTES, Page
@@ -17,7 +17,7 @@ from gusjob.view.strokes import strokes_of
 
 def page(text: str, machine: Machine | None = None) -> Page:
     machine = machine or Machine()
-    trace, _ = interpret(stream_of(text, machine), machine)
+    trace, _ = simulate_stream(stream_of(text, machine), machine)
     assert trace is not None
     return page_of(make_report(trace, machine), strokes_of(trace, machine), machine, [])
 

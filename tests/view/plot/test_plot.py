@@ -29,7 +29,8 @@ from support.tools import MACHINE, MARK, ROOT, stream_of
 from gusjob.cli import cli
 from gusjob.cli.plot_command import _COLOURS
 from gusjob.config.machine import Laser, Machine, parse_scanner
-from gusjob.simulate import Trace, interpret
+from gusjob.controllers.gus.model import simulate_stream
+from gusjob.simulate import Trace
 from gusjob.view.plot.picture import Colour, View, figure_of, picture
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -63,7 +64,7 @@ DELAY_US = 250.0
 
 
 def trace_of(text: str, machine: Machine = MACHINE) -> Trace:
-    trace, _ = interpret(stream_of(text, machine), machine)
+    trace, _ = simulate_stream(stream_of(text, machine), machine)
     assert trace is not None
     return trace
 

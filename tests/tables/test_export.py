@@ -14,31 +14,32 @@ import pytest
 from support.cli import gusjob, write
 from support.tools import MARK, ROOT
 
-from gusjob.columns import Columns, Words, csv_bytes, npz_bytes, parquet_bytes, pieces
+from gusjob.tables.columns import CategoryColumn, Columns, chunks
+from gusjob.tables.export import csv_bytes, npz_bytes, parquet_bytes
 
 TABLE: Columns = {
     "line": np.array([3, 4, 7], dtype=np.int32),
-    "kind": Words(codes=np.array([1, 0, 1], dtype=np.int8), words=("mark", "jump")),
+    "kind": CategoryColumn(codes=np.array([1, 0, 1], dtype=np.int8), categories=("mark", "jump")),
     "power": np.array([np.nan, 0.1, 1e-7]),
 }
 
 
 @pytest.mark.parametrize("rows", [1, 2, 5])
 def test_pieces_do_not_show(rows: int) -> None:
-    text = b"".join(csv_bytes(pieces(TABLE, rows))).decode()
+    text = b"".join(csv_bytes(chunks(TABLE, rows))).decode()
     assert list(csv.reader(io.StringIO(text))) == [
         ["line", "kind", "power"],
         ["3", "jump", ""],
         ["4", "mark", "0.1"],
         ["7", "jump", "1e-7"],
     ]
-    frame = polars.read_parquet(io.BytesIO(b"".join(parquet_bytes(pieces(TABLE, rows), {}))))
+    frame = polars.read_parquet(io.BytesIO(b"".join(parquet_bytes(chunks(TABLE, rows), {}))))
     assert frame.to_dict(as_series=False) == {
         "line": [3, 4, 7],
         "kind": ["jump", "mark", "jump"],
         "power": [None, 0.1, 1e-7],
     }
-    arrays = np.load(io.BytesIO(b"".join(npz_bytes(pieces(TABLE, rows)))))
+    arrays = np.load(io.BytesIO(b"".join(npz_bytes(chunks(TABLE, rows)))))
     assert arrays["line"].tolist() == [3, 4, 7]
     assert arrays["kind"].tolist() == ["jump", "mark", "jump"]
     assert np.isnan(arrays["power"][0])
@@ -46,9 +47,9 @@ def test_pieces_do_not_show(rows: int) -> None:
 
 def test_no_rows() -> None:
     empty: Columns = {name: column[:0] for name, column in TABLE.items()}
-    assert b"".join(csv_bytes(pieces(empty))) == b"line,kind,power\r\n"
-    assert polars.read_parquet(io.BytesIO(b"".join(parquet_bytes(pieces(empty), {})))).shape == (0, 3)
-    assert np.load(io.BytesIO(b"".join(npz_bytes(pieces(empty)))))["power"].shape == (0,)
+    assert b"".join(csv_bytes(chunks(empty))) == b"line,kind,power\r\n"
+    assert polars.read_parquet(io.BytesIO(b"".join(parquet_bytes(chunks(empty), {})))).shape == (0, 3)
+    assert np.load(io.BytesIO(b"".join(npz_bytes(chunks(empty)))))["power"].shape == (0,)
 
 
 def test_report_as_parquet(tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ import pytest
 from oracles.power import Call, simulate
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.frontend import check_text, read_listing
 from gusjob.report.rows import Report, SegmentKind, make_report
-from gusjob.simulate import interpret
 
 CASES = 150
 Row = dict[str, Any]
@@ -41,7 +41,7 @@ def report_of(text: str, machine: Machine) -> Report:
     assert source is not None
     stream, diagnostics = read_listing(source)
     assert not diagnostics
-    trace, _ = interpret(stream, machine, foreign=True)
+    trace, _ = simulate_stream(stream, machine, is_listing=True)
     assert trace is not None
     return make_report(trace, machine)
 

@@ -1,0 +1,91 @@
+"""Diagnostics of a simulated stream that depend on the GUS controller and its calls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls
+from gusjob.controllers.gus.execution import Execution
+from gusjob.controllers.gus.ranges import FIFO_SLOTS, PowerMode
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, Span
+from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Bools
+from gusjob.simulate import Trace
+from gusjob.simulate.checks import SegmentReporter, segment_reporter
+from gusjob.simulate.events import Events, MotionEvents
+
+_ARC_TOLERANCE_PULSE = 3.0
+
+
+def velocity_diagnostics(path: str, motion: MotionEvents, too_fast: Bools) -> list[Diagnostic]:
+    """Report the segments, (m,), whose velocity the controller limits."""
+    reporter = segment_reporter(path, motion)
+    reporter.add(
+        rules.ACCEPTED_ODD,
+        too_fast,
+        call=Phrase("the segment's velocity"),
+        reason=Phrase("it is above synVelMax of GT_SetCrdPrm, which limits it"),
+    )
+    return reporter.done()
+
+
+def listing_diagnostics(calls: BufferedCalls, execution: Execution, events: Events) -> list[Diagnostic]:
+    """Report what the planner would not make: arcs that do not fit their ends, and full FIFOs."""
+    reporter = segment_reporter(events.name, events.motion)
+    _report_arcs(calls, events.motion, reporter)
+    return [*reporter.done(), *_full_fifos(calls, execution, events.name)]
+
+
+def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:
+    """Report emission in a duty mode without a carrier."""
+    found = []
+    for channel in trace.channels:
+        first = channel.first_emitting
+        if first is None:
+            continue
+        laser = channel.laser_in(first)
+        if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
+            reason = Phrase("emission in a duty mode without a carrier; call GT_LaserOutFrq first (M 二.2)")
+            fields = {"call": "GT_LaserOutFrq", "reason": reason}
+            span = Span(line=int(trace.line[first]))
+            found.append(Diagnostic(rule=rules.ACCEPTED_ODD, span=span, fields=fields, path=trace.name))
+    return found
+
+
+def _report_arcs(calls: BufferedCalls, motion: MotionEvents, reporter: SegmentReporter) -> None:
+    """Report arcs whose radius or centre does not fit their ends (sister: no full circle by radius)."""
+    segments, at = motion.segments, motion.segments.arc_at
+    if not len(at):
+        return
+    row = motion.call[at]
+    by_radius, radius = calls.kind[row] == Buffered.ARC_RADIUS, calls.p[row]
+    x0, y0, x1, y1 = segments.x0[at], segments.y0[at], segments.x1[at], segments.y1[at]
+    chord = np.hypot(x1 - x0, y1 - y0)
+    to_end = np.hypot(x1 - segments.arcs.cx, y1 - segments.arcs.cy)
+    # Ends and centre are whole pulses: each may be off by less than one.
+    off_circle = ~by_radius & (np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE)
+    for bad, reason in (
+        (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts is ambiguous")),
+        (
+            by_radius & (chord > 0) & (2 * np.abs(radius) < chord - _ARC_TOLERANCE_PULSE),
+            Phrase("the radius is below half the chord"),
+        ),
+        (~by_radius & (segments.arcs.radius == 0), Phrase("the centre is the start point")),
+        (off_circle & (segments.arcs.radius > 0), Phrase("the end does not lie on the circle about this centre")),
+    ):
+        where = np.zeros(len(motion), dtype=np.bool_)
+        where[at[bad]] = True
+        reporter.add(rules.LISTING_ARC, where, reason=reason)
+
+
+def _full_fifos(calls: BufferedCalls, execution: Execution, path: str) -> list[Diagnostic]:
+    """Report stages of which more calls are sent before GT_CrdStart than a FIFO holds (sister)."""
+    found = []
+    for stage in execution.stages:
+        waiting = stage.parts[: stage.waiting]
+        if sum(map(len, waiting)) > FIFO_SLOTS:
+            line = int(calls.line[np.concatenate(waiting)[FIFO_SLOTS]])
+            fields = {"count": FIFO_SLOTS + 1, "slots": FIFO_SLOTS}
+            found.append(Diagnostic(rule=rules.FIFO_FULL, span=Span(line=line), fields=fields, path=path))
+    return found

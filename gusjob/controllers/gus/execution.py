@@ -1,0 +1,52 @@
+"""Result of executing a stream: what runs in each stage, and the laser states and immediate actions around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.kinematics.arrays import Indices
+from gusjob.simulate.events import ImmediateAction, LaserState
+
+
+@dataclass(slots=True, kw_only=True)
+class StageRun:
+    """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
+
+    `waiting`: how many of the first parts are in the FIFO before the start. `axes`: the axes (from 0) that X and Y
+    drive.
+    """
+
+    crd: int
+    fifo: int
+    line: int
+    parts: list[Indices]
+    lasers: tuple[LaserState, LaserState]
+    at_rest: list[ImmediateAction]
+    moving: list[ImmediateAction] = field(default_factory=list)
+    vel_max_pulse_per_ms: float = float("inf")
+    axes: tuple[int, int] = (0, 1)
+    waiting: int = 0
+
+    @property
+    def rows(self) -> Indices:
+        """Buffered rows in order."""
+        return np.concatenate(self.parts) if self.parts else np.empty(0, dtype=np.intp)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Execution:
+    """Everything that the controller does with a stream.
+
+    `at_end`: immediate actions after the last stage. `lasers`: state after it. `readings`: (line, channel, value) of
+    each reading of a switch. `channels`: those that any call names.
+    """
+
+    stages: tuple[StageRun, ...]
+    at_end: tuple[ImmediateAction, ...]
+    lasers: tuple[LaserState, LaserState]
+    readings: tuple[tuple[int, int, int], ...]
+    channels: tuple[int, ...]
+    diagnostics: tuple[Diagnostic, ...]

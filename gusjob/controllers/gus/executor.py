@@ -1,0 +1,396 @@
+"""Execute calls in order, as the controller does: refused calls, the calls of each stage, the state of each laser.
+
+Host calls take no time. A call made while a stage moves (no GT_CrdStatus since its GT_CrdStart) acts at that stage's
+start, after the buffered calls before its first motion: a listing does not show when it really comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gusjob.controllers.gus.arguments import (
+    EXECUTION_ERROR,
+    PARAMETER_ERROR,
+    ArgumentChecker,
+    argument_error,
+    range_error,
+)
+from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
+from gusjob.controllers.gus.execution import Execution, StageRun
+from gusjob.controllers.gus.ranges import (
+    DIMENSION,
+    DISTANCE_LIMIT,
+    EVEN_TIME_MS,
+    MODE_LIMIT,
+    POWER_NOW,
+    PowerMode,
+    Range,
+)
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Collector, Rule, Span
+from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Indices
+from gusjob.simulate.events import ImmediateAction, LaserState
+
+_DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")
+_PWM, _MOVING = Phrase("the PWM modes"), Phrase("the coordinate system is moving")
+
+
+def execute(stream: Stream, *, has_scanner: bool = False) -> Execution:
+    """Execute every call of a stream in order.
+
+    Args:
+        stream: The calls.
+        has_scanner: The machine has a scanner model, so that the actual position differs from the planned one.
+    """
+    executor = _CallExecutor(stream=stream, collector=Collector(stream.name), has_scanner=has_scanner)
+    for first, last, call in stream.parts():
+        executor.queue(first, last)
+        if call is not None:
+            executor.call(call)
+    return executor.finish()
+
+
+@dataclass(slots=True)
+class _CallExecutor:
+    """State of the controller between two calls. `queues`: buffered rows by coordinate system and FIFO."""
+
+    stream: Stream
+    collector: Collector
+    has_scanner: bool
+    lasers: list[LaserState] = field(default_factory=lambda: [LaserState(), LaserState()])
+    switch: list[bool] = field(default_factory=lambda: [False, False])
+    axis_called: list[bool] = field(default_factory=lambda: [False, False])
+    """GT_SetAxisMode since the last GT_LaserPowerMode, per channel."""
+    axis_ever: list[bool] = field(default_factory=lambda: [False, False])
+    named: set[int] = field(default_factory=set)
+    queues: dict[tuple[int, int], list[Indices]] = field(default_factory=dict)
+    running: StageRun | None = None
+    stages: list[StageRun] = field(default_factory=list)
+    actions: list[ImmediateAction] = field(default_factory=list)
+    readings: list[tuple[int, int, int]] = field(default_factory=list)
+    crd_parameters: dict[int, Value] = field(default_factory=dict)
+
+    # Reporting.
+
+    def diagnostic(self, rule: Rule, line: int, **fields: object) -> None:
+        self.collector.add(rule, Span(line=line), fields)
+
+    def refuse(self, call: str, line: int, code: int, reason: str) -> None:
+        self.diagnostic(rules.REFUSED, line, call=call, code=code, reason=reason)
+
+    # Buffered calls.
+
+    def queue(self, first: int, last: int) -> None:
+        """Queue buffered rows first..last-1; refuse those with a bad argument."""
+        if first == last:
+            return
+        calls = self.stream.buffered
+        modes = (self.lasers[0].power_mode, self.lasers[1].power_mode)
+        checker = ArgumentChecker(calls=calls, modes=modes, collector=self.collector)
+        rows = checker.accepted(np.arange(first, last))
+        keys = calls.crd[rows].astype(np.int64) * 2 + calls.fifo[rows]
+        lasers = calls.kind[rows] >= Buffered.ON
+        self.named.update(np.unique(calls.channel[rows][lasers]).tolist())
+        for key in np.unique(keys).tolist():
+            crd, fifo = key // 2, key % 2
+            part = rows[keys == key] if len(np.unique(keys)) > 1 else rows
+            if self.running is not None and self.running.crd == crd:
+                if self.running.fifo != fifo:
+                    runs = self.running.fifo
+                    reason = Phrase("FIFO {fifo} can't be filled while FIFO {other} runs", fifo=fifo, other=runs)
+                    name = BUFFERED[Buffered(int(calls.kind[part[0]]))].name
+                    self.refuse(name, int(calls.line[part[0]]), EXECUTION_ERROR, reason)
+                else:
+                    self.running.parts.append(part)
+            else:
+                self.queues.setdefault((crd, fifo), []).append(part)
+
+    # Calls that are not buffered.
+
+    def call(self, call: Call) -> None:
+        """Execute one call, or refuse it."""
+        reason = argument_error(call)
+        if reason:
+            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
+            return
+        handler = _HANDLERS[call.name]
+        handler(self, call)
+
+    def number(self, call: Call, index: int) -> float:
+        value = call.args[index]
+        assert isinstance(value, float)
+        return value
+
+    def channel(self, call: Call) -> int:
+        channel = int(self.number(call, len(call.args) - 1))
+        self.named.add(channel)
+        return channel
+
+    def set(self, channel: int, **changes: object) -> None:
+        self.lasers[channel] = replace(self.lasers[channel], **changes)  # type: ignore[arg-type]  # fields by name
+        if self.running is not None:
+            self.running.lasers = (self.lasers[0], self.lasers[1])
+
+    def act(self, action: ImmediateAction) -> None:
+        (self.actions if self.running is None else self.running.moving).append(action)
+
+    def axis_mode(self, call: Call) -> None:
+        axis, mode = int(self.number(call, 0)), int(self.number(call, 1))
+        if axis == 8 and mode == 0:
+            self.refuse(call.name, call.line, PARAMETER_ERROR, Phrase("axis 8 takes mode 1 only"))
+            return
+        self.axis_called[axis - 7] = self.axis_ever[axis - 7] = mode == 1
+
+    def power_mode(self, call: Call) -> None:
+        if self.running is not None:
+            reason = Phrase("the coordinate system is moving; the mode does not change")
+            self.refuse(call.name, call.line, EXECUTION_ERROR, reason)
+            return
+        channel, mode = self.channel(call), PowerMode(int(self.number(call, 0)))
+        high, low = self.number(call, 1), self.number(call, 2)
+        if not self.limits_fit(call, MODE_LIMIT[mode], ("minValue", low), ("maxValue", high)):
+            return
+        if mode.is_pwm and not self.axis_ever[channel]:
+            first = f"GT_SetAxisMode({7 + channel},1)"
+            reason = Phrase("{call} must be called first in the PWM modes (M 三.1)", call=first)
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+        if mode is PowerMode.ANALOG and self.axis_called[channel]:
+            self.diagnostic(
+                rules.ACCEPTED_ODD, call.line, call=call.name,
+                reason=Phrase("GT_SetAxisMode must not be called in analog mode (M 三.1 (3), in a comment)"),
+            )  # fmt: skip
+        if self.lasers[channel].power_mode is not mode:
+            self.act(ImmediateAction(channel=channel, power=float("nan"), line=call.line))
+        self.axis_called[channel] = False
+        self.set(channel, mode=mode, low=low, high=high)
+
+    def limits_fit(self, call: Call, allowed: Range, low: tuple[str, float], high: tuple[str, float]) -> bool:
+        """Whether two limits are in their range and in order; else the call is refused."""
+        upside_down = Phrase("{low} is above {high}", low=low[0], high=high[0]) if low[1] > high[1] else ""
+        reason = range_error(allowed, *high) or range_error(allowed, *low) or upside_down
+        if reason:
+            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
+        return not reason
+
+    def power_now(self, call: Call) -> None:
+        channel, power = self.channel(call), self.number(call, 0)
+        if reason := range_error(POWER_NOW[self.lasers[channel].power_mode], "outputCmd", power):
+            self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
+            return
+        self.act(ImmediateAction(channel=channel, power=power, line=call.line))
+
+    def switch_now(self, call: Call) -> None:
+        channel, on = self.channel(call), self.number(call, 0) == 1
+        self.act(ImmediateAction(channel=channel, on=on, line=call.line))
+        self.switch[channel] = on
+
+    def read_switch(self, call: Call) -> None:
+        channel = self.channel(call)
+        self.readings.append((call.line, channel, int(self.switch[channel])))
+
+    def check_mode(self, call: Call, fits: bool, where: str) -> None:
+        if not fits:
+            reason = Phrase("it has an effect only in {modes}", modes=where)
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+
+    def carrier(self, call: Call) -> None:
+        channel = self.channel(call)
+        self.check_mode(call, self.lasers[channel].power_mode in (PowerMode.DUTY, PowerMode.DUTY2), _DUTY)
+        self.set(channel, carrier_khz=self.number(call, 0))
+
+    def pulse_width(self, call: Call) -> None:
+        channel = self.channel(call)
+        self.check_mode(call, self.lasers[channel].power_mode is PowerMode.FREQUENCY, _FREQUENCY)
+        self.set(channel, pulse_width_us=self.number(call, 0))
+
+    def standby(self, call: Call) -> None:
+        channel, on = self.channel(call), self.number(call, 0) == 1
+        self.check_mode(call, not on or self.lasers[channel].power_mode.is_pwm, _PWM)
+        self.set(channel, standby=(self.number(call, 1), self.number(call, 2)) if on else None)
+
+    def prevoltage(self, call: Call) -> None:
+        channel, on = self.channel(call), self.number(call, 0) == 1
+        self.check_mode(call, not on or not self.lasers[channel].power_mode.is_pwm, _ANALOG)
+        self.set(channel, prevoltage_v=self.number(call, 1) if on else None)
+
+    def delays(self, call: Call) -> None:
+        self.set(self.channel(call), off_delay_us=self.number(call, 0), on_delay_us=self.number(call, 1))
+
+    def fpk(self, call: Call) -> None:
+        channel = self.channel(call)
+        self.check_mode(call, self.lasers[channel].power_mode.is_pwm, _PWM)
+        self.set(channel, fpk_us=(self.number(call, 0), self.number(call, 1), self.number(call, 2)))
+
+    def no_fpk(self, call: Call) -> None:
+        self.set(self.channel(call), fpk_us=None)
+
+    def distance_mode(self, call: Call) -> None:
+        actual = self.number(call, 1) == 1
+        if self.number(call, 0) == 1 and actual and not self.has_scanner:
+            reason = Phrase("the profile has no scanner: the planned position is used as the actual one")
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+        self.set(
+            self.channel(call),
+            distance=self.number(call, 0) == 1,
+            distance_actual=actual,
+            reference_pulse=call.args[2],
+            scale_pulse_per_mm=call.args[3],
+        )
+
+    def distance_ratio(self, call: Call) -> None:
+        channel = self.channel(call)
+        laser = self.lasers[channel]
+        if not laser.distance:
+            reason = Phrase("GT_SetLaserDisMode has not enabled distance follow")
+            self.refuse(call.name, call.line, EXECUTION_ERROR, reason)
+            return
+        low, high = self.number(call, 1), self.number(call, 2)
+        if not self.limits_fit(call, DISTANCE_LIMIT[laser.power_mode], ("minPower", low), ("maxPower", high)):
+            return
+        self.set(channel, ratio_per_mm=call.args[0], distance_limits=(low, high))
+
+    def set_crd(self, call: Call) -> None:
+        crd = int(self.number(call, 0))
+        if self.running is not None and self.running.crd == crd:
+            self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
+            return
+        parameters = call.args[1]
+        if isinstance(parameters, tuple):
+            for name, allowed, value in (
+                ("dimension", DIMENSION, parameters[0]),
+                ("evenTime", EVEN_TIME_MS, parameters[4]),
+            ):
+                if isinstance(value, float) and (reason := range_error(allowed, name, value)):
+                    self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
+                    return
+        self.crd_parameters[crd] = parameters
+
+    def clear(self, call: Call) -> None:
+        crd, fifo = int(self.number(call, 0)), int(self.number(call, 1))
+        if self.running is not None and self.running.crd == crd:
+            self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
+            return
+        dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
+        if dropped:
+            reason = Phrase("{count} buffered calls are cleared and never run", count=dropped)
+            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+
+    def start(self, call: Call) -> None:
+        mask, option = int(self.number(call, 0)), int(self.number(call, 1))
+        if mask not in (1, 2):
+            rule, fields = (rules.CRDS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
+            reason = Phrase("mask {mask} selects no coordinate system", mask=mask)
+            self.diagnostic(rule, call.line, **fields, code=PARAMETER_ERROR, reason=reason)
+            return
+        crd = mask
+        fifo = (option >> (crd - 1)) & 1
+        if self.running is not None:
+            if self.running.crd == crd:
+                self.refuse(call.name, call.line, EXECUTION_ERROR, Phrase("the coordinate system is moving already"))
+            else:
+                self.diagnostic(rules.CRDS_AT_ONCE, call.line)
+            return
+        parts = self.queues.pop((crd, fifo), [])
+        self.running = StageRun(
+            crd=crd,
+            fifo=fifo,
+            line=call.line,
+            parts=parts,
+            waiting=len(parts),
+            lasers=(self.lasers[0], self.lasers[1]),
+            at_rest=self.actions,
+            vel_max_pulse_per_ms=_vel_max(self.crd_parameters.get(crd)),
+            axes=_axes(self.crd_parameters.get(crd)),
+        )
+        self.actions = []
+        self.stages.append(self.running)
+        self.follow_switch(self.running.parts)
+
+    def follow_switch(self, parts: list[Indices]) -> None:
+        """Set the switch as GT_GetHSIOOpt reads it: after the buffered calls before the first motion."""
+        calls = self.stream.buffered
+        rows = np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
+        timed = np.flatnonzero(calls.kind[rows] <= Buffered.DELAY)
+        early = rows[: timed[0]] if len(timed) else rows
+        for channel in (0, 1):
+            switched = early[
+                np.isin(calls.kind[early], (Buffered.ON, Buffered.OFF)) & (calls.channel[early] == channel)
+            ]
+            if len(switched):
+                self.switch[channel] = bool(calls.kind[switched[-1]] == Buffered.ON)
+
+    def wait(self, call: Call) -> None:
+        """GT_CrdStatus: the host program has waited for the end of the motion."""
+        if self.running is None or self.running.crd != int(self.number(call, 0)):
+            return
+        rows, calls = self.running.rows, self.stream.buffered
+        for channel in (0, 1):
+            mine = rows[(calls.channel[rows] == channel) & np.isin(calls.kind[rows], (Buffered.ON, Buffered.OFF))]
+            late = [a.on for a in self.running.moving if a.channel == channel and a.is_switch]
+            timed = np.flatnonzero(calls.kind[rows] <= Buffered.DELAY)
+            after_start = mine[mine > rows[timed[0]]] if len(timed) else mine
+            if len(after_start) or (len(mine) and not late):
+                self.switch[channel] = bool(calls.kind[mine[-1]] == Buffered.ON)
+        self.running = None
+
+    def finish(self) -> Execution:
+        """End the last stage; report calls that are never started."""
+        calls = self.stream.buffered
+        for (crd, fifo), parts in self.queues.items():
+            count = sum(map(len, parts))
+            if count:
+                self.diagnostic(rules.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
+        if len(calls) and not self.crd_parameters:
+            self.diagnostic(rules.ASSUMED_CRD, int(calls.line[0]))
+        return Execution(
+            stages=tuple(self.stages),
+            at_end=tuple(self.actions),
+            lasers=(self.lasers[0], self.lasers[1]),
+            readings=tuple(self.readings),
+            channels=tuple(sorted(self.named)),
+            diagnostics=tuple(self.collector.done(rules.MORE)),
+        )
+
+
+def _vel_max(parameters: Value | None) -> float:
+    """Read synVelMax of a TCrdPrm that is known: the controller limits the path velocity to it."""
+    if isinstance(parameters, tuple) and isinstance(parameters[2], float) and parameters[2] > 0:
+        return parameters[2]
+    return float("inf")
+
+
+def _axes(parameters: Value | None) -> tuple[int, int]:
+    """Read which axes (from 0) X and Y drive: profile[k] names the dimension of axis k+1."""
+    if isinstance(parameters, tuple) and isinstance(parameters[1], tuple):
+        profile = list(parameters[1])
+        if 1.0 in profile and 2.0 in profile:
+            return profile.index(1.0), profile.index(2.0)
+    return 0, 1
+
+
+_HANDLERS: dict[str, Callable[[_CallExecutor, Call], None]] = {
+    "GT_SetAxisMode": _CallExecutor.axis_mode,
+    "GT_SetHSIOOpt": _CallExecutor.switch_now,
+    "GT_GetHSIOOpt": _CallExecutor.read_switch,
+    "GT_LaserPowerMode": _CallExecutor.power_mode,
+    "GT_LaserPrfCmd": _CallExecutor.power_now,
+    "GT_LaserOutFrq": _CallExecutor.carrier,
+    "GT_SetPulseWidth": _CallExecutor.pulse_width,
+    "GT_SetWaitPulse": _CallExecutor.standby,
+    "GT_SetPreVltg": _CallExecutor.prevoltage,
+    "GT_SetLevelDelay": _CallExecutor.delays,
+    "GT_EnaFPK": _CallExecutor.fpk,
+    "GT_DisFPK": _CallExecutor.no_fpk,
+    "GT_SetLaserDisMode": _CallExecutor.distance_mode,
+    "GT_SetLaserDisRatio": _CallExecutor.distance_ratio,
+    "GT_SetCrdPrm": _CallExecutor.set_crd,
+    "GT_CrdClear": _CallExecutor.clear,
+    "GT_CrdStart": _CallExecutor.start,
+    "GT_CrdStatus": _CallExecutor.wait,
+}
+
+assert _HANDLERS.keys() == SIGNATURES.keys() - {s.name for s in BUFFERED.values()}

@@ -1,0 +1,34 @@
+"""Geometry of buffered calls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls
+from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.kinematics.geometry import Segments, arcs_by_either, segments
+
+
+def call_segments(
+    calls: BufferedCalls, row: Indices, dwell: Bools, start: tuple[float, float] = (0.0, 0.0)
+) -> Segments:
+    """Make the segments of consecutive motions and dwells from the coordinates of their calls.
+
+    Args:
+        calls: Buffered calls.
+        row: Rows of the motions and dwells, (m,).
+        dwell: Which of them are dwells, (m,); a dwell stays where it is.
+        start: Where the first one starts, pulse.
+    """
+    x1, y1 = calls.x[row], calls.y[row]
+    if dwell.any():
+        at = np.maximum.accumulate(np.where(dwell, -1, np.arange(len(row))))
+        x1, y1 = np.where(at >= 0, x1[at], start[0]), np.where(at >= 0, y1[at], start[1])
+    x0, y0 = np.concatenate([[start[0]], x1[:-1]]), np.concatenate([[start[1]], y1[:-1]])
+    kind = calls.kind[row]
+    at = np.flatnonzero((kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS))
+    ends, row = (x0[at], y0[at], x1[at], y1[at]), row[at]
+    # p and q are the centre's offset from the start, or p is the radius.
+    p, q, by_radius = calls.p[row], calls.q[row], kind[at] == Buffered.ARC_RADIUS
+    arcs = arcs_by_either(ends, x0[at] + p, y0[at] + q, p, calls.r[row] == 1, by_radius)
+    return segments(x0, y0, x1, y1, at, arcs)

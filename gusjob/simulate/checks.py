@@ -1,0 +1,119 @@
+"""Diagnostics of a simulation: what the calls ask for and the path cannot give, corners, the field, emission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gusjob.config.machine import Machine
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
+from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.arrays import Bools, Floats
+from gusjob.kinematics.schedule import Schedule, starts_at_rest
+from gusjob.simulate.events import Events, MotionEvents
+from gusjob.simulate.motion import Motion
+from gusjob.simulate.trace import ChannelTrace
+
+_ROUNDING_PULSE = 2**0.5
+"""By how much rounding moves one end of a segment against the other, across it."""
+
+
+@dataclass(slots=True, kw_only=True)
+class SegmentReporter:
+    """Collects diagnostics of segments."""
+
+    motion: MotionEvents
+    collector: Collector
+
+    def add(self, rule: Rule, where: Bools, **columns: Floats | str) -> None:
+        """Add one diagnostic for each segment in `where`, (m,); its fields come from columns, (m,)."""
+        at = np.flatnonzero(where)
+        listed = at[: self.collector.room(rule)].tolist()
+        for i in listed:
+            fields: dict[str, object] = {k: v if isinstance(v, str) else float(v[i]) for k, v in columns.items()}
+            self.collector.add(rule, Span(line=int(self.motion.line[i])), fields)
+        self.collector.uncounted(rule, len(at) - len(listed))
+
+    def done(self) -> list[Diagnostic]:
+        """All diagnostics."""
+        return self.collector.done(rules.MORE)
+
+
+def segment_reporter(path: str, motion: MotionEvents) -> SegmentReporter:
+    """Make a reporter without diagnostics for the text of a path."""
+    return SegmentReporter(motion=motion, collector=Collector(path))
+
+
+def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
+    """Report velocities that the calls ask for and the path cannot reach."""
+    motion, profile = events.motion, schedule.profile
+    reporter = segment_reporter(events.name, events.motion)
+    if not len(motion):
+        return []
+    breaks = starts_at_rest(schedule.dwell, schedule.stage_first)
+    given = np.where(motion.dwell, 0.0, motion.vel_end)
+    end, start = profile.end, profile.start
+    moves = ~motion.dwell
+    aim = np.minimum(given, motion.vel)
+    off = np.abs(end - given) > 1e-6 * (aim + end) + 1e-12
+    reporter.add(rules.END_NOT_MET, moves & off, value=end, wanted=given)
+    reporter.add(rules.START_TOO_FAST, moves & (start > motion.vel * (1 + 1e-9)), value=start, velocity=motion.vel)
+    last = np.append(breaks[1:], True)
+    before_dwell = np.append(motion.dwell[1:], False)
+    stops = (last | before_dwell) & moves & (end > 1e-9)
+    reporter.add(rules.STOPS_HARD, stops, what=Phrase("the segment before a stop ends"), value=end)
+    return reporter.done()
+
+
+def path_diagnostics(events: Events, motion: Motion, machine: Machine) -> list[Diagnostic]:
+    """Report corners and positions that the planner would not make.
+
+    Corners at which the velocity vector changes by more than the machine's look-ahead allows; segments outside the
+    field.
+    """
+    schedule, segments = motion.schedule, motion.segments
+    end = schedule.profile.end
+    reporter = segment_reporter(events.name, events.motion)
+    if not len(end):
+        return []
+    limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
+    jump = end[:-1] * np.hypot(segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1])
+    jump = np.append(np.where(np.diff(schedule.stage) == 0, jump, 0.0), 0.0)
+    # The ends are whole pulses: a straight line through points that are each off by half a pulse turns by so much.
+    turns = np.where(segments.length > 0, _ROUNDING_PULSE / np.maximum(segments.length, 1e-9), 0.0)
+    rounding = np.append(np.where(jump[:-1] > 0, end[:-1] * (turns[:-1] + turns[1:]), 0.0), 0.0)
+    sharp = jump - rounding > limit * (1 + 1e-6)
+    reporter.add(rules.SHARP_CORNER, sharp, value=end, jump=jump, limit=np.full(len(jump), limit))
+    x_low, x_high, y_low, y_high = segments.extent(np.arange(len(end)))
+    for axis, lowest, highest, (low, high), scale in (
+        ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),
+        ("Y", y_low, y_high, machine.field_y_mm, machine.pulses_per_mm[1]),
+    ):
+        below, above = lowest / scale < low - 1e-6, highest / scale > high + 1e-6
+        bounds = {"low": np.full(len(end), low), "high": np.full(len(end), high)}
+        reporter.add(rules.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
+        reporter.add(rules.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)
+    return reporter.done()
+
+
+def emission_diagnostics(channel: ChannelTrace, events: Events) -> list[Diagnostic]:
+    """Report emission without a power or a power mode, and a laser that is left on."""
+    lines, found = events.motion.line, list[Diagnostic]()
+
+    def add(rule: Rule, line: int) -> None:
+        fields = {"channel": channel.channel}
+        found.append(Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=events.name))
+
+    unpowered = np.flatnonzero(channel.emitted.unpowered)
+    if len(unpowered):
+        add(rules.LIT_UNPOWERED, int(lines[unpowered[0]]))
+    first = channel.first_emitting
+    if first is not None and channel.laser_in(first).mode is None:
+        add(rules.LISTING_NO_MODE, int(lines[first]))
+    if channel.emission.on_at_end:
+        last = int(lines[-1]) if len(lines) else 1
+        switched_on = (action.line for action in events.at_end if action.channel == channel.channel and action.on)
+        add(rules.LISTING_LEFT_ON, max([last, *switched_on]))
+    return found

@@ -1,0 +1,169 @@
+"""Events: what a controller does with its calls, in terms that hold for any controller.
+
+A controller's model turns its stream of calls into events, the simulation turns events into a trace. Units: pulse,
+pulse/ms, pulse/ms2, ms, us; power in the unit of the laser's power mode.
+
+A buffered switch or power takes no time: it acts between two segments. Its position is `segment`, the number of the
+segment before which it acts (m: after the last one). Segments, dwells included, are numbered through all stages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.controllers.gus.ranges import MODE_LIMIT, PowerMode
+from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.geometry import Segments
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserState:
+    """State of a laser channel except its switch and its power.
+
+    `mode` None: never set, the controller runs in duty mode with limits 0 to 100 %. `fpk_us`: width, gap, off delay.
+    `standby`: kHz and %.
+    """
+
+    mode: PowerMode | None = None
+    low: float = MODE_LIMIT[PowerMode.DUTY].low
+    high: float = MODE_LIMIT[PowerMode.DUTY].high
+    carrier_khz: float | None = None
+    pulse_width_us: float = 0.0
+    on_delay_us: float = 0.0
+    off_delay_us: float = 0.0
+    standby: tuple[float, float] | None = None
+    prevoltage_v: float | None = None
+    fpk_us: tuple[float, float, float] | None = None
+    distance: bool = False
+    distance_actual: bool = False
+    """Distance follow reads the beam's position, not the planned one."""
+    reference_pulse: tuple[float, ...] = (0.0,) * 4
+    scale_pulse_per_mm: tuple[float, ...] = (1.0,) * 4
+    ratio_per_mm: tuple[float, ...] = (0.0,) * 4
+    distance_limits: tuple[float, float] | None = None
+    """None: no ratio and no limits were ever set."""
+
+    @property
+    def power_mode(self) -> PowerMode:
+        """The mode in force."""
+        return PowerMode.DUTY if self.mode is None else self.mode
+
+    @property
+    def follows_distance(self) -> bool:
+        """Whether a distance term is added and clamped (a term of ratio 0 is clamped too)."""
+        return self.distance and self.distance_limits is not None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImmediateAction:
+    """An immediate switch (`power` None) or an immediate power of a channel.
+
+    Power NaN: no power is set any more.
+    """
+
+    channel: int
+    on: bool = False
+    power: float | None = None
+    line: int = 0
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it sets the switch."""
+        return self.power is None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageEvents:
+    """One stage: its source line, the laser state of each channel, immediate actions before it and while it moves.
+
+    An action while the stage moves acts at the stage's start, after what is buffered before the first segment.
+    `axes`: the axes (from 0) that X and Y drive.
+    """
+
+    line: int
+    lasers: tuple[LaserState, ...]
+    at_rest: tuple[ImmediateAction, ...] = ()
+    moving: tuple[ImmediateAction, ...] = ()
+    axes: tuple[int, int] = (0, 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionEvents:
+    """Segments and dwells of all stages in order, (m,).
+
+    A dwell has a segment of no length, and `dwell_ms`; `vel`, `acc`, `vel_end` are not read there. `line`: source line.
+    `call`: index of the call in its stream. `run_kind`: purpose of each jump (RunKind) where the planner states it,
+    else None.
+    """
+
+    segments: Segments
+    vel: Floats
+    acc: Floats
+    vel_end: Floats
+    dwell: Bools
+    dwell_ms: Floats
+    line: npt.NDArray[np.int32]
+    call: Indices
+    run_kind: npt.NDArray[np.int8] | None = None
+
+    def __len__(self) -> int:
+        return len(self.dwell)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchEvents:
+    """Buffered switches of one channel in order, (e,).
+
+    `mark_segment`: number of the segment before which the mark is meant to start or end: `segment`, or where the
+    planner puts it.
+    """
+
+    stage: Indices
+    segment: Indices
+    on: Bools
+    mark_segment: Indices
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerEvents:
+    """Settings of one channel's power in order, (e,).
+
+    `low`: direct power, or the lowest power of a follow; NaN: no power is set. `ratio`: power per pulse/ms of a follow,
+    0 for direct power. `high`: highest power of a follow, inf for direct power.
+    """
+
+    stage: Indices
+    segment: Indices
+    low: Floats
+    ratio: Floats
+    high: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelEvents:
+    """Buffered events of one laser channel, and its state after the last stage."""
+
+    channel: int
+    switch: SwitchEvents
+    power: PowerEvents
+    laser_at_end: LaserState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Events:
+    """Everything that a controller does with a stream.
+
+    `stage_first` (s+1,): number of each stage's first segment, and m. `channels`: those that any call names.
+    `at_end`: immediate actions after the last stage. `readings`: (line, channel, value) of each reading of a switch.
+    """
+
+    name: str
+    stages: tuple[StageEvents, ...]
+    stage_first: Indices
+    motion: MotionEvents
+    channels: tuple[ChannelEvents, ...]
+    at_end: tuple[ImmediateAction, ...] = ()
+    readings: tuple[tuple[int, int, int], ...] = ()

@@ -1,0 +1,1 @@
+"""Tables as equally long columns, and their export."""

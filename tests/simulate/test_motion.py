@@ -1,0 +1,30 @@
+"""Durations, velocities and lengths of segments. Numbers by hand."""
+
+from __future__ import annotations
+
+import pytest
+from support.tools import MARK, run_job, run_listing
+
+from gusjob.config.machine import Machine
+
+
+def test_a_start_above_the_velocity_slows_down_first() -> None:
+    ran = run_listing("GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,20000,0,20,2,0,0)\nGT_CrdStart(1,0)\n")
+    # 50 to 20 in 15 ms and 525 pulse; 20 to 0 in 10 ms and 100; 9375 at 20.
+    assert ran.column("duration_ms")[1] == pytest.approx(15 + 10 + 9375 / 20)
+    assert ran.column("vel_max_mm_s")[1] == pytest.approx(50)
+    assert "GJ705" in ran.codes()
+
+
+def test_a_dwell_stops_the_motion_not_the_emission() -> None:
+    ran = run_job(MARK + "LASER POWER 10\nLINE X 1\nLASER ON\nDWELL 25\nLASER OFF\nLINE X 2\n")
+    assert [int(k) for k in ran.column("kind")] == [1, 4, 1]
+    assert ran.column("ch0_emission_ms") == pytest.approx([0, 25, 0])
+    assert ran.column("x_mm") == [1, 1, 2]
+    assert ran.column("vel_max_mm_s")[1] == 0
+
+
+def test_length_of_an_arc_on_unequal_axes_is_an_ellipse() -> None:
+    # Half axes 10 mm and 20 mm: 96.884482205477 mm (complete elliptic integral, tables).
+    ran = run_listing("GT_ArcXYC(1,0,0,10000,0,1,50,2,0,0)\nGT_CrdStart(1,0)\n", Machine(pulses_per_mm=(1000, 500)))
+    assert ran.column("length_mm") == pytest.approx([96.88448220547674], rel=1e-12)
