@@ -1,4 +1,4 @@
-"""The documents tell the truth: generated tables equal the code, every example runs."""
+"""grammar/README.md: generated tables equal the code, every example runs."""
 
 from __future__ import annotations
 
@@ -94,14 +94,14 @@ def test_examples_check_clean_and_run(example: str, tmp_path: Path) -> None:
 
 def test_the_reference_names_every_statement() -> None:
     """Each keyword that begins a statement has an example."""
-    said = "\n".join(examples("job")).upper()
+    written = "\n".join(examples("job")).upper()
     laser = "MODE DUTY,MODE FREQUENCY,MODE ANALOG,DELAY,STANDBY,PREVOLT,FPK,DISTANCE,POWER,FOLLOW,ON NOW,OFF"
     others = (
         "UNITS,COORDS,CRD,LINE,JUMP,ARC CW,ARC CCW,DWELL,WAIT,LOOKAHEAD OFF,LOOKAHEAD TIME,LET,REPEAT,FOR,IF,ELSE,DEF,"
         "CALL,FRAME,INCLUDE,VEL,ACC,JUMPVEL,CHANNEL,SKYWRITE MODE 2,SKYWRITE MODE 3,SKYWRITE OFF"
     )
     for word in [*(f"LASER {w}" for w in laser.split(",")), *others.split(",")]:
-        assert word in said, word
+        assert word in written, word
 
 
 def test_the_compiled_example_is_what_compile_prints() -> None:

@@ -1,4 +1,4 @@
-"""Simplified Chinese beside English: a catalogue without gaps, in the manual's terms, shown where it is asked for."""
+"""Simplified Chinese beside English: a complete catalogue in the manual's terms, used where it is chosen."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def gusjob(*arguments: str, env: Mapping[str, str] | None = None) -> Result:
 
 
 def test_the_catalogue_is_whole(rewrite: bool) -> None:
-    """Every text of the program is in it and has its translation, and nothing else is."""
+    """It has every text of the program with its translation, and no other."""
     now = catalogue.updated()
     if rewrite:
         catalogue.PO.write_bytes(catalogue.po_bytes(now))
@@ -124,19 +124,19 @@ def test_chinese_is_typeset() -> None:
 
 
 @pytest.mark.parametrize(
-    ("locale", "spoken"),
+    ("locale", "used"),
     [
         ("zh_CN.UTF-8", "zh"), ("zh_CN", "zh"), ("zh", "zh"), ("zh_SG.utf8", "zh"), ("zh-Hans-CN", "zh"),
         ("zh_CN@pinyin", "zh"), ("zh_TW.UTF-8", "en"), ("zh-Hant", "en"), ("de_DE.UTF-8", "en"), ("C", "en"),
         ("", "en"),
     ],
 )  # fmt: skip
-def test_locales(locale: str, spoken: str) -> None:
-    assert language_of(locale) == spoken
+def test_locales(locale: str, used: str) -> None:
+    assert language_of(locale) == used
 
 
 @pytest.mark.parametrize(
-    ("environment", "spoken"),
+    ("environment", "used"),
     [
         ({"LANG": "zh_CN.UTF-8"}, "zh"),
         ({"LANG": "en_US.UTF-8", "LC_MESSAGES": "zh_CN.UTF-8"}, "zh"),
@@ -150,8 +150,8 @@ def test_locales(locale: str, spoken: str) -> None:
         ({"LANGUAGE": "", "LANG": "zh_CN.UTF-8"}, "zh"),
     ],
 )
-def test_the_systems_language(environment: dict[str, str], spoken: str) -> None:
-    assert system_language(environment) == spoken
+def test_the_systems_language(environment: dict[str, str], used: str) -> None:
+    assert system_language(environment) == used
 
 
 def test_one_language_after_the_other() -> None:
@@ -162,14 +162,14 @@ def test_one_language_after_the_other() -> None:
         assert (language(), translated("error")) == ("en", "error")
 
 
-def test_a_language_that_is_none_changes_nothing(chinese: None) -> None:
+def test_an_unknown_language_changes_nothing(chinese: None) -> None:
     for wrong in ("fr", "zh_CN", ""):
         with pytest.raises(ValueError, match="en, zh"):
             set_language(wrong)
         assert language() == "zh"
 
 
-def test_a_command_leaves_the_process_its_language(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_restores_the_language_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LANGUAGE", "fr")
     gettext.textdomain("host")
     try:
@@ -181,17 +181,24 @@ def test_a_command_leaves_the_process_its_language(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    ("encoding", "asked", "spoken"),
+    ("encoding", "chosen", "used"),
     [("utf-8", False, True), ("gbk", False, True), ("cp1252", False, False), ("cp1252", True, True)],
 )
-def test_what_can_not_be_shown_is_said_in_english(encoding: str, asked: bool, spoken: bool) -> None:
-    """Unless somebody asks for it. Tables and messages are in one encoding."""
-    line = [sys.executable, "-m", "gusjob", *(["--lang", "zh"] if asked else []), "run", str(ROOT / "jobs/co2_cut.job")]
+def test_an_encoding_without_chinese_gets_english(encoding: str, chosen: bool, used: bool) -> None:
+    """Unless --lang zh is given. Tables and messages are in one encoding."""
+    line = [
+        sys.executable,
+        "-m",
+        "gusjob",
+        *(["--lang", "zh"] if chosen else []),
+        "run",
+        str(ROOT / "jobs/co2_cut.job"),
+    ]
     env = {**os.environ, "LANGUAGE": "", "LC_ALL": "zh_CN.UTF-8", "PYTHONIOENCODING": encoding}
     done = subprocess.run(line, env=env, capture_output=True, timeout=60, check=False)
     text = (done.stdout + done.stderr).decode(encoding)
-    assert bool(CHINESE.search(text)) is (spoken and encoding != "cp1252")
-    assert ("\\u" in text) is (spoken and encoding == "cp1252")
+    assert bool(CHINESE.search(text)) is (used and encoding != "cp1252")
+    assert ("\\u" in text) is (used and encoding == "cp1252")
 
 
 def test_phrases(chinese: None) -> None:
@@ -241,10 +248,10 @@ def test_a_faulty_job_in_chinese(tmp_path: Path) -> None:
     assert done.exit_code == 1
 
 
-def test_how_chinese_is_asked_for(tmp_path: Path) -> None:
+def test_how_chinese_is_chosen(tmp_path: Path) -> None:
     path, system = str(write(tmp_path, JOB)), SYSTEM
-    for asked in (("--lang", "zh", "check", path), ("check", path, "--lang=zh"), ("check", "--lang", "zh", path)):
-        assert "错误[GJ102]" in gusjob(*asked).output
+    for chosen in (("--lang", "zh", "check", path), ("check", path, "--lang=zh"), ("check", "--lang", "zh", path)):
+        assert "错误[GJ102]" in gusjob(*chosen).output
     assert "错误[GJ102]" in gusjob("check", path, env=system).output
     assert "error[GJ102]" in gusjob("check", "--lang", "en", path, env=system).output
 

@@ -1,6 +1,6 @@
-"""Every English text that ends in a fault can be said in another language: it is a Phrase, and its fields are Phrases.
+"""Every English text of a diagnostic can be translated: it is a Phrase, and its fields are Phrases.
 
-The yardstick is a pseudo-language without a single Latin letter. What stays English in it, nobody can translate.
+The tests use a pseudo-language without Latin letters. What stays English in it cannot be translated.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Pseudo:
 
 @pytest.fixture
 def pseudo(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pseudo-language is spoken."""
+    """Use the pseudo-language."""
     monkeypatch.setattr(translate, "_catalogue", Pseudo())
 
 
@@ -70,7 +70,7 @@ def phrases(path: Path) -> list[ast.Call]:
 
 
 def odd_phrase(call: ast.Call) -> str:
-    """What is wrong with a Phrase(...); '' if it is a literal with the fields that it names."""
+    """Why a Phrase(...) is not a literal with the fields that it names; '' if it is."""
     text = call.args[0] if len(call.args) == 1 else None
     if not isinstance(text, ast.Constant) or not isinstance(text.value, str):
         return "no literal"
@@ -116,8 +116,8 @@ def test_babel_finds_what_the_parser_finds() -> None:
     assert texts <= {message.id for message in needed()}
 
 
-SAYS = {"hint", "reason", "wanted", "wants", "expected", "given", "found", "what", "mend", "lost", "begins"}
-"""Fields of faults that hold a text of ours, or a word of the user's."""
+TEXT_FIELDS = {"hint", "reason", "wanted", "wants", "expected", "given", "found", "what", "mend", "lost", "begins"}
+"""Fields of diagnostics that hold a text of the program, or a word of the user's."""
 OF_DIAGNOSTICS = ("frontend", "lint", "planner", "simulate", "controllers", "config", "kinematics", "ir")
 
 
@@ -139,7 +139,7 @@ def is_bare(value: ast.expr | None) -> bool:
 
 
 def bare_fields(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Line and name of every field of a fault that is bare English, in a call, a dict or a variable of its name."""
+    """Line and name of every field of a diagnostic that is bare English: in a call, a dict or a variable."""
     for node in ast.walk(tree):
         named: list[tuple[str | None, ast.expr]] = []
         match node:
@@ -151,7 +151,7 @@ def bare_fields(tree: ast.AST) -> Iterator[tuple[int, str]]:
                 ]
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 named = [(name, value)]
-        yield from ((value.lineno, name) for name, value in named if name in SAYS and is_bare(value))
+        yield from ((value.lineno, name) for name, value in named if name in TEXT_FIELDS and is_bare(value))
 
 
 def test_no_field_of_a_diagnostic_is_bare_english() -> None:
@@ -204,12 +204,12 @@ _CALLS = {**SIGNATURES, **HOST_CALLS}
 ARGUMENTS = {*IGNORED_CALLS, *(a.name for s in _CALLS.values() for a in s.args), *(f[0] for f in CRD_FIELDS)}
 """Calls that are passed over (printf), arguments of calls, fields of their structs."""
 OF_CALLS = ("GJ7", *(f"GJ11{number}" for number in range(1, 7)))
-CODEC_SAYS = {"invalid start byte", "invalid continuation byte", "unexpected end of data"}
-SYSTEM_SAYS = {os.strerror(number).lower() for number in errno.errorcode}
+CODEC_TEXTS = {"invalid start byte", "invalid continuation byte", "unexpected end of data"}
+SYSTEM_TEXTS = {os.strerror(number).lower() for number in errno.errorcode}
 
 
 def allowed_by(rule: Rule, fields: dict[str, Any]) -> set[str]:
-    """Words that may stay as they are in a fault of a rule."""
+    """Words that may stay as they are in a diagnostic of a rule."""
     allowed = UNITS_SHOWN | FIGURES
     if rule.code.startswith(OF_CALLS) or str(fields.get("what", "")).startswith("GT_"):
         allowed = allowed | ARGUMENTS
@@ -218,8 +218,8 @@ def allowed_by(rule: Rule, fields: dict[str, Any]) -> set[str]:
     if "key" in fields:
         allowed = allowed | entries_of_the_profile()
     reason = fields.get("reason", "")
-    # What Python's TOML reader, its codecs and the operating system say is theirs.
-    if reason and (rule is PROFILE_SYNTAX or reason in CODEC_SAYS or reason.lower() in SYSTEM_SAYS):
+    # The texts of Python's TOML reader, its codecs and the operating system are not translated.
+    if reason and (rule is PROFILE_SYNTAX or reason in CODEC_TEXTS or reason.lower() in SYSTEM_TEXTS):
         allowed = allowed | words_of(reason)
     return allowed
 
@@ -233,7 +233,7 @@ def code_of(line: str) -> str:
 
 
 def allowed_in(diagnostic: Diagnostic, text: str) -> set[str]:
-    """Words that may stay as they are in a fault of a text."""
+    """Words that may stay as they are in a diagnostic of a text."""
     lines = [code_of(line) for line in text.splitlines()]
     spans = [diagnostic.span, *(remark.span for remark in diagnostic.remarks)]
     allowed = words_of(*(lines[s.line - 1] for s in spans if s.line <= len(lines)))
@@ -246,7 +246,7 @@ def allowed_in(diagnostic: Diagnostic, text: str) -> set[str]:
 
 
 def english_in(diagnostic: Diagnostic, text: str) -> set[str]:
-    """Words of a fault, as it is said, that should be in the user's language."""
+    """Words of a localized diagnostic that should be in the user's language."""
     words = words_of(diagnostic.localized_with_count, *(remark.localized for remark in diagnostic.remarks))
     left = {word for word in words if re.search("[a-z]", word)}
     left -= allowed_by(diagnostic.rule, diagnostic.fields) | allowed_in(diagnostic, text)
@@ -374,7 +374,7 @@ def test_files_that_are_no_text_leave_no_english(tmp_path: Path) -> None:
     contents = (b"LINE\0", b"\xff\xfea", b"LINE X 1\nLINE \xff")
     found = [f for data in contents for f in check_text(data, "a.job")[1]]
     assert len(found) == len(contents)
-    found += read_source(tmp_path / "none.job")[1]  # What the system says of it.
+    found += read_source(tmp_path / "none.job")[1]  # With the system's own text.
     found += read_source(Path("a\0b"))[1]
     (tmp_path / "gusjob.toml").write_bytes(b'name = "caf\xe9"')
     found += [*read_machine(tmp_path / "gusjob.toml")[1], *read_machine(tmp_path)[1]]
@@ -409,7 +409,7 @@ def test_glued_english_is_seen() -> None:
 # Phrase itself.
 
 
-def speak(monkeypatch: pytest.MonkeyPatch, texts: dict[str, str]) -> None:
+def use_catalogue(monkeypatch: pytest.MonkeyPatch, texts: dict[str, str]) -> None:
     """A catalogue of a few texts."""
 
     class Some:
@@ -433,8 +433,8 @@ def test_without_a_catalogue_all_is_english() -> None:
     assert localized(Phrase("")) == ""
 
 
-def test_fields_that_are_phrases_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    speak(monkeypatch, {"{what} of {word}": "{word} 的{what}", "the {size}": "{size}", "size": "大小"})
+def test_fields_that_are_phrases_are_localized(monkeypatch: pytest.MonkeyPatch) -> None:
+    use_catalogue(monkeypatch, {"{what} of {word}": "{word} 的{what}", "the {size}": "{size}", "size": "大小"})
     inner = Phrase("the {size}", size=Phrase("size"))
     assert localized(Phrase("{what} of {word}", what=inner, word="LINE")) == "LINE 的大小"
 
@@ -442,13 +442,13 @@ def test_fields_that_are_phrases_are_said(monkeypatch: pytest.MonkeyPatch) -> No
 def test_floats_are_shown_as_number_shows_them(monkeypatch: pytest.MonkeyPatch) -> None:
     text = Phrase("at {value} of {count}", value=2.0, count=3)
     assert text == "at 2 of 3"
-    speak(monkeypatch, {"at {value} of {count}": "{count} 之 {value}"})
+    use_catalogue(monkeypatch, {"at {value} of {count}": "{count} 之 {value}"})
     assert localized(text) == "3 之 2"
     assert localized(Phrase("at {value} of {count}", value=float("inf"), count=0.1 + 0.2)) == "0.3 之 inf"
 
 
 def test_a_users_name_that_is_a_key_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    speak(monkeypatch, {"statements": "语句", "{name} is set": "已设置 {name}", "size": "大小"})
+    use_catalogue(monkeypatch, {"statements": "语句", "{name} is set": "已设置 {name}", "size": "大小"})
     assert localized("statements") == "statements"
     assert localized(Phrase("{name} is set", name="size")) == "已设置 size"
     fields = {"name": "size", "hint": ""}
@@ -460,18 +460,20 @@ def test_a_users_name_that_is_a_key_stays(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_users_braces_are_no_fields(monkeypatch: pytest.MonkeyPatch) -> None:
     text = Phrase("{found} does not belong here", found="{hint} {0} {")
     assert text == "{hint} {0} { does not belong here"
-    speak(monkeypatch, {"{found} does not belong here": "此处不应有 {found}"})
+    use_catalogue(monkeypatch, {"{found} does not belong here": "此处不应有 {found}"})
     assert localized(text) == "此处不应有 {hint} {0} {"
     assert localized(copy.deepcopy(text)) == localized(copy.copy(text)) == localized(text)
 
 
-def test_lists_are_said_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lists_are_localized_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
     assert any_of(("A", "B", "C")) == "A, B or C"
     assert all_of(("A", "B", "C")) == "A, B, C"
     assert both_of(("A", "B", "C")) == "A and B and C"
     assert (any_of(("A",)), all_of(("A",)), all_of(()), both_of(("A",))) == ("A", "A", "", "A")
     assert (did_you_mean("LINE"), did_you_mean("")) == ("; did you mean LINE?", "")
-    speak(monkeypatch, {"{first} or {last}": "{first}或{last}", "{first}, {second}": "{first}、{second}", "a b": "甲"})
+    use_catalogue(
+        monkeypatch, {"{first} or {last}": "{first}或{last}", "{first}, {second}": "{first}、{second}", "a b": "甲"}
+    )
     assert localized(any_of((Phrase("a b"), "B", END_OF_LINE))) == "甲、B或the end of the line"
 
 

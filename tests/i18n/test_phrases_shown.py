@@ -1,6 +1,6 @@
-"""What people see can be said in their language: reports, comparisons, tune, devices, run, watch, faults of a run.
+"""Output for people can be translated: reports, comparisons, tune, devices, run, watch, errors of a run.
 
-Said in a language of dots, no English word is left but those of the job, of files, units and options.
+In a language of dots only the words of the job, of files, units and options are left.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ LASER OFF CHANNEL 1
 LONG = MARK + "LASER POWER 40\nREPEAT 60 AS i\nLASER ON\nLINE X (i % 2 + 1) Y (i / 10)\nLASER OFF\nJUMP X 0 Y 0\nEND\n"
 
 
-class _Said:
+class _Letters:
     """A catalogue: each letter of a text that was looked up is another one."""
 
     def __init__(self, letter: str) -> None:
@@ -92,12 +92,12 @@ class _Said:
 
 @pytest.fixture(name="dots")
 def _dots(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
 
 
 @pytest.fixture(name="wide")
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translate, "_catalogue", _Said("中"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("中"))
 
 
 def left(text: str, *known: str) -> set[str]:
@@ -108,18 +108,18 @@ def left(text: str, *known: str) -> set[str]:
 
 
 JSON_READER = re.compile(r"(?<=·: )[a-z][^·(]*(?= \(·)")
-"""What the reader of JSON says of a text that is none: words of a library."""
+"""The JSON reader's own text, which is not translated."""
 
 
 def out(command: click.Command, *arguments: object) -> str:
-    """What a command tells, on both streams."""
+    """Output of a command, on both streams."""
     result = CliRunner().invoke(command, [str(a) for a in arguments], catch_exceptions=False)
     assert result.exit_code in (0, 1, 2)
     return str(result.output)
 
 
 def wrong(command: click.Command, *arguments: object) -> str:
-    """What a command has against its arguments; what click puts round that is click's."""
+    """The message of a command about its arguments, without click's own text."""
     with pytest.raises(click.ClickException) as found:
         command.main([str(a) for a in arguments], standalone_mode=False)
     return found.value.message
@@ -190,7 +190,7 @@ def test_comparisons(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             english.setattr(translate, "_catalogue", None)
             out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json")
         (folder / "J.job").write_text(after, encoding="utf-8")
-        monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+        monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
         for form in ("table", "markdown", "csv"):
             output = ("-o", "X") if form == "csv" else ()
             text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--format", form, *output)
@@ -201,7 +201,7 @@ def test_comparisons(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_totals_only(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json", "--summary")
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     assert left(out(report_command.command, "L.job", "--against", "OLD.JSON"), "L.job", "OLD.JSON") == set()
 
 
@@ -220,7 +220,7 @@ def test_no_earlier_report(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         {**good, "segments": {**segments, "line": [0.5] * len(segments["line"])}},
     ]  # fmt: skip
     texts = [*(json.dumps(one).encode() for one in broken), b"\xff\xfe{", b"{1"]
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     path = folder / "BAD.JSON"
     # Names of fields of the JSON.
     names = [*good, *totals, *segments, *channel, "mark, jump, run_in, run_out, dwell"]
@@ -257,11 +257,11 @@ def test_tune(folder: Path) -> None:
      JOB.replace("VEL", "LASER DELAY ON 1us OFF 1us\nSKYWRITE MODE 1 TIMELAG 10us NPREV 2 NPOST 2\nVEL")],
 )  # fmt: skip
 @pytest.mark.usefixtures("dots")
-def test_what_can_not_be_tuned(folder: Path, text: str) -> None:
+def test_jobs_that_can_not_be_tuned(folder: Path, text: str) -> None:
     (folder / "J.job").write_text(text, encoding="utf-8")
     for more in ((), ("--skywrite",)):
-        told = out(tune_command.command, "J.job", "--scanner", "first-order:200us", *more)
-        lines = [line for line in told.splitlines() if not re.match(r"(LASER DELAY|SKYWRITE) ", line)]
+        texts_shown = out(tune_command.command, "J.job", "--scanner", "first-order:200us", *more)
+        lines = [line for line in texts_shown.splitlines() if not re.match(r"(LASER DELAY|SKYWRITE) ", line)]
         assert left("\n".join(lines), "J.job", "gusjob: ", "first-order") == set()
     assert left(out(tune_command.command, "J.job"), "gusjob: ") == set()
 
@@ -304,10 +304,10 @@ def test_libraries(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "CUT.so").write_bytes(b"\x7fELF")
     (folder / "F").mkdir()
     signs = ("[WinError 193]", "one of its dependencies", "WinError 126")
-    told = [_why("/bin/sh", sign) for sign in signs]
+    texts_shown = [_why("/bin/sh", sign) for sign in signs]
     libraries = [
         *(judged(str(path)) for path in ("/NO.so", folder / "F", folder / "CUT.so")),
-        *(replace(judged("/NO.so"), reason=why, next_steps=devices._library_steps(why)) for why in told),
+        *(replace(judged("/NO.so"), reason=why, next_steps=devices._library_steps(why)) for why in texts_shown),
         *(replace(judged("/NO.so"), next_steps=(step,)) for _, step in devices._LIBRARY_STEPS),
         *(replace(judged("/NO.so"), loaded=True, abis=tuple(abis)) for abis in (Abi, [Abi.GUS])),
         replace(judged("/NO.so"), loaded=True, missing={Abi.GTS: ("GT_A", "GT_B")}),
@@ -329,19 +329,19 @@ def test_run(folder: Path) -> None:
 
 
 def test_status(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[str] = []
+    texts_shown: list[str] = []
 
-    class Told:
+    class Collected:
         def __enter__(self) -> Callable[[str], None]:
-            return told.append
+            return texts_shown.append
 
         def __exit__(self, *_: object) -> None: ...
 
-    monkeypatch.setattr(run_command, "_progress", lambda _path: Told())
+    monkeypatch.setattr(run_command, "_progress", lambda _path: Collected())
     out(run_command.command, "J.job")
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
-    assert len(told) == 3
-    assert {word for text in told for word in left(localized(text))} == set()
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
+    assert len(texts_shown) == 3
+    assert {word for text in texts_shown for word in left(localized(text))} == set()
 
 
 @pytest.mark.parametrize("name", ["J.job", "B.job"])
@@ -353,12 +353,12 @@ def test_watch(folder: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None
     monkeypatch.setattr(watch_command, "_wait_for_change", ended)
     head, _, text = out(watch_command.command, name).partition("\n")
     assert left(head, name) == set()
-    # The job's own line is shown below a fault.
+    # The job's own line is shown below an error.
     assert left(text, name, "LINE X 1") == set()
 
 
 def test_wrong_usage(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     cases: list[tuple[click.Command, tuple[str, ...]]] = [
         *((report_command.command, ("J.job", *more)) for more in (
             ("--tolerance", "X"), ("--tolerance", "1"), ("--tolerance", "1%"), ("--marks", "--format", "csv"),
@@ -400,7 +400,7 @@ def test_too_long() -> None:
     assert left(localized(too_long(Long()))) == set()  # type: ignore[arg-type]
 
 
-# The panel, and faults of a run.
+# The panel, and errors of a run.
 
 NOW = Progress(
     job="J.job", phase=Phase.RUNNING, row=1, rows=9, segment=1000, segments=2000, place="J.job:7", x_mm=1.0, y_mm=-2.0,
@@ -424,19 +424,19 @@ def test_panel_and_lines(phase: Phase) -> None:
         assert left(text, "J.job") == set()
 
 
-def test_faults_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     stream.buffered.crd[-1] = 2
     diagnostics = [*one_queue(stream), *(_motion_fault(code) for code in (0, *MEANINGS, 99, -99))]
     diagnostics += [_light_fault(0, code, powered) for code in MEANINGS for powered in (False, True)]
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     for diagnostic in diagnostics:
         assert left(diagnostic.localized) == set()
     assert [left(localized(text)) for code in (*MEANINGS, 99, -99) for text in meaning(code)] == [set()] * 20
 
 
 @pytest.mark.usefixtures("dots")
-def test_journals_that_are_none(folder: Path) -> None:
+def test_files_that_are_not_journals(folder: Path) -> None:
     head = b'{"schema":"gusjob-journal/1","begin":null,"resumes":"OTHER"}\n'
     path = folder / "J.JOURNAL"
     for text in (b"{}\n", head, head + b'{"t":0,"resumed":"OTHER"}\n', head + b'{"t":0,"part":0}\n'):
@@ -452,7 +452,7 @@ def test_runs_on_a_controller(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     library = build(folder)
     monkeypatch.setenv("VC_OPTIONS", "speed=50,log=0")
     monkeypatch.setattr("gusjob.cli.hardware._answers", lambda: True)
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     (folder / "D.job").write_text(MARK + "LINE X 1\n", encoding="utf-8")
     (folder / "N.job").write_text("COORDS ABS\n", encoding="utf-8")
     hardware = ("--backend", "gts", "--library", library, "--abi", "gus", "--progress", "lines")
@@ -465,7 +465,7 @@ def test_runs_on_a_controller(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
         return re.sub(r" \[y/N\]: [yn]|^ .*\|.*$|--··· gus", "", text, flags=re.MULTILINE)
 
     known = ("J.job", "D.job", "N.job", "L.job", "gusjob: ", "--frame", "--from-line", "--no-laser")
-    told = [
+    texts_shown = [
         run("J.job", "--journal", "A.JOURNAL"),
         run("J.job", "--journal", "A.JOURNAL"),
         run("J.job", "--journal", "NONE/A.JOURNAL"),
@@ -483,7 +483,7 @@ def test_runs_on_a_controller(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
         run("A.JOURNAL"),
         wrong(run_command.command, "J.job", *hardware, "--from-line", "1", "--resume", "A.JOURNAL"),
     ]
-    for text in told:
+    for text in texts_shown:
         assert "·" in text
         assert left(text, *known) == set(), text
 
@@ -536,7 +536,7 @@ def test_wide_characters_keep_columns_straight(folder: Path) -> None:
 def test_wide_characters_in_a_comparison(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json")
     (folder / "J.job").write_text(JOB.replace("10 + i", "20 + i"), encoding="utf-8")
-    monkeypatch.setattr(translate, "_catalogue", _Said("中"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("中"))
     text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--summary")
     _, totals, segments = text.rstrip("\n").split("OLD.JSON")[1].split("\n\n")
     power = [line for line in totals.splitlines() if "%" in line.partition("->")[0]]

@@ -1,7 +1,7 @@
-"""The catalogue of Chinese texts: which texts of the program have to be in it, and how Babel keeps it.
+"""The catalogue of Chinese texts: which texts of the program it must have, and how Babel stores it.
 
-Rules and the command line are asked for their texts; all others are the literals of Phrase(...) in the code, and of
-_(...) in the page's template.
+Texts of rules and of the command line come from their objects; all others are the literals of Phrase(...) in the
+code, and of _(...) in the page's template.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ OF_CLICK = (
     "Option {name!r} does not take a value.", "(DEPRECATED)", "env var: {var}",
     "%(prog)s, version %(version)s",
 )  # fmt: skip
-"""What click says of itself in a help or of a wrong usage, as its versions 8.1 and later have it."""
+"""click's own texts in help and usage errors, of versions 8.1 and later."""
 OF_CLICK_COUNTED = (
     ("Got unexpected extra argument ({args})", "Got unexpected extra arguments ({args})"),
     ("Option {name!r} requires an argument.", "Option {name!r} requires {nargs} arguments."),
@@ -127,9 +127,11 @@ def updated() -> Catalog:
     )  # fmt: skip
     for message in needed():
         if message.id:
-            said = old.get(key(message), "")
+            translation = old.get(key(message), "")
             catalog.add(
-                message.id, said if isinstance(message.id, str) else (said,), auto_comments=message.auto_comments
+                message.id,
+                translation if isinstance(message.id, str) else (translation,),
+                auto_comments=message.auto_comments,
             )
     return catalog
 
