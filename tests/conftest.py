@@ -36,12 +36,10 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what needs the virtual controller or a browser."""
+    """Mark what needs the virtual controller."""
     for item in items:
         if needs_controller.mark in item.iter_markers("skipif"):
             item.add_marker("hardware")
-        if "chromium" in getattr(item, "fixturenames", ()):
-            item.add_marker("browser")
 
 
 def pytest_collection_finish() -> None:

@@ -16,6 +16,7 @@ from babel.messages.mofile import read_mo
 from click import Context
 from click.testing import CliRunner, Result
 from support import catalogue
+from support.chinese import CHINESE
 from support.cli import write
 from support.tools import ROOT
 
@@ -26,7 +27,6 @@ from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import CATALOGUES, language, language_of, set_language, system_language, translated, typeset
 from gusjob.i18n.phrases import Phrase, localized
 
-CHINESE = re.compile(r"[\u4e00-\u9fff]")
 TEXTS = catalogue.texts(catalogue.kept())
 
 

@@ -1,4 +1,4 @@
-"""A slow, plain reference of the interpreter, written from the job language's contract alone, to compare with.
+"""A slow, plain reference of the simulation, written from the job language's contract alone, to compare with.
 
 One scalar at a time: every tick is looked at, nothing is vectorised, nothing is shared with the package. Times are in
 ms, lengths in pulse, velocities in pulse/ms. Decided here where the contract is silent:

@@ -181,14 +181,14 @@ def test_in_a_dwell_the_beam_settles(model: ScannerModel) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_every_stage_starts_at_rest_and_settles_behind_its_end(model: ScannerModel) -> None:
+def test_every_stage_starts_at_rest_and_settles_after_its_end(model: ScannerModel) -> None:
     tau, vel = 5.0, 100.0
     one = f"GT_LnXY(1,10000,0,{vel},{AT_ONCE},100,0)\n{START}GT_CrdStatus(1,run,segment,0)\n"
     two = f"GT_LnXY(1,10000,7000,{vel},{AT_ONCE},0,0)\n{START}"
     trace = trace_of(one + two, lag(model, tau * 1000))
     u = np.linspace(0, 40, 401)
     end = 100 + vel / AT_ONCE / 2
-    # The same moments, told apart by the stage: behind the first, and within the second.
+    # The same moments, told apart by the stage: after the first, and within the second.
     x, y = seen(trace, end + u, 0)
     assert x == pytest.approx(10000 + vel * (u - tau - ramp(model, tau, u)), abs=1e-5)
     assert (y == 0).all()
@@ -221,7 +221,7 @@ def test_where_nothing_moves(scanner: Scanner | None) -> None:
 
 
 def command_at(segments: Sequence[Segment], time: Floats) -> Floats:
-    """(2, k): where the segments are at moments; behind the last one, its end."""
+    """(2, k): where the segments are at moments; after the last one, its end."""
     starts = np.concatenate([[0.0], np.cumsum([s.duration for s in segments])])
     index = np.minimum(np.searchsorted(starts, time, side="right") - 1, len(segments) - 1)
     points = [segments[i].state(t - starts[i])[1:] for i, t in zip(index.tolist(), time.tolist(), strict=True)]
@@ -266,7 +266,7 @@ def text_of(calls: Sequence[Call]) -> str:
 
 
 def compare(calls: Sequence[Call], model: ScannerModel, tau: float, step: float, within: float) -> None:
-    """The beam of a stage is what the fine integration gives, up to 8 tau behind its end."""
+    """The beam of a stage is what the fine integration gives, up to 8 tau after its end."""
     segments = segments_of(calls)
     time = np.arange(0.0, sum(s.duration for s in segments) + 8 * tau, step)
     wanted = filtered(model, tau, command_at(segments, time), step)
@@ -346,7 +346,7 @@ def test_many_short_segments_are_summed_up_as_one_line(model: ScannerModel) -> N
 
 
 @pytest.mark.parametrize("model", FILTERS)
-def test_what_is_not_forgotten_goes_from_block_to_block(model: ScannerModel) -> None:
+def test_transients_continue_from_block_to_block(model: ScannerModel) -> None:
     """A circle of 40,000 chords at one speed, 318 of them within tau: the answer is a smaller, later circle.
 
     Ends are whole pulses, which makes the way longer by some 0.05 %: 3 of the 5000 pulse of lag.
@@ -378,7 +378,7 @@ ACTUAL = (
 
 @pytest.mark.parametrize("model", MODELS)
 def test_distance_follow_reads_the_actual_position(model: ScannerModel) -> None:
-    """20 % and 3 % a mm; 10 mm in 100 ms, and 5 ms of light behind its end, at a period of 0.1 ms."""
+    """20 % and 3 % a mm; 10 mm in 100 ms, and 5 ms of emission after its end, at a period of 0.1 ms."""
     tau = 2.0
     machine = Machine(scanner=lag(model, tau * 1000), period_us=100)
     start, end = 100 / AT_ONCE / 2, 100 + 100 / AT_ONCE / 2
@@ -389,7 +389,7 @@ def test_distance_follow_reads_the_actual_position(model: ScannerModel) -> None:
     assert actual.column("ch0_power_max") == pytest.approx([20 + 3 * way[-1] / 1000], abs=0.02)
     planned = run_listing(ACTUAL.format(source=0, crd="", ratio="{3,0,0,0}"), machine)
     lost = planned.column("ch0_power_ms")[0] - actual.column("ch0_power_ms")[0]
-    # All that is late is late by tau, but for what has not come when the light goes.
+    # All that is late is late by tau, but for what has not come when the laser goes.
     assert lost == pytest.approx(30 * tau, abs=2.5)
     assert planned.column("ch0_power_ms") == run_listing(
         ACTUAL.format(source=0, crd="", ratio="{3,0,0,0}"), Machine(period_us=100)
@@ -406,7 +406,7 @@ def test_the_actual_position_is_that_of_the_axes_of_the_coordinate_system() -> N
     assert run_listing(still, machine).column("ch0_power_max") == [20]
 
 
-def test_the_planned_position_stands_in_where_no_scanner_is_known() -> None:
+def test_without_a_scanner_the_planned_position_is_used() -> None:
     text = ACTUAL.format(source=1, crd="", ratio="{3,0,0,0}")
     known, unknown = Machine(scanner=lag(ScannerModel.DELAY, 0)), Machine()
     assert "GJ702" in [f.rule.code for f in find_diagnostics(calls_in(text), unknown)]
@@ -452,7 +452,7 @@ def test_a_scanner_is_read(text: str, model: ScannerModel, us: float) -> None:
      "delay:1e400", "delay:1000000.1", "delay:1.0001s", "delay:1m", "delay:1 2us", "delay:0x10", "delay:١us",
      "delay:1us;", "250us", "delay=250us", "delay:1us:2", "delay:1e", "delay:\x1b[31m"],
 )  # fmt: skip
-def test_what_is_no_scanner_is_told_what_to_write(text: str) -> None:
+def test_the_message_of_an_invalid_scanner_shows_the_format(text: str) -> None:
     reason = parse_scanner(text)
     assert isinstance(reason, str)
     assert "first-order:250us" in reason

@@ -20,7 +20,7 @@ LINE = "GT_LnXY(1,100000,0,50,2,0,0)\n"
 
 def test_emission_through_a_wait_continues_from_the_first_moment() -> None:
     ran = run_job(MARK + "LASER DELAY ON 300 OFF 500\nLASER POWER 10\nLASER ON\nLINE X 1\nWAIT\nLINE X 2\nLASER OFF\n")
-    # 1 mm at 100 mm/s, 10000 mm/s2: 20 ms. Stage 1 from 0.3 ms on; stage 2 all of it and 0.5 ms behind it.
+    # 1 mm at 100 mm/s, 10000 mm/s2: 20 ms. Stage 1 from 0.3 ms on; stage 2 all of it and 0.5 ms after it.
     assert ran.column("ch0_emission_ms") == pytest.approx([19.7, 20.5])
 
 
@@ -54,7 +54,7 @@ def test_emission_before_any_motion_does_not_follow_velocity() -> None:
 
 
 def test_switch_and_emission_with_fpk() -> None:
-    """On at 0 and off at 2025 ms, delays 30 and 40 us: the switch; the light 20 us and 50 us behind it."""
+    """On at 0 and off at 2025 ms, delays 30 and 40 us: the switch; the emission 20 us and 50 us after it."""
     text = (
         HEAD + "GT_SetLevelDelay(40,30,0)\nGT_EnaFPK(10,20,50,0)\nGT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
         + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
@@ -63,7 +63,7 @@ def test_switch_and_emission_with_fpk() -> None:
     assert source is not None
     trace, _ = simulate_stream(read_listing(source)[0], Machine(), is_listing=True)
     assert trace is not None
-    shine = trace.channels[0].emission
-    assert [*shine.switch.start_ms, *shine.switch.end_ms] == pytest.approx([0.03, 2025.04])
-    assert [*shine.start_ms, *shine.end_ms] == pytest.approx([0.05, 2025.09])
-    assert shine.carried.tolist() == [False]
+    emission = trace.channels[0].emission
+    assert [*emission.switch.start_ms, *emission.switch.end_ms] == pytest.approx([0.03, 2025.04])
+    assert [*emission.start_ms, *emission.end_ms] == pytest.approx([0.05, 2025.09])
+    assert emission.carried.tolist() == [False]

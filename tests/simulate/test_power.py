@@ -98,7 +98,7 @@ def test_velocity_follow_over_a_million_ticks_equals_the_sum() -> None:
 
 
 def test_power_held_at_moments() -> None:
-    """Follow 2 * v + 10 up to 100, at 2 pulse/ms2; then direct, which holds behind the end too."""
+    """Follow 2 * v + 10 up to 100, at 2 pulse/ms2; then direct, which holds after the end too."""
     text = HEAD + "GT_BufLaserPrfFollow(1,2,10,100,0,0)\n" + LINE + "GT_BufLaserPrfCmd(1,33,0,0)\nGT_BufDelay(1,5,0)\n"
     source, _ = check_text((text + "GT_CrdStart(1,0)\n").encode(), "test.gts")
     assert source is not None

@@ -199,7 +199,7 @@ def test_edges_inside_ticks(run: Run) -> None:
 
 @both
 def test_tail_over_ticks(run: Run) -> None:
-    """Off delay of 0.7 ms: behind the end velocity is 0, also at the ticks there."""
+    """Off delay of 0.7 ms: after the end velocity is 0, also at the ticks there."""
     rows = run([DUTY, delays(700, 0), ON, follow(10, 5, 100), SHORT, OFF, START], 250)
     expect(rows, "ch0_power_ms", [130 + 0.7 * 5])
     expect(rows, "ch0_power_min", [5])
@@ -217,7 +217,7 @@ def test_tail_holds_the_last_tick(run: Run) -> None:
 
 
 @both
-def test_power_call_behind_the_last_segment(run: Run) -> None:
+def test_power_call_after_the_last_segment(run: Run) -> None:
     """It acts at the segment's end, so on the tail alone."""
     rows = run([DUTY, delays(700, 0), ON, power(50), SHORT, power(80), OFF, START], 250)
     expect(rows, "ch0_power_ms", [6 * 50 + 0.7 * 80])
@@ -243,7 +243,7 @@ def test_edges_that_merge(run: Run, off: int, on: int, emission: list[float]) ->
 
 @both
 def test_on_that_its_off_overtakes(run: Run) -> None:
-    """On at 2.0 ms, off at 1.4 ms: no light at all; the next on at 3 + 2 ms stands."""
+    """On at 2.0 ms, off at 1.4 ms: no emission at all; the next on at 3 + 2 ms counts."""
     rows = run([DUTY, delays(400, 2000), power(40), ON, dwell(1), OFF, dwell(2), ON, dwell(6), OFF, START], 250)
     expect(rows, "ch0_emission_ms", [0, 0, 4.4])
     expect(rows, "ch0_power_min", [None, None, 40])
@@ -265,7 +265,7 @@ def test_segment_shorter_than_a_tick(run: Run) -> None:
 
 @both
 def test_first_pulse_killer(run: Run) -> None:
-    """On delay 0.1 and gap 0.15, off delay 0.05 and late closing 0.25: light 0.25 to 2.3 and 3.25 to 5.3."""
+    """On delay 0.1 and gap 0.15, off delay 0.05 and late closing 0.25: emission 0.25 to 2.3 and 3.25 to 5.3."""
     setup = [DUTY, delays(50, 100), ("GT_EnaFPK", 9, 150, 250, 0), ("GT_LaserPrfCmd", 40, 0)]
     rows = run([*setup, ON, dwell(2), OFF, dwell(1), ON, dwell(2), OFF, START], 250)
     expect(rows, "ch0_emission_ms", [1.75, 0.3, 2.05])
@@ -284,8 +284,8 @@ def test_first_pulse_killer_and_merged_edges(run: Run) -> None:
 
 @both
 @pytest.mark.parametrize("off", [0, 50])
-def test_first_pulse_killer_closes_a_light_that_was_on(run: Run, off: int) -> None:
-    """Light on at rest, off at the start: it closes 0.25 ms behind the off edge, whatever the off delay."""
+def test_first_pulse_killer_ends_an_emission_that_was_on(run: Run, off: int) -> None:
+    """Laser on at rest, off at the start: it closes 0.25 ms after the off edge, whatever the off delay."""
     setup = [DUTY, delays(off, 100), ("GT_EnaFPK", 9, 150, 250, 0), ("GT_LaserPrfCmd", 40, 0)]
     rows = run([*setup, ("GT_SetHSIOOpt", 1, 0), OFF, SHORT, START], 250)
     expect(rows, "ch0_emission_ms", [off / 1000 + 0.25])
@@ -323,7 +323,7 @@ def test_mode_limits_hold_direct_power(run: Run) -> None:
 
 @both
 def test_distance_follow(run: Run) -> None:
-    """Direct power is sampled at the ticks, and where a power call stands."""
+    """Direct power is sampled at the ticks, and at power calls."""
     distance = ("GT_SetLaserDisMode", 1, 0, (3, 0, 0, 0), (1, 1, 1, 1), 0)
     limits = ("GT_SetLaserDisRatio", (1, 0, 0, 0), 0, 100, 0)
     # At ticks of 1 ms x = 0 1 3 5 7 9, so |x - 3| = 3 2 0 2 4 6.
@@ -395,7 +395,7 @@ def test_lengths_of_arcs(run: Run) -> None:
 
 @both
 def test_stages(run: Run) -> None:
-    """An on edge under way when a stage ends has come to pass when the next starts; ticks count from each start."""
+    """An on edge still delayed when a stage ends has taken effect when the next starts; ticks count from each start."""
     calls = [DUTY, delays(0, 2000), follow(10, 5, 100), line(9, 0), ON, START, WAIT, line(19, 0), OFF, START]
     rows = run(calls, 250)
     expect(rows, "start_ms", [0, 5.5])
@@ -457,7 +457,7 @@ class Maker:
                     rest_until = len(self.calls)
                 self.motion(stop=left == 0)
             self.events()
-            # What is sent behind the start joins the running stage.
+            # What is sent after the start joins the running stage.
             start = self.random.randint(rest_until, len(self.calls)) if self.chance(0.2) else len(self.calls)
             self.calls.insert(start, ("GT_CrdStart", 1, 0))
             self.calls.append(("GT_CrdStatus", 1, "run", "segment", 0))

@@ -6,17 +6,18 @@
  * GUSJOB_PATIENCE_S and GUSJOB_START_S, whole seconds, see below. GUSJOB_NO_MAIN leaves main() out, for use in another
  * program, which opens the controller, sets it up, switches the axes on and calls gusjob_run().
  *
- * Run it as FILE [CONFIGURATION], the file for GT_LoadConfig. Status: 0 done, 1 refused or failed, 2 stopped by
- * Ctrl+C or another signal. What went wrong is told on stderr with the job's line.
+ * Run it as FILE [CONFIGURATION], the file for GT_LoadConfig. Exit status: 0 done, 1 refused or failed, 2 stopped by
+ * Ctrl+C or another signal. Errors are written to stderr with the line of the job.
  *
- * The job's calls are made in the job's order, and every return value is looked at.
- * - FIFO full: the program waits for room and sends the same call again. If the stage is longer than the FIFO,
- *   GT_CrdStart is sent then, and not again at the end of the stage.
- * - A call refused though there was room, motion that stops with calls still queued (the FIFO ran dry, or something
- *   stopped the axes), or no progress for GUSJOB_PATIENCE_S seconds: an error.
- * - Every way out: light off, then GT_Stop, then the light off again once the motion rests, then the message,
- *   then GT_Close.
- * A process that is killed or crashes, or a lost link, can't switch anything off: that takes an interlock in hardware.
+ * The program makes the calls in the job's order and checks every return value.
+ * - FIFO full: it waits for space and sends the same call again. If the stage is longer than the FIFO, it sends
+ *   GT_CrdStart then, and not again at the end of the stage.
+ * - A call that is refused although there was space, motion that stops with calls still queued (the FIFO ran dry, or
+ *   something stopped the axes), or no progress for GUSJOB_PATIENCE_S seconds is an error.
+ * - Shutdown after an error or a stop: laser off, GT_Stop, laser off again when the motion has stopped, the message,
+ *   GT_Close.
+ * A process that is killed or crashes, or that has lost its link, cannot switch the laser off: that takes an interlock
+ * in hardware.
  */
 #if !defined(_WIN32) && !defined(_POSIX_C_SOURCE)
 #define _POSIX_C_SOURCE 200809L
@@ -45,15 +46,15 @@
 #define GUSJOB_PATIENCE_S 30 /* The longest time without progress is a GT_BufDelay, 16.4 s. */
 #endif
 #ifndef GUSJOB_START_S
-#define GUSJOB_START_S 1 /* How long after GT_CrdStart the motion may still rest. */
+#define GUSJOB_START_S 1 /* How long after GT_CrdStart the motion may take to start. */
 #endif
 
 enum { GUSJOB_DONE = 0, GUSJOB_REFUSED = 1, GUSJOB_STOPPED = 2 };
 
-/* The job on an opened controller; returns one of the above, with the light off. */
+/* Run the job on an opened controller; return one of the above, with the lasers off. */
 int gusjob_run(void);
 
-/* Set it to stop the job, from a signal handler too. */
+/* Set it to stop the job, also from a signal handler. */
 extern volatile sig_atomic_t gusjob_stop;
 volatile sig_atomic_t gusjob_stop = 0;
 
@@ -63,7 +64,7 @@ static const char *const NAMES[] = {
 static const int ARGUMENTS[] = {7, 10, 9, 3, 3, 3, 4, 6};
 static const int FIFO_AT[] = {6, 9, 8, 2, 1, 1, 2, 4};
 
-/* A buffered call: the job's line, which call, its arguments in the vendor's order. */
+/* A buffered call: line of the job, number of the call, arguments in the vendor's order. */
 typedef struct {
     int line;
     int call;
@@ -75,8 +76,8 @@ static const short CHANNELS[] = {GUSJOB_CHANNELS};
 static const short CRDS[] = {GUSJOB_CRDS};
 static const short AXES[] = {GUSJOB_AXES};
 
-/* A coordinate system. Between GT_CrdStart and the end of the motion it is started; early: the FIFO was full before the
-   stage was complete; ran: it was seen running. */
+/* A coordinate system. started: between GT_CrdStart and the end of the motion. early: started because the FIFO was full
+   before the stage was complete. ran: it has been seen running. */
 typedef struct {
     short fifo;
     long size;
@@ -88,30 +89,30 @@ typedef struct {
 #define FIFO_SLOTS 4096
 static Crd crds[3];
 
-/* What tells progress. */
+/* Progress of the motion. */
 typedef struct {
     short run;
     long segment;
     long space;
     double position[8];
-} Look;
+} Progress;
 
-/* Messages wait here until the light is off and the motion stopped: writing to a terminal or a pipe may block. */
-static char trouble[2000];
+/* Messages are kept until the lasers are off and the motion has stopped: writing to a terminal or a pipe may block. */
+static char messages[2000];
 
-static void tell(const char *format, ...)
+static void report(const char *format, ...)
 {
-    size_t used = strlen(trouble);
+    size_t used = strlen(messages);
     va_list values;
     va_start(values, format);
-    vsnprintf(trouble + used, sizeof trouble - used, format, values);
+    vsnprintf(messages + used, sizeof messages - used, format, values);
     va_end(values);
 }
 
-static void tell_line(int line)
+static void report_line(int line)
 {
     if (line > 0)
-        tell("line %d: ", line);
+        report("line %d: ", line);
 }
 
 /* Return codes of the sister series. */
@@ -145,39 +146,39 @@ static const char *meaning(short code)
     }
 }
 
-/* Whether a call was carried out. Everything here returns 1 to go on, and 0 for the way out. */
-static int done(short code, int line, const char *format, ...)
+/* Whether a call succeeded; report it if not. Every step returns 1 to continue and 0 to shut down. */
+static int succeeded(short code, int line, const char *format, ...)
 {
     va_list values;
     size_t used;
     if (code == 0)
         return 1;
-    tell_line(line);
-    used = strlen(trouble);
+    report_line(line);
+    used = strlen(messages);
     va_start(values, format);
-    vsnprintf(trouble + used, sizeof trouble - used, format, values);
+    vsnprintf(messages + used, sizeof messages - used, format, values);
     va_end(values);
-    tell(" returned %d: %s\n", code, meaning(code));
+    report(" returned %d: %s\n", code, meaning(code));
     return 0;
 }
 
 static int row_refused(const Row *row, short code)
 {
     int i;
-    tell_line(row->line);
-    tell("GT_%s(", NAMES[row->call]);
+    report_line(row->line);
+    report("GT_%s(", NAMES[row->call]);
     for (i = 0; i < ARGUMENTS[row->call]; i++)
-        tell("%s%.15g", i ? "," : "", row->a[i]);
-    tell(") returned %d: %s\n", code, meaning(code));
+        report("%s%.15g", i ? "," : "", row->a[i]);
+    report(") returned %d: %s\n", code, meaning(code));
     return 0;
 }
 
-static int go_on(int line)
+static int not_stopped(int line)
 {
     if (!gusjob_stop)
         return 1;
-    tell_line(line);
-    tell("stopped on request\n");
+    report_line(line);
+    report("stopped on request\n");
     return 0;
 }
 
@@ -186,9 +187,9 @@ static int go_on(int line)
         if (!(step))    \
             return 0;   \
     } while (0)
-#define DO(line, call) RUN(go_on(line) && done((call), line, "%s", #call))
+#define DO(line, call) RUN(not_stopped(line) && succeeded((call), line, "%s", #call))
 
-static void nap(void)
+static void sleep_1_ms(void)
 {
 #ifdef _WIN32
     Sleep(1);
@@ -209,22 +210,22 @@ static double seconds(void)
 #endif
 }
 
-/* Reads how far the motion is. run = 0 with calls in the FIFO means starvation once it ran. GT_CrdStatus goes first: a
-   system at rest takes no more calls, so the space read behind it still holds. */
-static int look(int line, short crd, Look *now)
+/* Read the progress of the motion. run = 0 with calls in the FIFO after it ran means starvation. GT_CrdStatus comes
+   first: a system at rest consumes no more calls, so the space that is read after it is still valid. */
+static int read_progress(int line, short crd, Progress *now)
 {
     Crd *c = &crds[crd];
     memset(now, 0, sizeof *now);
-    RUN(done(GT_CrdStatus(crd, &now->run, &now->segment, c->fifo), line, "GT_CrdStatus(%d,run,segment,%d)", crd,
-             c->fifo));
-    RUN(done(GT_CrdSpace(crd, &now->space, c->fifo), line, "GT_CrdSpace(%d,space,%d)", crd, c->fifo));
-    RUN(done(GT_GetCrdPos(crd, now->position), line, "GT_GetCrdPos(%d,position)", crd));
+    RUN(succeeded(GT_CrdStatus(crd, &now->run, &now->segment, c->fifo), line, "GT_CrdStatus(%d,run,segment,%d)", crd,
+                  c->fifo));
+    RUN(succeeded(GT_CrdSpace(crd, &now->space, c->fifo), line, "GT_CrdSpace(%d,space,%d)", crd, c->fifo));
+    RUN(succeeded(GT_GetCrdPos(crd, now->position), line, "GT_GetCrdPos(%d,position)", crd));
     if (c->started && now->run)
         c->ran = 1;
     if (now->run || !c->ran || now->space >= c->size)
         return 1;
-    tell_line(line);
-    tell("the motion stopped with calls in the FIFO: it ran dry, or something stopped the axes\n");
+    report_line(line);
+    report("the motion stopped with calls in the FIFO: it ran dry, or something stopped the axes\n");
     return 0;
 }
 
@@ -243,22 +244,22 @@ static int crd_start(int line, long mask, long option)
         c->started = 1;
         c->line = line;
     }
-    return !mask || (go_on(line) && done(GT_CrdStart((short)mask, (short)option), line, "GT_CrdStart(%ld,%ld)", mask,
-                                         option));
+    return !mask || (not_stopped(line) &&
+                     succeeded(GT_CrdStart((short)mask, (short)option), line, "GT_CrdStart(%ld,%ld)", mask, option));
 }
 
-enum { FOR_ROOM, FOR_END };
+enum { FOR_SPACE, FOR_END };
 
-/* Waits for room in the FIFO or for the end of the motion. */
+/* Wait for space in the FIFO or for the end of the motion. */
 static int wait_for(int what, int line, short crd)
 {
     Crd *c = &crds[crd];
-    Look now, last;
+    Progress now, last;
     double since = seconds();
     memset(&last, 0, sizeof last);
     for (;;) {
-        RUN(go_on(line) && look(line, crd, &now));
-        if (what == FOR_ROOM ? now.space > 0 : !now.run && now.space >= c->size)
+        RUN(not_stopped(line) && read_progress(line, crd, &now));
+        if (what == FOR_SPACE ? now.space > 0 : !now.run && now.space >= c->size)
             return 1;
         if (!c->started) {
             RUN(crd_start(line, 1L << (crd - 1), (long)c->fifo << (crd - 1)));
@@ -268,40 +269,40 @@ static int wait_for(int what, int line, short crd)
             memcpy(&last, &now, sizeof last);
             since = seconds();
         } else if (seconds() - since > (c->ran ? GUSJOB_PATIENCE_S : GUSJOB_START_S)) {
-            tell_line(line);
-            tell(c->ran ? "no progress for %d s\n" : "the motion did not start within %d s\n",
+            report_line(line);
+            report(c->ran ? "no progress for %d s\n" : "the motion did not start within %d s\n",
                  c->ran ? GUSJOB_PATIENCE_S : GUSJOB_START_S);
             return 0;
         }
-        nap();
+        sleep_1_ms();
     }
 }
 
-/* GT_CrdClear. What the empty FIFO holds is the measure of what is still in it later. */
+/* GT_CrdClear. The space of the empty FIFO shows later whether calls are still in it. */
 static int crd_clear(int line, short crd, short fifo)
 {
     Crd *c = &crds[crd];
-    RUN(go_on(line) && done(GT_CrdClear(crd, fifo), line, "GT_CrdClear(%d,%d)", crd, fifo));
+    RUN(not_stopped(line) && succeeded(GT_CrdClear(crd, fifo), line, "GT_CrdClear(%d,%d)", crd, fifo));
     memset(c, 0, sizeof *c);
     c->fifo = fifo;
-    return done(GT_CrdSpace(crd, &c->size, fifo), line, "GT_CrdSpace(%d,space,%d)", crd, fifo);
+    return succeeded(GT_CrdSpace(crd, &c->size, fifo), line, "GT_CrdSpace(%d,space,%d)", crd, fifo);
 }
 
-/* GT_CrdStatus: waits for the end of the motion. Where nothing was started there is nothing to wait for. */
+/* GT_CrdStatus: wait for the end of the motion, if it was started. */
 static int crd_wait(int line, short crd, short fifo)
 {
     Crd *c = &crds[crd];
-    Look now;
+    Progress now;
     c->fifo = fifo;
     if (!c->started)
-        return go_on(line) && look(line, crd, &now);
+        return not_stopped(line) && read_progress(line, crd, &now);
     RUN(wait_for(FOR_END, line, crd));
     c->started = c->early = c->ran = 0;
     return 1;
 }
 
-/* One buffered call. Only the calls of this job are named: not every library has all of them. */
-static short call(const Row *row)
+/* Make one buffered call. Only the calls of this job are compiled: not every library has all of them. */
+static short make_call(const Row *row)
 {
     const double *a = row->a;
     (void)a;
@@ -343,36 +344,36 @@ static short call(const Row *row)
     }
 }
 
-/* Sends a buffered call. It may be refused as long as the FIFO is full, but not with room seen just before. */
-static int put(const Row *row)
+/* Send a buffered call. It may be refused while the FIFO is full, but not after space was seen. */
+static int send_row(const Row *row)
 {
     short crd = (short)row->a[0];
-    int room = 0;
+    int space = 0;
     crds[crd].fifo = (short)row->a[FIFO_AT[row->call]];
     for (;;) {
         short code;
-        RUN(go_on(row->line));
-        code = call(row);
+        RUN(not_stopped(row->line));
+        code = make_call(row);
         if (code == 0)
             return 1;
-        if (code != 1 || room)
+        if (code != 1 || space)
             return row_refused(row, code);
-        RUN(wait_for(FOR_ROOM, row->line, crd));
-        room = 1;
+        RUN(wait_for(FOR_SPACE, row->line, crd));
+        space = 1;
     }
 }
 
-#define LOOK_EVERY 64
+#define PROGRESS_EVERY 64
 
 static int feed(const Row *rows, long count)
 {
     long i;
-    Look now;
+    Progress now;
     for (i = 0; i < count; i++) {
         short crd = (short)rows[i].a[0];
-        RUN(put(&rows[i]));
-        if (crds[crd].started && i % LOOK_EVERY == 0)
-            RUN(look(rows[i].line, crd, &now));
+        RUN(send_row(&rows[i]));
+        if (crds[crd].started && i % PROGRESS_EVERY == 0)
+            RUN(read_progress(rows[i].line, crd, &now));
     }
     return 1;
 }
@@ -381,22 +382,22 @@ static int run_job(void);
 
 /* @job@ */
 
-static int light_off(void)
+static int lasers_off(void)
 {
     int i, tries, all = 1;
     for (i = 0; CHANNELS[i] >= 0; i++) {
         short code = 1;
         for (tries = 0; code && tries < 3; tries++)
             code = GT_SetHSIOOpt(0, CHANNELS[i]);
-        if (!done(code, 0, "GT_SetHSIOOpt(0,%d)", CHANNELS[i])) {
-            tell("THE LIGHT OF CHANNEL %d MAY BE ON\n", CHANNELS[i]);
+        if (!succeeded(code, 0, "GT_SetHSIOOpt(0,%d)", CHANNELS[i])) {
+            report("THE LASER OF CHANNEL %d MAY BE ON\n", CHANNELS[i]);
             all = 0;
         }
     }
     return all;
 }
 
-/* Whether any of the job's coordinate systems still moves; one that does not answer is taken for stopped. */
+/* Whether any of the job's coordinate systems still moves; one that does not answer counts as stopped. */
 static int moving(void)
 {
     int i, any = 0;
@@ -409,26 +410,26 @@ static int moving(void)
     return any;
 }
 
-/* Light off, stop, light off. A smooth stop would go on along the path, where calls that switch the light on may wait;
-   so it is abrupt. Until the motion rests the light is switched off again and again. */
-static void safe_way_out(void)
+/* Lasers off, stop, lasers off. A smooth stop would continue along the path, where queued calls may switch a laser on:
+   the stop is abrupt. The lasers are switched off repeatedly until the motion has stopped. */
+static void safe_shutdown(void)
 {
     long mask = 0, abrupt;
-    int i, tries, dark = light_off();
+    int i, tries, are_off = lasers_off();
     for (i = 0; CRDS[i] >= 0; i++)
         mask |= 1L << (7 + CRDS[i]); /* Bit 8 is coordinate system 1, bit 9 the other. */
     abrupt = mask;
     for (i = 0; AXES[i] >= 0; i++)
-        abrupt |= 1L << (AXES[i] - 1); /* The bit of an axis, bit 0 for axis 1, is documented too. */
+        abrupt |= 1L << (AXES[i] - 1); /* The bit of an axis is documented, too: bit 0 for axis 1. */
     if (mask)
-        done(GT_Stop(mask, abrupt), 0, "GT_Stop(%ld,%ld)", mask, abrupt);
+        succeeded(GT_Stop(mask, abrupt), 0, "GT_Stop(%ld,%ld)", mask, abrupt);
     for (tries = 0; tries < 1000 && moving(); tries++) {
         for (i = 0; CHANNELS[i] >= 0; i++)
             GT_SetHSIOOpt(0, CHANNELS[i]);
-        nap();
+        sleep_1_ms();
     }
-    if (dark)
-        light_off();
+    if (are_off)
+        lasers_off();
 }
 
 static int wait_for_all(void)
@@ -440,33 +441,33 @@ static int wait_for_all(void)
     return 1;
 }
 
-/* The way out behind a step that failed. */
-static int leave(void)
+/* Shut down after a step that failed. */
+static int end_in_error(void)
 {
-    safe_way_out();
-    fputs(trouble, stderr);
+    safe_shutdown();
+    fputs(messages, stderr);
     return gusjob_stop ? GUSJOB_STOPPED : GUSJOB_REFUSED;
 }
 
 int gusjob_run(void)
 {
     int crd;
-    /* A job may do without some of these. */
+    /* A job may not use some of these. */
     (void)crd_clear, (void)feed, (void)crd_start;
-    trouble[0] = 0;
+    messages[0] = 0;
     memset(crds, 0, sizeof crds);
     for (crd = 1; crd <= 2; crd++)
         crds[crd].size = FIFO_SLOTS;
-    if (run_job() && wait_for_all() && light_off())
+    if (run_job() && wait_for_all() && lasers_off())
         return GUSJOB_DONE;
-    return leave();
+    return end_in_error();
 }
 
 #ifndef GUSJOB_NO_MAIN
 #ifdef _WIN32
-/* Ctrl+C, Ctrl+Break, the window closed, log-off, shutdown: for the last three Windows ends the process as soon as this
-   returns, so it leaves the program its time. */
-static BOOL WINAPI ask_to_stop(DWORD event)
+/* Ctrl+C, Ctrl+Break, closed window, log-off, shutdown. After the last three Windows ends the process as soon as this
+   returns, so it waits for the program to end. */
+static BOOL WINAPI request_stop(DWORD event)
 {
     gusjob_stop = 1;
     if (event != CTRL_C_EVENT && event != CTRL_BREAK_EVENT)
@@ -476,10 +477,10 @@ static BOOL WINAPI ask_to_stop(DWORD event)
 
 static void catch_signals(void)
 {
-    SetConsoleCtrlHandler(ask_to_stop, TRUE);
+    SetConsoleCtrlHandler(request_stop, TRUE);
 }
 #else
-static void ask_to_stop(int number)
+static void request_stop(int number)
 {
     (void)number;
     gusjob_stop = 1;
@@ -489,8 +490,8 @@ static void catch_signals(void)
 {
     struct sigaction action, before;
     memset(&action, 0, sizeof action);
-    action.sa_handler = ask_to_stop;
-    action.sa_flags = SA_RESTART; /* The vendor's library need not know of signals. */
+    action.sa_handler = request_stop;
+    action.sa_flags = SA_RESTART; /* The vendor's library may not handle interrupted calls. */
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
@@ -504,10 +505,10 @@ static int prepare(char *configuration)
 {
     int i;
     if (configuration != NULL)
-        RUN(go_on(0) && done(GT_LoadConfig(configuration), 0, "GT_LoadConfig(%s)", configuration));
+        RUN(not_stopped(0) && succeeded(GT_LoadConfig(configuration), 0, "GT_LoadConfig(%s)", configuration));
     for (i = 0; AXES[i] >= 0; i++) {
-        RUN(go_on(0) && done(GT_ClrSts(AXES[i], 1), 0, "GT_ClrSts(%d,1)", AXES[i]));
-        RUN(go_on(0) && done(GT_AxisOn(AXES[i]), 0, "GT_AxisOn(%d)", AXES[i]));
+        RUN(not_stopped(0) && succeeded(GT_ClrSts(AXES[i], 1), 0, "GT_ClrSts(%d,1)", AXES[i]));
+        RUN(not_stopped(0) && succeeded(GT_AxisOn(AXES[i]), 0, "GT_AxisOn(%d)", AXES[i]));
     }
     return 1;
 }
@@ -526,7 +527,7 @@ int main(int argc, char **argv)
         fprintf(stderr, "GT_Open returned %d: %s\n", code, meaning(code));
         return GUSJOB_REFUSED;
     }
-    status = prepare(argc == 2 ? argv[1] : NULL) ? gusjob_run() : leave();
+    status = prepare(argc == 2 ? argv[1] : NULL) ? gusjob_run() : end_in_error();
     code = GT_Close();
     if (code != 0) {
         fprintf(stderr, "GT_Close() returned %d: %s\n", code, meaning(code));

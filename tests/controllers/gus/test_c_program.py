@@ -130,7 +130,7 @@ def plain(call: str) -> str:
 
 
 def wanted(stream: Stream, channels: str) -> list[str]:
-    """The listing's calls; the end of the last stage is waited for, then the light goes off."""
+    """The listing's calls; the end of the last stage is waited for, then the laser is switched off."""
     calls = "".join(listing(stream)).splitlines()
     calls = ["at rest" if c.startswith("GT_CrdStatus") else plain(c) for c in calls]
     moves = [c.name for c in stream.calls if c.name in ("GT_CrdStart", "GT_CrdStatus")]
@@ -298,7 +298,7 @@ def test_messages_give_line_call_code_and_meaning(build: Build, code: int, meani
 
 
 @needs_cc
-def test_after_a_refused_call_the_light_goes_off_wherever_it_was(build: Build) -> None:
+def test_after_a_refused_call_the_laser_is_off_wherever_it_was(build: Build) -> None:
     program = build(stream_of(JOB))
     clean = run(program)
     last = len(clean.log) - 3  # GT_SetHSIOOpt(0,0), GT_SetHSIOOpt(0,1), GT_Close.
@@ -315,7 +315,7 @@ def test_after_a_refused_call_the_light_goes_off_wherever_it_was(build: Build) -
 
 
 @needs_cc
-def test_a_light_off_that_fails_is_tried_again_and_told(build: Build) -> None:
+def test_a_failed_laser_off_is_retried_and_reported(build: Build) -> None:
     program = build(stream_of(JOB))
     clean = run(program)
     once = run(program, fail_at=f"{len(clean.log) - 2}:-7")
@@ -323,7 +323,7 @@ def test_a_light_off_that_fails_is_tried_again_and_told(build: Build) -> None:
     assert once.names()[-4:] == ["GT_SetHSIOOpt", "GT_SetHSIOOpt", "GT_SetHSIOOpt", "GT_Close"]
     never = run(program, fail="GT_SetHSIOOpt:-7")
     assert never.status == 1
-    assert "THE LIGHT OF CHANNEL 1 MAY BE ON" in never.told
+    assert "THE LASER OF CHANNEL 1 MAY BE ON" in never.told
     assert never.names()[-1] == "GT_Close"
     assert "GT_Stop" in never.names()
 
@@ -374,7 +374,7 @@ def lines_up_to(stream: Iterator[str], name: str) -> Iterator[str]:
 
 @needs_cc
 @needs_posix
-def test_a_message_that_nobody_reads_does_not_stop_the_way_out(build: Build, tmp_path: Path) -> None:
+def test_a_message_that_nobody_reads_does_not_block_the_shutdown(build: Build, tmp_path: Path) -> None:
     program = build(stream_of(JOB))
     reader, writer = os.pipe()
     os.close(reader)
@@ -478,7 +478,7 @@ def test_any_name_is_safe_in_the_comment(name: str) -> None:
     assert "folder" not in head[1]
 
 
-def test_numbers_stand_as_in_the_listing() -> None:
+def test_numbers_are_written_as_in_the_listing() -> None:
     for path in FILES:
         stream = stream_of_file(path)
         text = "".join(c_program(stream))

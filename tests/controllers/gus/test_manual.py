@@ -38,7 +38,7 @@ def test_every_line_is_read(path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "unit", "power"), [("311_duty", "%", 25), ("312_frequency", "kHz", 20), ("313_analog", "V", 2.5)]
 )
-def test_immediate_routines_leave_the_light_on(name: str, unit: str, power: float) -> None:
+def test_immediate_routines_leave_the_laser_on(name: str, unit: str, power: float) -> None:
     ran = run_listing(text_of(name))
     (channel,) = ran.report.totals["channels"]
     assert (channel["unit"], channel["lit_at_end"]) == (unit, True)
@@ -48,7 +48,7 @@ def test_immediate_routines_leave_the_light_on(name: str, unit: str, power: floa
     assert ran.column("ch0_power_ms") == [pytest.approx(10 * power)]
 
 
-def test_analog_routine_is_told_what_its_own_comment_says() -> None:
+def test_analog_routine_gets_the_warning_of_its_own_comment() -> None:
     assert "GJ702" in run_listing(text_of("313_analog")).codes()
 
 
@@ -99,7 +99,7 @@ def test_distance_routine() -> None:
 
 
 @pytest.mark.parametrize("name", ["311_duty", "312_frequency", "313_analog", "43_direct", "43_follow", "53_distance"])
-def test_calls_of_the_routines_are_read_as_they_stand(name: str) -> None:
+def test_calls_of_the_routines_are_read_unchanged(name: str) -> None:
     from gusjob.controllers.gus.listing import listing
     from gusjob.frontend import check_text, read_listing
 

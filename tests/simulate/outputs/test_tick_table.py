@@ -104,7 +104,7 @@ def test_a_job_with_an_error(tmp_path: Path, ending: str) -> None:
     assert not made.exists()
 
 
-def test_jobs_without_light_or_motion() -> None:
+def test_jobs_without_emission_or_motion() -> None:
     """Wrong: a fault, or lines that do not rest."""
     rest: dict[str, list[tuple[int, object]]] = {
         "PWM0+": [(0, "1")], "PWM0-": [(0, "0")], "PWM1+": [(0, "1")], "PWM1-": [(0, "0")], "AO0": [(0, 0.0)],
@@ -136,7 +136,7 @@ TICKED = (
 
 
 def test_trapezoid_in_the_table() -> None:
-    """Wrong: any column of a trapezoid: ticks, position, velocity, held power, light."""
+    """Wrong: any column of a trapezoid: ticks, position, velocity, held power, emission."""
     found = table(TICKED)
     t = np.arange(0, 31.1, 0.25)
     n = len(t)
@@ -174,7 +174,7 @@ def test_arc_in_the_table() -> None:
 
 
 @pytest.mark.parametrize("lag_us", [250, 100, 0])
-def test_beam_that_is_late(lag_us: int) -> None:
+def test_delayed_beam(lag_us: int) -> None:
     """Wrong: a beam that is not where the command was so much earlier."""
     found = table(HEAD + "DWELL 1\nACC 1\nLINE X 200\nDWELL 2\n", "--scanner", f"delay:{lag_us}us")
     t = np.clip(found["time_ms"] - lag_us / 1000 - 1, 0, 30)
@@ -186,7 +186,7 @@ def test_beam_that_is_late(lag_us: int) -> None:
 
 
 def test_stages_in_the_table() -> None:
-    """Wrong: ticks that do not count from their stage's start, or a stage that does not wait for the light."""
+    """Wrong: ticks that do not count from their stage's start, or a stage that does not wait for the emission."""
     text = "LASER DELAY ON 0 OFF 130\nLASER POWER 40\nLASER ON\nLINE X 11\nLASER OFF\nWAIT\nDWELL 2\nLASER ON\n"
     found = table(DUTY.format(10) + text + "DWELL 1\nLASER OFF\n")
     first = found["stage"] == 1
@@ -197,8 +197,8 @@ def test_stages_in_the_table() -> None:
     assert found["ch0_emission_us"].sum() == pytest.approx(2230 + 1130, abs=1e-6)
 
 
-def test_light_at_its_edges() -> None:
-    """Wrong: light at the tick where it ends, or none at the one where it begins."""
+def test_emission_at_its_edges() -> None:
+    """Wrong: emission at the tick where it ends, or none at the one where it begins."""
     found = table(DUTY.format(10) + LIT.format(50, 2))
     lit = (found["time_ms"] >= 1) & (found["time_ms"] < 3)
     assert len(lit) == 17
@@ -207,7 +207,7 @@ def test_light_at_its_edges() -> None:
 
 
 def test_off_delay_in_the_table() -> None:
-    """Wrong: light that no row holds: emission_us must sum up to the light's time."""
+    """Wrong: emission that no row holds: emission_us must sum up to the emission's time."""
     found = table(DUTY.format(10) + "LASER DELAY ON 0 OFF 900\nLASER POWER 40\nLASER ON\nDWELL 1\nLASER OFF\n")
     assert found["ch0_emission_us"].sum() == pytest.approx(1900, abs=1e-6)
 

@@ -125,7 +125,7 @@ def same(got: list[tuple[int, int]], want: Iterable[tuple[F, F]]) -> None:
 
 
 def periods(begin: F, finish: F, khz: F, duty: Callable[[F], F]) -> Spans:
-    """Low parts of a carrier under light: from its start on, each with the duty it began with, cut by its end."""
+    """Low parts of a carrier while emitting: from its start on, each with the duty it began with, cut by its end."""
     starts = [begin + k / khz for k in range(ceil((finish - begin) * khz))]
     return [(s, min(s + duty(s) / 100 / khz, finish)) for s in starts]
 
@@ -166,7 +166,7 @@ def trapezoid(since: F, length: F, vel: F, acc: F) -> tuple[F, Callable[[F], F]]
     ],
 )  # fmt: skip
 def test_carrier(khz: str, pct: str, dwell: int) -> None:
-    """Wrong: a duty of the other level, a period too many, light that does not begin with a period."""
+    """Wrong: a duty of the other level, a period too many, emission that does not begin with a period."""
     found = wave(DUTY.format(khz) + LIT.format(pct, dwell))
     same(found.spans("PWM0+"), periods(F(1), F(1 + dwell), F(khz), lambda _: F(pct)))
     assert found.spans("PWM1+") == [(NS, (1 + dwell) * NS)]
@@ -176,7 +176,7 @@ def test_carrier(khz: str, pct: str, dwell: int) -> None:
 
 @pytest.mark.parametrize("khz", ["10", "2.5", "30", "0.7"])
 @pytest.mark.parametrize(("on", "late"), [(0, 0), (100, 313), (700, 700), (7, 33)])
-def test_power_that_changes_under_light(khz: str, on: int, late: int) -> None:
+def test_power_that_changes_while_emitting(khz: str, on: int, late: int) -> None:
     """Wrong: a period that changes its duty half way, or one that begins with the change and has the old one."""
     changes = "LASER POWER 50\nLASER ON\nDWELL 1\nLASER POWER 20\nDWELL 1\nLASER POWER 70\nDWELL 3\nLASER POWER 40\n"
     found = wave(DUTY.format(khz) + f"LASER DELAY ON {on} OFF {late}\n{changes}DWELL 1\nLASER OFF\nDWELL 1\n")
@@ -300,7 +300,7 @@ def test_analog() -> None:
 
 @pytest.mark.parametrize("late", [0, 10])
 def test_analog_at_the_end(late: int) -> None:
-    """Wrong: volts that stay where the light was, when light and run end together."""
+    """Wrong: volts that stay where the emission was, when emission and run end together."""
     job = f"LASER MODE ANALOG\nLASER DELAY ON 0 OFF {late}\nLASER POWER 3\nLASER ON\nDWELL 1\nLASER OFF\n"
     found = wave(HEAD + job)
     assert found.signals["PWM1+"] == [(0, "0"), (NS + 1000 * late, "1")]
@@ -344,7 +344,7 @@ def test_switch_delays(on: int, late: int, want: list[tuple[int, int]]) -> None:
 
 
 def test_stages_wait_for_the_delay() -> None:
-    """Wrong: a stage that begins while the light of the one before is still on."""
+    """Wrong: a stage that begins while the emission of the one before is still on."""
     job = "LASER DELAY ON 0 OFF 700\nLASER POWER 40\nLASER ON\nDWELL 1\nLASER OFF\nWAIT\nLASER ON\nDWELL 2\nLASER OFF\n"
     found = wave(DUTY.format(10) + job)
     assert found.spans("PWM1+") == [(0, 4_400_000)]
@@ -355,8 +355,8 @@ def test_stages_wait_for_the_delay() -> None:
 WAIT = "LASER ON\nDWELL 1\nWAIT\nLASER POWER 1.5\nLINE X 11\nLASER OFF\nDWELL 1\n"
 
 
-def test_light_over_a_wait() -> None:
-    """Wrong: a wait that switches the light off, a power or a source line that changes at another moment."""
+def test_emission_over_a_wait() -> None:
+    """Wrong: a wait that switches the laser off, a power or a source line that changes at another moment."""
     found = wave(DUTY.format(10) + "LASER POWER 40\n" + WAIT)
     same(found.spans("PWM0+"), periods(F(0), F(31, 10), F(10), lambda t: F(40) if t < 1 else F(3, 2)))
     assert found.spans("PWM1+") == [(0, 3_100_000)]
@@ -365,7 +365,7 @@ def test_light_over_a_wait() -> None:
 
 @pytest.mark.parametrize("mode", ["DUTY CARRIER 0.7", "FREQUENCY WIDTH 50"])
 def test_period_over_a_wait(mode: str) -> None:
-    """Wrong: a period that a wait cuts short, though light goes on over it."""
+    """Wrong: a period that a wait cuts short, though emission goes on over it."""
     found = wave(HEAD + f"LASER MODE {mode}\nLASER POWER 0.7\n" + WAIT)
     if mode.startswith("DUTY"):
         want = periods(F(0), F(31, 10), F(7, 10), lambda t: F(7, 10) if t < 1 else F(3, 2))
@@ -378,7 +378,7 @@ def test_period_over_a_wait(mode: str) -> None:
     ("width", "gap", "late"), [(50, 120, 70), (200, 120, 0), (120, 120, 3), (10, 900, 0), (1500, 0, 10), (999, 1, 999)]
 )
 def test_first_pulse_killer(width: int, gap: int, late: int) -> None:
-    """Wrong: a pulse from the light instead of the on edge, its width cut, light without gap or too short."""
+    """Wrong: a pulse from the emission instead of the on edge, its width cut, emission without gap or too short."""
     job = f"LASER DELAY ON 5 OFF 9\nLASER FPK WIDTH {width} GAP {gap} OFFDELAY {late}\n"
     found = wave(DUTY.format(10) + job + LIT.format(30, 1) + LIT.format(60, 1))
     begin, finish = F(5 + gap, 1000), 1 + F(9 + late, 1000)
@@ -388,8 +388,8 @@ def test_first_pulse_killer(width: int, gap: int, late: int) -> None:
 
 
 @pytest.mark.parametrize("mode", ["DUTY CARRIER 10", "FREQUENCY WIDTH 20", "ANALOG"])
-def test_power_behind_the_motion(mode: str) -> None:
-    """Wrong: the power of the mark in the light that its off delay leaves behind the motion."""
+def test_power_after_the_motion(mode: str) -> None:
+    """Wrong: the power of the mark in the emission that its off delay leaves after the motion."""
     job = f"LASER MODE {mode}\nLASER DELAY ON 0 OFF 2000\nLASER POWER 3\nLASER ON\nDWELL 1\nLASER OFF\nLASER POWER 5\n"
     found = wave(HEAD + job + "WAIT\nDWELL 1\n")
     if mode == "ANALOG":
@@ -401,7 +401,7 @@ def test_power_behind_the_motion(mode: str) -> None:
     assert found.spans("PWM1+") == [(0, 3 * NS)]
 
 
-def test_on_edge_under_way_at_a_wait() -> None:
+def test_on_edge_still_delayed_at_a_wait() -> None:
     """Wrong: energy while the switch is off."""
     job = "LASER DELAY ON 500 OFF 700\nLASER POWER 100\nDWELL 1\nLASER ON\nWAIT\nDWELL 2\nLASER OFF\nDWELL 1\n"
     found = wave(DUTY.format(10) + job)
@@ -428,7 +428,7 @@ def test_first_pulse_killer_ends() -> None:
 @pytest.mark.parametrize(("khz", "pct"), [("4", "10"), ("0.7", "50"), ("30", "1.5"), ("5", "0"), ("5", "100")])
 @pytest.mark.parametrize("mode", ["DUTY CARRIER 10", "FREQUENCY WIDTH 20"])
 def test_standby(mode: str, khz: str, pct: str) -> None:
-    """Wrong: no pulses before the first light or behind the last, pulses under light, a phase that light keeps."""
+    """Wrong: no pulses before the first or after the last emission, pulses in one, a phase kept over one."""
     job = f"LASER MODE {mode}\nLASER DELAY ON 13 OFF 37\nLASER STANDBY FREQ {khz} DUTY {pct}\n"
     found = wave(HEAD + job + LIT.format(20, 1) + LIT.format(20, 1))
     on, late = F(13, 1000), F(37, 1000)
@@ -443,7 +443,7 @@ def test_standby(mode: str, khz: str, pct: str) -> None:
     assert found.spans("PWM1+") == [(1_013_000, 2_037_000), (4_013_000, 5_037_000)]
 
 
-def test_standby_goes_on_over_stages() -> None:
+def test_standby_continues_over_stages() -> None:
     """Wrong: standby that begins anew with a stage, or goes on when it is off."""
     job = "LASER STANDBY FREQ 0.7 DUTY 30\nDWELL 2\nWAIT\nDWELL 3\nLASER STANDBY OFF\nDWELL 2\n"
     want = periods(F(0), F(5), F(7, 10), lambda _: F(30))
@@ -502,7 +502,7 @@ def test_mode_that_changes() -> None:
 
 
 def test_listing_switched_at_once() -> None:
-    """Wrong: GT_SetHSIOOpt at rest without effect, or light that is left on ending before the run."""
+    """Wrong: GT_SetHSIOOpt at rest without effect, or emission that is left on ending before the run."""
     head = GTS.format("0,100,0", "GT_LaserOutFrq(10,0)\n") + "GT_BufDelay(1,2,0)\n"
     for calls in ("GT_SetHSIOOpt(1,0)\nGT_CrdStart(1,0)\n", "GT_CrdStart(1,0)\nGT_SetHSIOOpt(1,0)\n"):
         left_on = read(run(head + calls, name="x.gts").stdout_bytes)
@@ -514,7 +514,7 @@ def test_listing_switched_at_once() -> None:
 
 
 def test_listing_without_a_carrier() -> None:
-    """Wrong: a level where nobody knows it, or none where there is no light."""
+    """Wrong: a level where it is unknown, or none where there is no emission."""
     found = read(run(GTS.format("0,100,0", "") + GO, name="x.gts").stdout_bytes)
     assert found.signals["PWM0+"] == [(0, "1"), (NS, "x"), (3 * NS, "1")]
     assert found.signals["PWM0-"] == [(0, "0"), (NS, "x"), (3 * NS, "0")]
@@ -545,7 +545,7 @@ DELAYS = st.tuples(st.integers(0, 999), st.integers(0, 999))
 def test_any_dwells(
     steps: list[tuple[int, bool, int, bool, int]], delays: tuple[int, int], khz: str, khz_1: int
 ) -> None:
-    """Wrong: any edge of the switches and of both channels' energy, in jobs that dwell with the light on and off."""
+    """Wrong: any edge of the switches and of both channels' energy, in jobs that dwell with the laser on and off."""
     on, late = F(delays[0], 1000), F(delays[1], 1000)
     delay = f"LASER DELAY ON {delays[0]} OFF {delays[1]}"
     job = [f"LASER MODE DUTY CARRIER {khz}", f"LASER MODE DUTY2 CARRIER {khz_1} CHANNEL 1", delay, delay + " CHANNEL 1"]
@@ -581,7 +581,7 @@ def test_any_dwells(
         same(found.spans(f"PWM{2 * channel}+"), low)
 
 
-def test_memory_does_not_grow_with_the_light() -> None:
+def test_memory_does_not_grow_with_the_emission() -> None:
     """Wrong: all edges of a run at once."""
     peaks = []
     for seconds in (2, 20):

@@ -74,7 +74,7 @@ def job_wave(name: str) -> Wave:
     ("start", "end"),
     [("0", "1.4"), ("1013us", "1.9"), ("1.01us", "99s"), ("1.05", "1.0505"), ("2.25", "4.0002ms"), ("0.003s", "5.1")],
 )
-def test_a_piece_is_a_piece_of_the_whole(name: str, start: str, end: str) -> None:
+def test_a_part_equals_that_part_of_the_whole(name: str, start: str, end: str) -> None:
     """Wrong: a carrier that begins with the piece, a level at its start that is that of rest, an edge less or more."""
     everything = job_wave(name)
     piece = wave(JOBS[name], "--from", start, "--to", end)
@@ -86,7 +86,7 @@ def test_a_piece_is_a_piece_of_the_whole(name: str, start: str, end: str) -> Non
     assert piece.end == last
 
 
-def test_a_piece_of_what_nobody_knows() -> None:
+def test_a_part_with_unknown_levels() -> None:
     """Wrong: a piece that begins within an unknown level and gives one."""
     piece = wave(UNKNOWN, "--from", "2", name="x.gts", code=run(UNKNOWN, name="x.gts").exit_code)
     assert piece.signals["PWM0+"][0] == (2 * NS, "x")
@@ -109,11 +109,11 @@ def test_windows_leave_no_seam(monkeypatch: pytest.MonkeyPatch, name: str, pulse
 @pytest.mark.parametrize("name", JOBS)
 @pytest.mark.parametrize("window_ms", [0.25, 1.0])
 def test_windows_that_begin_with_an_edge(monkeypatch: pytest.MonkeyPatch, name: str, window_ms: float) -> None:
-    """Wrong: an edge that stands exactly on a window's end in neither window, or in both."""
+    """Wrong: an edge that is exactly on a window's end in neither window, or in both."""
     assert off(in_windows(monkeypatch, JOBS[name], 10**6, window_ms).splitlines(), job(name).splitlines()) == []
 
 
-def test_light_that_begins_with_a_window() -> None:
+def test_emission_that_begins_with_a_window() -> None:
     """Wrong: a mark without its edges, since it begins half a second into the job."""
     found = wave(DUTY.format(1) + "LASER POWER 40\nDWELL 500\nLASER ON\nDWELL 1\nLASER OFF\nDWELL 1\n")
     assert found.spans("PWM1+") == [(500 * NS, 501 * NS)]

@@ -40,7 +40,7 @@ def broken(budget: Budget) -> list[tuple[object, ...]]:
         ("power_w", "GJ606", 12, 30.0),
         # Above 75 mm/s more than 60 % is asked for: from the tick at 7.75 ms to 102.5 ms.
         ("clamped_ms", "GJ608", 12, 94.75),
-        # 5 ms behind a start with 10000 mm/s2: 125 um.
+        # 5 ms after a start with 10000 mm/s2: 125 um.
         ("on_error_um", "GJ609", 12, 125.0),
     ],
 )

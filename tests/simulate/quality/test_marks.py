@@ -1,4 +1,4 @@
-"""How good marks are: errors, light outside, energy per mm and corner misses against closed forms. Numbers by hand.
+"""Mark quality: errors, emission outside, energy per mm and corner misses against closed forms. Numbers by hand.
 
 1000 pulse/mm: 100 pulse/ms is 100 mm/s, and a lag of 200 us is 20 um of it.
 """
@@ -39,7 +39,7 @@ def move(x: float, y: float, end: float = 100, vel: float = 100) -> str:
 
 
 STEADY = HEAD + move(10000, 0) + ON + move(20000, 0) + OFF + move(30000, 0, 0) + START
-"""Light on for 10 mm and 100 ms at 100 mm/s, with a run-in of 10 mm (105 ms) and a run-out."""
+"""Emission on for 10 mm and 100 ms at 100 mm/s, with a run-in of 10 mm (105 ms) and a run-out."""
 
 
 def lagging(model: str, machine: Machine = MACHINE) -> Machine:
@@ -47,7 +47,7 @@ def lagging(model: str, machine: Machine = MACHINE) -> Machine:
 
 
 def marks_in(report: Report) -> dict[str, npt.NDArray[Any]]:
-    """The marks of a report in which they were judged."""
+    """The table of marks of a report that has one."""
     assert report.marks is not None
     return report.marks
 
@@ -87,7 +87,7 @@ def test_a_lag_takes_the_mark_back_and_leaves_its_end_out(model: str) -> None:
     assert found["power_per_mm_rms_pct"] < 0.1
 
 
-def test_switch_delays_make_it_late_and_a_lag_makes_up_for_them() -> None:
+def test_switch_delays_are_errors_that_a_lag_compensates() -> None:
     text = "GT_SetLevelDelay(300,200,0)\n" + STEADY
     late = marks(run_listing(text))
     assert (late["on_error_um"], late["off_error_um"]) == pytest.approx((20, 30))
@@ -109,7 +109,7 @@ def test_the_match_head_of_a_mark_from_rest() -> None:
     assert found["power_per_mm_rms_pct"] == pytest.approx(np.sqrt(np.mean((energy / 500 - 1) ** 2)) * 100, rel=1e-6)
 
 
-def test_light_at_standstill_counts_to_the_first_bin() -> None:
+def test_emission_at_standstill_counts_for_the_first_bin() -> None:
     text = HEAD + move(1000, 0, 0) + ON + "GT_BufDelay(1,10,0)\n" + move(6000, 0, 0) + OFF + START
     first = 50 * (10 + math.sqrt(2 * BIN_MM / 0.01)) / BIN_MM
     assert marks(run_listing(text))["power_per_mm_peak"] == pytest.approx(first, rel=1e-6)
@@ -117,7 +117,7 @@ def test_light_at_standstill_counts_to_the_first_bin() -> None:
 
 
 def test_outside_before_s_and_beyond_e_while_accelerating() -> None:
-    # The planner means 5 mm..8 mm; light is on from rest at 4.9 mm to rest at 8.1 mm: 0.1 mm each, 4 ms up to 40 mm/s
+    # The planner means 5 mm..8 mm; it emits from rest at 4.9 mm to rest at 8.1 mm: 0.1 mm each, 4 ms up to 40 mm/s
     # in 0.08 mm, and 0.5 ms.
     text = HEAD + move(4900, 0, 0) + ON + move(5000, 0, 40, 40) + move(8000, 0, 40) + move(8100, 0, 0, 40) + OFF + START
     stream = listing_stream(text)
@@ -151,7 +151,7 @@ def report_of(stream: Stream, intent: Intent, machine: Machine = MACHINE) -> Rep
 
 
 def test_the_planner_says_where_a_mark_begins_and_ends() -> None:
-    # The light comes and goes 20 um (a lag) behind S = 10 mm and E = 20 mm; one corner is passed between E and off.
+    # The emission comes and goes 20 um (a lag) after S = 10 mm and E = 20 mm; one corner is passed between E and off.
     text = (
         HEAD + move(10000, 0) + move(10020, 0) + ON + move(20000, 0) + move(20000, 20) + OFF
         + move(20000, 5000, 0) + START
@@ -234,7 +234,7 @@ def test_arcs_are_even_and_end_where_they_began() -> None:
     assert plain["power_per_mm_mid"] == pytest.approx(500, rel=1e-3)
     assert plain["power_per_mm_rms_pct"] < 0.1
     assert late["power_per_mm_rms_pct"] < 0.1
-    # 20 um behind on a radius of 5 mm: along the tangent r*sin(phi).
+    # 20 um after on a radius of 5 mm: along the tangent r*sin(phi).
     assert late["off_error_um"] == pytest.approx(-5000 * math.sin(20 / 5000), rel=1e-6)
     assert late["off_miss_um"] == pytest.approx(10000 * math.sin(10 / 5000), rel=1e-6)
 
@@ -271,7 +271,7 @@ def test_two_channels_have_their_own_marks() -> None:
     assert [e["worst"]["power_per_mm_mid"] for e in ran.report.totals["marking"]] == pytest.approx([500, 50])
 
 
-def test_light_switched_at_rest_is_meant_for_its_stage() -> None:
+def test_emission_switched_at_rest_is_meant_from_the_start_of_its_stage() -> None:
     ran = run_job(MARK + "LASER POWER 10 NOW\nLASER ON NOW\nLINE X 1\nLASER OFF NOW\nLINE X 2\n", lagging("delay"))
     assert count(ran) == 1
     found = marks(ran)
@@ -297,7 +297,7 @@ def test_a_mark_through_a_wait_is_two_marks() -> None:
     assert marks_in(ran.report)["line"].tolist() == [6, 8]
 
 
-def test_merged_light_keeps_the_first_on_and_the_last_off() -> None:
+def test_merged_emission_keeps_the_first_on_and_the_last_off() -> None:
     gap = OFF + ON
     text = "GT_SetLevelDelay(200,0,0)\n" + STEADY.replace(move(20000, 0), move(15000, 0) + gap + move(20000, 0))
     ran = run_listing(text)
@@ -307,19 +307,19 @@ def test_merged_light_keeps_the_first_on_and_the_last_off() -> None:
     stream = listing_stream(text)
     trace, _ = simulate_stream(stream, MACHINE)
     assert trace is not None
-    shine = trace.channels[0].emission
+    emission = trace.channels[0].emission
     assert trace.channels[0].switch.on.tolist() == [True, False, True, False]
-    assert (shine.on_event.tolist(), shine.off_event.tolist()) == ([0], [3])
+    assert (emission.on_event.tolist(), emission.off_event.tolist()) == ([0], [3])
 
 
-def test_light_carried_through_stages_has_no_rows_of_its_own() -> None:
+def test_emission_through_stages_has_no_events_of_its_own() -> None:
     trace, _ = simulate_stream(
         stream_of(MARK + "LASER POWER 10\nLASER ON\nLINE X 1\nWAIT\nLINE X 2\nLASER OFF\n"), MACHINE
     )
     assert trace is not None
-    shine = trace.channels[0].emission
-    assert [row >= 0 for row in shine.on_event.tolist()] == [True, False]
-    assert [row >= 0 for row in shine.off_event.tolist()] == [False, True]
+    emission = trace.channels[0].emission
+    assert [event >= 0 for event in emission.on_event.tolist()] == [True, False]
+    assert [event >= 0 for event in emission.off_event.tolist()] == [False, True]
 
 
 def test_follow_makes_up_for_slow_ends() -> None:
@@ -344,7 +344,7 @@ def test_parts_of_a_segment_add_up_to_its_energy(power: str) -> None:
         assert parts == pytest.approx(50 * 0.1103)
 
 
-def test_light_without_motion() -> None:
+def test_emission_without_motion() -> None:
     found = marks(run_listing(HEAD + ON + "GT_BufDelay(1,10,0)\n" + OFF + START))
     assert found["length_mm"] == 0
     assert (found["on_error_um"], found["off_miss_um"], found["outside_power_ms"]) == (0, 0, 0)
@@ -352,7 +352,7 @@ def test_light_without_motion() -> None:
         assert math.isnan(found[name])
 
 
-def test_the_off_delay_behind_a_stage_shines_at_its_end() -> None:
+def test_the_off_delay_after_a_stage_emits_at_its_end() -> None:
     text = "GT_SetLevelDelay(500,0,0)\n" + HEAD + ON + move(10000, 0, 0) + OFF + START
     found = marks(run_listing(text, lagging("first-order")))
     # In 0.5 ms what is missing at the end (about a*lag^2 = 0.4 um) has faded.
@@ -429,7 +429,7 @@ def test_many_marks_at_once() -> None:
                 assert column[1:] == pytest.approx(column[1], rel=1e-6, abs=1e-6), name
 
 
-def test_light_left_on_has_no_off() -> None:
+def test_a_laser_left_on_has_no_off() -> None:
     trace, _ = simulate_stream(listing_stream(HEAD + ON + move(10000, 0, 0) + START), MACHINE)
     assert trace is not None
     assert trace.channels[0].emission.off_event.tolist() == [-1]
@@ -437,13 +437,13 @@ def test_light_left_on_has_no_off() -> None:
 
 
 def test_a_mark_that_never_comes_to_s_is_outside_once() -> None:
-    """Light for 0.1 ms, 20 um before S: all of it is before S, and none of it beyond E."""
+    """Emission for 0.1 ms, 20 um before S: all of it is before S, and none of it beyond E."""
     text = STEADY.replace(move(20000, 0), move(10010, 0))
     found = marks(run_listing(text, lagging("delay")))
     assert found["outside_power_ms"] == pytest.approx(50 * 0.1)
 
 
-def test_light_carried_into_a_stage_is_judged_along_its_first_motion() -> None:
+def test_the_error_of_emission_carried_into_a_stage_is_along_its_first_motion() -> None:
     text = "GT_SetLevelDelay(0,1000,0)\n" + HEAD + move(10000, 0, 0) + START + "GT_CrdStatus(1,run,segment,0)\n"
     text += HEAD.splitlines(keepends=True)[2] + ON + "GT_BufDelay(1,1,0)\n" + move(10000, 10000, 0) + OFF + START
     found = marks(run_listing("GT_SetLevelDelay(0,2000,0)\n" + text.partition("\n")[2]))
@@ -451,7 +451,7 @@ def test_light_carried_into_a_stage_is_judged_along_its_first_motion() -> None:
     assert found["on_error_um"] == pytest.approx(5)
 
 
-def test_a_mark_before_s_and_beyond_e_all_the_way_is_outside_once() -> None:
+def test_a_mark_entirely_before_s_and_beyond_e_is_outside_once() -> None:
     """There and back inside the lag: at 9980..9995 um the beam is before S = 10000, and beyond E = 10005 (come at from
     above)."""
     text = STEADY.replace(move(20000, 0), move(10010, 0) + move(10005, 0))
@@ -468,15 +468,15 @@ def test_a_corner_turns_by_more_than_a_degree(degrees: float, misses: list[bool]
 
 
 LAGGED = "GT_SetLevelDelay(200,200,0)\n"
-"""Light as late as the beam of a scanner that is late by 200 us."""
+"""Emission as late as the beam of a scanner that is late by 200 us."""
 
 
 @pytest.mark.parametrize(
     "path",
     [move(10000, 0, 0), f"GT_ArcXYC(1,0,0,0,5000,1,100,{ACC},0,0)\n", "GT_BufDelay(1,3,0)\n" + move(700, 300, 0)],
 )
-def test_light_as_late_as_the_beam_is_light_without_a_lag(path: str) -> None:
-    """The pieces of the way move with the beam, past the end of the stage too: every figure is the same."""
+def test_emission_as_late_as_the_beam_is_emission_without_a_lag(path: str) -> None:
+    """The parts of the path move with the beam, past the end of the stage too: every figure is the same."""
     text = HEAD + ON + path + OFF + START
     plain, late = marks(run_listing(text)), marks(run_listing(LAGGED + text, lagging("delay")))
     for name in MARKING_WORDS:
@@ -491,8 +491,8 @@ def test_where_a_beam_cuts_a_corner_it_burns_more(model: str) -> None:
     assert marks(run_listing(text + START, slow))["power_per_mm_peak"] == pytest.approx(500 * math.sqrt(2), rel=3e-3)
 
 
-def test_light_that_goes_in_front_of_a_stages_first_motion_is_judged_along_that() -> None:
-    """Not along X, in which the stage before ended: off 1 ms behind a dwell, a*t^2/2 along Y."""
+def test_the_error_of_an_off_before_the_first_motion_of_a_stage_is_along_that() -> None:
+    """Not along X, in which the stage before ended: off 1 ms after a dwell, a*t^2/2 along Y."""
     power = HEAD.splitlines(keepends=True)[2]
     text = "GT_SetLevelDelay(1000,0,0)\n" + HEAD + move(10000, 0, 0) + START + "GT_CrdStatus(1,run,segment,0)\n"
     text += power + ON + "GT_BufDelay(1,1,0)\n" + OFF + move(10000, 10000, 0) + START
