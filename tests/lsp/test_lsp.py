@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 from pygls.workspace import PositionCodec, TextDocument
+from support.documents import text_of
 from support.tools import MARK, ROOT
 
 from gusjob.cli import cli
@@ -881,12 +882,9 @@ def test_the_textmate_grammar_colours_every_word() -> None:
     assert colours("hypot(pi, width_1)") == [("hypot", "support"), ("pi", "constant"), ("width_1", "variable")]
 
 
-def test_the_readme_s_set_ups_can_be_read() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    section = re.search(r"^### In an editor\n(.*?)^##", text, re.DOTALL | re.MULTILINE)
-    if section is None:
-        pytest.fail("the README does not speak of editors")
-    blocks = re.findall(r"```(\w+)\n(.*?)```", section[1], re.DOTALL)
+def test_the_set_ups_of_the_guide_can_be_read() -> None:
+    text = text_of("docs/editors.md")
+    blocks = re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL)
     assert {kind for kind, _ in blocks} >= {"json", "lua", "toml"}
     for kind, block in blocks:
         if kind == "json":
