@@ -338,11 +338,11 @@ class Simulation:
             ImportError: matplotlib (the extra "plot") is not installed.
             ValueError: `by` is none of the four.
         """
-        from gusjob.view.plot.picture import Colour, figure_of
+        from gusjob.view.plot.picture import ColorBy, figure_of
 
-        if by not in list(Colour):
-            raise ValueError(f"{by!r} is none of {', '.join(Colour)}")
-        return figure_of(self._simulated.trace, self._simulated.machine, by=Colour(by), channel=channel)
+        if by not in list(ColorBy):
+            raise ValueError(f"{by!r} is none of {', '.join(ColorBy)}")
+        return figure_of(self._simulated.trace, self._simulated.machine, by=ColorBy(by), channel=channel)
 
     def __repr__(self) -> str:
         totals = self.totals

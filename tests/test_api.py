@@ -18,8 +18,8 @@ from support.cli import write
 from support.tools import MARK, ROOT
 
 import gusjob
-from gusjob.lsp.desk import Desk
-from gusjob.lsp.judge import judge
+from gusjob.lsp.diagnostics import diagnose
+from gusjob.lsp.workspace import Workspace
 
 JOB = "LOOKAHEAD OFF\n" + MARK + "LASER POWER 40\nJUMP X 10\nLASER ON\nLINE X 20\nLASER OFF\n"
 
@@ -145,7 +145,7 @@ def test_api_cli_and_editor_agree_on_what_is_clean(tmp_path: Path, text: str) ->
     checked = [(d["line"], d["column"], d["code"], d["severity"]) for d in json.loads(done.stdout)["diagnostics"]]
     assert [(d.line, d.column, d.code, d.severity) for d in job.diagnostics] == checked
     assert job.is_clean is (done.exit_code == 0)
-    edited = judge(str(path), path, path.read_bytes(), Desk({}))
+    edited = diagnose(str(path), path, path.read_bytes(), Workspace({}))
     assert [(d.span.line, d.span.column, d.rule.code, d.severity.value) for d in edited.diagnostics] == checked
     in_memory = gusjob.read_text(text, name=path)
     assert in_memory.diagnostics == job.diagnostics and in_memory.is_clean is job.is_clean

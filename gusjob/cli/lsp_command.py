@@ -1,4 +1,4 @@
-"""gusjob lsp."""
+"""`gusjob lsp`: the language server."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from gusjob.i18n.phrases import Phrase, localized, reason_of
     "port",
     type=click.IntRange(1, 2**16 - 1),
     metavar="PORT",
-    help="Listen at this port of this computer, for one client.",
+    help="Listen on this port of this computer, for one client.",
 )
-@click.option("--textmate", is_flag=True, help="Print the TextMate grammar, with which editors colour a job, and end.")
+@click.option("--textmate", is_flag=True, help="Print the TextMate grammar for syntax highlighting, and exit.")
 @output_option
 def command(port: int | None, textmate: bool, output: Path | None) -> None:
-    """Serve an editor: diagnostics while a job is typed, completion, hovers, jumps, symbols, layout, quick fixes.
+    """Run the language server: diagnostics, completion, hovers, definitions, symbols, formatting, quick fixes.
 
-    Speaks the Language Server Protocol over standard input and output; an editor starts it. Messages are in the
-    editor's language, or in that of --lang. Exit status: 0 when the editor ended it, 1 when the editor was gone, 2
+    Uses the Language Server Protocol over standard input and output; an editor starts it. Messages are in the
+    editor's language, or in that of --lang. Exit status: 0 after the editor's shutdown request, 1 without one, 2 for
     wrong usage.
     """
     if textmate:
@@ -36,21 +36,24 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
         write([GRAMMAR_PATH.read_bytes()], output)
         return
     if output is not None:
-        raise click.UsageError(localized(Phrase("-o is for --textmate")))
+        raise click.UsageError(localized(Phrase("-o needs --textmate")))
     need("lsp", "pygls", to=Phrase("serve an editor"))
-    from gusjob.lsp.server import serve_pipes, serve_port
+    from gusjob.lsp.serve import serve_pipes, serve_port
 
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # A thread waits for input: it must not be waited for.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # A thread waits for input; do not wait for it.
     if port is not None:
         try:
             sys.exit(serve_port(port, follow=not language_was_given()))
         except OSError as error:
             reason = reason_of(error)
-            stop(Phrase("can't listen at port {port}: {reason}; name another with --tcp", port=port, reason=reason))
+            why = Phrase(
+                "can't listen on port {port}: {reason}; choose another one with --tcp", port=port, reason=reason
+            )
+            stop(why)
     stdin, stdout = sys.stdin, sys.stdout
     if stdin is None or stdout is None:
-        stop(Phrase("there is no standard input and output to speak over; an editor starts this command"))
+        stop(Phrase("there is no standard input and output; an editor must start this command"))
     if stdin.isatty():
-        stop(Phrase('this command is for an editor to start (README, "In an editor"); --tcp PORT listens at a port'))
-    sys.stdout = sys.stderr  # Whatever else prints must not get into the protocol.
+        stop(Phrase('an editor must start this command (README, "In an editor"); --tcp PORT listens on a port'))
+    sys.stdout = sys.stderr  # Other output must not get into the protocol.
     sys.exit(serve_pipes(stdin.buffer, stdout.buffer, follow=not language_was_given()))

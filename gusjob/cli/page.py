@@ -1,4 +1,4 @@
-"""A run as a page, for the commands that write or serve one."""
+"""The page of a run, for the commands that write or serve one."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
 
 
 def too_long(report: Report | None) -> str:
-    """Why there can be no page of a run; "" if there can."""
+    """Return why a run is too long for a page; "" if it is not."""
     from gusjob.view.page.content import MAX_SEGMENTS
 
     if report is None or len(report) <= MAX_SEGMENTS:
         return ""
     return Phrase(
-        "a page holds up to {most:,} segments, and these are {count:,}: use gusjob plot, or report --format parquet",
+        "{count:,} segments are too many for a page, which holds up to {most:,}; use gusjob plot, or report "
+        "--format parquet",
         most=MAX_SEGMENTS,
         count=len(report),
     )

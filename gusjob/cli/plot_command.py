@@ -16,7 +16,7 @@ from gusjob.pipeline import Simulated, simulate_file
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
-    from gusjob.view.plot.picture import View
+    from gusjob.view.plot.picture import PlotArea
 
 _FORMATS = ("png", "svg", "pdf")
 _COLOURS = ("power", "energy", "velocity", "order")
@@ -25,14 +25,14 @@ _SIZE_MM = (297.0, 210.0)
 _LEAST_MM, _MOST_MM = (160.0, 120.0), 2000.0
 _DPI = 200
 _PIXELS = 80_000_000
-"""A picture of more takes more memory than a path of a million segments."""
+"""Limit of the size: a larger picture takes more memory than a path of a million segments."""
 _LEAST_ZOOM_MM, _FARTHEST_MM = 1e-3, 1e5
 
 Box = tuple[float, float, float, float]
 
 
 def _size_mm(_context: click.Context, _parameter: click.Parameter, text: str | None) -> tuple[float, float]:
-    """Width and height: 297x210, 297x210mm, 11.5x8in."""
+    """Parse width and height: 297x210, 297x210mm, 11.5x8in."""
     if text is None:
         return _SIZE_MM
     found = re.fullmatch(r"(\d{1,4}(?:\.\d{1,6})?)x(\d{1,4}(?:\.\d{1,6})?) ?(mm|in|)", text.strip(), re.ASCII)
@@ -42,17 +42,18 @@ def _size_mm(_context: click.Context, _parameter: click.Parameter, text: str | N
     factor = _MM_PER_INCH if found[3] == "in" else 1.0
     size = float(found[1]) * factor, float(found[2]) * factor
     if size[0] < _LEAST_MM[0] or size[1] < _LEAST_MM[1] or max(size) > _MOST_MM:
-        raise click.BadParameter(localized(Phrase("a picture is from 160 mm x 120 mm to 2000 mm x 2000 mm large")))
+        wrong = Phrase("the size of a picture is from 160 mm x 120 mm to 2000 mm x 2000 mm")
+        raise click.BadParameter(localized(wrong))
     return size
 
 
 def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None) -> Box | None:
-    """A box with some area."""
+    """Check that the box has an area."""
     if box is None:
         return None
     x0, y0, x1, y1 = min(box[0], box[2]), min(box[1], box[3]), max(box[0], box[2]), max(box[1], box[3])
-    if not all(abs(value) <= _FARTHEST_MM for value in box):  # Also what is not a number.
-        raise click.BadParameter(localized(Phrase("coordinates are numbers of mm, up to 100000")))
+    if not all(abs(value) <= _FARTHEST_MM for value in box):  # NaN fails, too.
+        raise click.BadParameter(localized(Phrase("coordinates are in mm, from -100000 to 100000")))
     if min(x1 - x0, y1 - y0) < _LEAST_ZOOM_MM:
         raise click.BadParameter(localized(Phrase("the box is at least 0.001 mm wide and high")))
     return x0, y0, x1, y1
@@ -74,10 +75,10 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
     type=click.Choice(_COLOURS),
     default=_COLOURS[0],
     show_default=True,
-    help="What colours tell: emitted power, energy per mm, velocity, or time.",
+    help="Quantity that the colours show: emitted power, energy per mm, velocity, or time.",
 )
-@click.option("--channel", type=click.IntRange(0, 1), help="Draw this laser channel only. Default: all that shine.")
-@click.option("--no-jumps", is_flag=True, help="Leave motion without light out: jumps, run-ins and run-outs.")
+@click.option("--channel", type=click.IntRange(0, 1), help="Draw this laser channel only. Default: all that emit.")
+@click.option("--no-jumps", is_flag=True, help="Do not draw motion without emission: jumps, run-ins and run-outs.")
 @click.option("--zoom", type=float, nargs=4, callback=_zoom, metavar="X0 Y0 X1 Y1", help="Show this box, mm.")
 @click.option("--field", is_flag=True, help="Show the machine's whole field. Default: the path.")
 @click.option(
@@ -93,7 +94,7 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
     type=click.IntRange(50, 1200),
     default=_DPI,
     show_default=True,
-    help="Pixels per inch. The more, the thinner the lines of a dense path may be, in SVG and PDF too.",
+    help="Pixels per inch. More pixels allow thinner lines in a dense path, in SVG and PDF too.",
 )
 def command(
     path: Path,
@@ -108,28 +109,28 @@ def command(
     size_mm: tuple[float, float],
     dpi: int,
 ) -> None:
-    """Draw the path: where light falls and how much, jumps, run-ins and run-outs, switch points, the field.
+    """Draw the path: emission, jumps, run-ins, run-outs, switch points and the field.
 
-    With a scanner light is drawn where the beam is. A job with errors is not drawn; a listing is.
+    With a scanner, emission is drawn where the beam is. A job with errors is not drawn; a listing is.
     """
     form = output.suffix.lower().removeprefix(".")
     if form not in _FORMATS:
-        wrong = Phrase("the output file's name ends in .png, .svg or .pdf, which is its format")
+        wrong = Phrase("the output file's name must end in .png, .svg or .pdf")
         raise click.UsageError(localized(wrong))
     if zoom is not None and field:
         raise click.UsageError(localized(Phrase("--zoom and --field exclude each other")))
     size_in = size_mm[0] / _MM_PER_INCH, size_mm[1] / _MM_PER_INCH
     if size_in[0] * size_in[1] * dpi**2 > _PIXELS:
-        wrong = Phrase("--size and --dpi make more than {most} million pixels", most=_PIXELS // 1_000_000)
+        wrong = Phrase("--size and --dpi give more than {most} million pixels", most=_PIXELS // 1_000_000)
         raise click.UsageError(localized(wrong))
     need("plot", "matplotlib", to=Phrase("draw a picture"))
-    from gusjob.view.plot.picture import View
+    from gusjob.view.plot.picture import PlotArea
 
     result = simulate_file(path, machine_path, scanner=scanner)
     if isinstance(result, Simulated):
-        view = View(box_mm=zoom, field=field)
+        area = PlotArea(box_mm=zoom, field=field)
         write(
-            [_drawn(result, form, by, channel, view, size_in, dpi, jumps=not no_jumps)],
+            [_drawn(result, form, by, channel, area, size_in, dpi, jumps=not no_jumps)],
             output,
             sources=result.inputs,
         )
@@ -142,21 +143,21 @@ def _drawn(
     form: str,
     by: str,
     channel: int | None,
-    view: View,
+    area: PlotArea,
     size_in: tuple[float, float],
     dpi: int,
     *,
     jumps: bool,
 ) -> bytes:
-    """The picture in a format."""
-    from gusjob.view.plot.picture import Colour, figure_of, picture
+    """Draw the picture in a format."""
+    from gusjob.view.plot.picture import ColorBy, figure_of, picture
 
     figure = figure_of(
         result.trace,
         result.machine,
-        by=Colour(by),
+        by=ColorBy(by),
         channel=channel,
-        view=view,
+        area=area,
         jumps=jumps,
         size_in=size_in,
         dpi=dpi,

@@ -1,4 +1,4 @@
-"""gusjob report."""
+"""`gusjob report`: time, velocity and laser power of every segment."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
     from gusjob.config.machine import Scanner
     from gusjob.report.compare import Comparison
-    from gusjob.report.earlier import Earlier
+    from gusjob.report.earlier import EarlierReport
     from gusjob.report.rows import Report
 
 _TOLERANCE_PCT = 1.0
 _ENDINGS = {".json": "json", ".csv": "csv", ".md": "markdown", ".html": "html", ".parquet": "parquet"}
 _WITHOUT_RUN = ("markdown", "html")
-"""Of a job with errors these still say which."""
+"""Formats that are also written for a job with errors."""
 _WITHOUT_COMPARISON = ("csv", "html", "parquet")
-"""The comparison is told beside these, not in them."""
+"""Formats without the comparison, which is written to standard error."""
 _EXTRAS = {"html": ("html", "jinja2"), "parquet": ("parquet", "pyarrow")}
 
 
 def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: str | None) -> float | None:
-    """A percentage, or 0."""
+    """Parse a percentage, or 0."""
     if text is None:
         return None
     found = re.fullmatch(r"(\d+\.?\d*|\.\d+) ?%|0", text.strip(), re.ASCII)
@@ -63,15 +63,14 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     "--format",
     "form",
     type=click.Choice(["table", "json", "csv", "markdown", "html", "parquet"]),
-    help="Default: by the ending of the output file's name, else table. html: one page to look at in a browser, which "
-    "needs nothing else.",
+    help="Default: by the output file's extension, else table. html: one self-contained page for a browser.",
 )
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
 @click.option(
     "--marks/--no-marks",
     "marking",
     default=None,
-    help="Judge every mark: its ends, its energy per mm, its corners. Default: with a scanner, else up to 100,000 "
+    help="Compute the quality of each mark: ends, energy per mm, corners. Default: with a scanner, else up to 100,000 "
     "segments.",
 )
 @click.option(
@@ -79,7 +78,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     "earlier_path",
     type=click.Path(path_type=Path),
     metavar="OLD.JSON",
-    help="Compare with an earlier report (--format json); exit status 1 if something moved.",
+    help="Compare with an earlier report (--format json); exit status 1 if something changed.",
 )
 @click.option(
     "--tolerance",
@@ -87,7 +86,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     callback=_tolerance_pct,
     metavar="PERCENT",
     show_default="1%",
-    help="What moves by no more, in percent of the larger figure, is the same. 0: nothing may move but rounding.",
+    help="Ignore changes up to this percentage of the larger value. 0: ignore rounding only.",
 )
 @output_option
 def command(
@@ -103,8 +102,8 @@ def command(
 ) -> None:
     """Report the time, speed and laser power of every segment.
 
-    The calls are interpreted tick by tick, as the controller would run them. A job with errors is not run; a listing
-    is, since some program already sends it: what the controller would refuse is reported and has no effect.
+    The calls are simulated tick by tick. A job with errors is not simulated; a listing is: calls that the controller
+    would refuse are reported and have no effect.
     """
     form = form or _ENDINGS.get(output.suffix.lower() if output is not None else "", "table")
     _refuse(form, marking=bool(marking), summary=summary)
@@ -112,7 +111,7 @@ def command(
         need(*_EXTRAS[form], to=Phrase("write {form}", form=form))
         refuse_terminal(form, output)
     if tolerance_pct is not None and earlier_path is None:
-        raise click.UsageError(localized(Phrase("--tolerance is for --against")))
+        raise click.UsageError(localized(Phrase("--tolerance needs --against")))
     earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
     result = simulate_file(path, machine_path, scanner=scanner)
     report = _report(result, marking) if isinstance(result, Simulated) else None
@@ -125,7 +124,7 @@ def command(
         pieces = _written(result, report, comparison, form=form, summary=summary)
         write(pieces, output, sources=result.inputs, for_people=form == "table")
     if form in _WITHOUT_COMPARISON and comparison is not None:
-        from gusjob.report.compare import comparison_text
+        from gusjob.report.compare_text import comparison_text
 
         click.echo(comparison_text(comparison), err=True, nl=False)
     if form not in ("json", "markdown") or report is None:
@@ -134,12 +133,12 @@ def command(
 
 
 def _refuse(form: str, *, marking: bool, summary: bool) -> None:
-    """What a format can't hold."""
+    """Refuse options that a format does not support."""
     if marking and form in ("csv", "parquet"):
-        wrong = Phrase("--marks is for tables, JSON, markdown and HTML: {form} has segments only", form=form)
+        wrong = Phrase("--marks can't be used with {form}, which has segments only", form=form)
         raise click.UsageError(localized(wrong))
     if summary and form in ("html", "parquet"):
-        raise click.UsageError(localized(Phrase("--summary is for tables, JSON, CSV and markdown")))
+        raise click.UsageError(localized(Phrase("--summary needs --format table, json, csv or markdown")))
 
 
 def _report(result: Simulated, marking: bool | None) -> Report:
@@ -156,7 +155,7 @@ def _written(
     form: str,
     summary: bool,
 ) -> Iterable[bytes]:
-    """The report in a format; of a job that was not run there is one in some only."""
+    """Write the report in a format; only some formats have one of a job that was not run."""
     if form == "html":
         from gusjob.cli.page import html_page, too_long
 
@@ -176,7 +175,7 @@ def _written(
 
         tables = [report_table(report, summary=summary)]
         if comparison is not None:
-            from gusjob.report.compare import comparison_text
+            from gusjob.report.compare_text import comparison_text
 
             tables.append(comparison_text(comparison))
         return ["\n\n".join(text.rstrip("\n") for text in tables).encode() + b"\n"]
@@ -187,19 +186,19 @@ def _written(
     if form == "csv":
         return summary_csv(report) if summary else report_csv(report)
     if comparison is not None:
-        from gusjob.report.compare import against_json
+        from gusjob.report.compare_json import against_json
 
         report = replace(report, notes={**report.notes, "against": against_json(comparison)})
     return report_json(report, result.diagnostics, summary=summary)
 
 
-def _read_earlier(path: Path, output: Path | None) -> Earlier:
-    """An earlier report; exits with 2 if the file holds none, or would be written over."""
+def _read_earlier(path: Path, output: Path | None) -> EarlierReport:
+    """Read an earlier report; exit with 2 if the file is none, or is the output file."""
     from gusjob.report.earlier import read_earlier
 
     earlier, reason = read_earlier(path)
     if earlier is not None and output is not None and output.exists() and output.samefile(path):
-        earlier, reason = None, Phrase("this is the file that was read; name another one with -o")
+        earlier, reason = None, Phrase("the output file is the earlier report itself; choose another one with -o")
     if earlier is None:
         stop(f"{path}: {localized(reason)}")
     return earlier

@@ -1,4 +1,4 @@
-"""A page served to browsers on this computer, which load it anew when it changes."""
+"""A server of one page for browsers on this computer, which reload it when it changes."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from gusjob.i18n.phrases import Phrase, localized
 
 _EVENTS = "/events/"
 _HEARTBEAT_S = 10.0
-"""A browser that is gone is noticed by a line that can't be sent."""
+"""Interval of lines that are sent to detect browsers that have closed the connection."""
 
 _WAITING = "<!DOCTYPE html>{html}<meta charset=utf-8><title>gusjob</title><p>{text}"
 
 
 def _waiting() -> bytes:
-    """What is served before there is a page."""
+    """Return the page that is served before the first report."""
     html = "" if language() == "en" else "<html lang=zh-CN>"
-    return _WAITING.format(html=html, text=localized(Phrase("The page is not ready yet; load it again."))).encode()
+    return _WAITING.format(html=html, text=localized(Phrase("The page is not ready yet; reload it."))).encode()
 
 
-class _Server(ThreadingHTTPServer):
-    """Says nothing of a browser that goes away in the middle: the terminal is for the report."""
+class _QuietServer(ThreadingHTTPServer):
+    """Ignores browsers that close the connection: the terminal is for the report."""
 
     daemon_threads = True
 
@@ -37,30 +37,37 @@ class _Server(ThreadingHTTPServer):
 
 
 class PageServer:
-    """Serves one page on the loopback address, to nobody else.
+    """Serves one page on the loopback address only.
 
-    A name that points here from elsewhere (DNS rebinding) is refused: only this address and localhost are answered.
+    Requests with another host name than the address or localhost are refused, against DNS rebinding.
     """
 
     def __init__(self, port: int = 0) -> None:
-        """Listen; port 0 takes any that is free. Raises OSError."""
+        """Listen.
+
+        Args:
+            port: 0 for any free port.
+
+        Raises:
+            OSError: The port is not available.
+        """
         self._page = _waiting()
         self._shown = ""
         self._changed = threading.Condition()
-        self._server = _Server(("127.0.0.1", port), self._handler())
+        self._server = _QuietServer(("127.0.0.1", port), self._handler())
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://127.0.0.1:{self._server.server_port}/"
 
     def new_events(self) -> str:
-        """The path at which the next page is told that it is old. No other page, nor one served before, has it."""
+        """Return a new path for the event that announces the end of the next page; no other page has it."""
         return _EVENTS + secrets.token_hex(8)
 
     def show(self, page: bytes, events: str) -> None:
-        """Serve another page from now on, and tell browsers."""
+        """Serve another page from now on, and notify browsers."""
         with self._changed:
             self._page, self._shown = page, events
             self._changed.notify_all()
@@ -71,7 +78,7 @@ class PageServer:
         self._server.server_close()
 
     def _is_old(self, events: str) -> bool:
-        """Whether a page is another than the one that is served: as soon as it is, or after some time."""
+        """Return whether a page is outdated, as soon as it is or after the heartbeat interval."""
         with self._changed:
             return self._changed.wait_for(lambda: self._shown != events, timeout=_HEARTBEAT_S)
 
@@ -111,7 +118,7 @@ class PageServer:
                         self.wfile.flush()
                     self.wfile.write(b"data: changed\n\n")
 
-            def log_message(self, *_said: object) -> None:
+            def log_message(self, *_arguments: object) -> None:
                 """The terminal is for the report."""
 
         return Handler

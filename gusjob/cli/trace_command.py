@@ -41,14 +41,14 @@ _UNITS_MS = {"us": 1e-3, "ms": 1.0, "s": 1e3, "": 1.0}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Bound:
-    """Where a trace begins or ends: a moment, or a source line."""
+    """Begin or end of a trace: a time, or a source line."""
 
     time_ms: float = 0.0
     line: int = 0
 
 
 def _bound(_context: click.Context, _parameter: click.Parameter, text: str | None) -> _Bound | None:
-    """A moment (12.5, 12.5ms, 300us, 1.5s) or a line (line:40)."""
+    """Parse a time (12.5, 12.5ms, 300us, 1.5s) or a line (line:40)."""
     if text is None:
         return None
     line = re.fullmatch(r"line:([1-9]\d{0,8})", text.strip(), re.ASCII)
@@ -68,10 +68,14 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
 @machine_option
 @scanner_option
 @click.option(
-    "--format", "form", type=click.Choice(_FORMATS), help="Default: by the ending of the output file's name, else vcd."
+    "--format", "form", type=click.Choice(_FORMATS), help="Default: by the output file's extension, else vcd."
 )
-@click.option("--from", "first", callback=_bound, metavar="TIME|line:N", help="Begin there. Default: the start.")
-@click.option("--to", "last", callback=_bound, metavar="TIME|line:N", help="End there. Default: the end.")
+@click.option(
+    "--from", "first", callback=_bound, metavar="TIME|line:N", help="Begin at this time or line. Default: the start."
+)
+@click.option(
+    "--to", "last", callback=_bound, metavar="TIME|line:N", help="End at this time or line. Default: the end."
+)
 @output_option
 def command(
     path: Path,
@@ -85,8 +89,8 @@ def command(
     """Write the run as signals over time.
 
     vcd: the controller's laser outputs (PWM0+ to PWM3-, AO0, AO1) to 1 ns, for logic-analyser viewers such as GTKWave
-    and PulseView. csv, parquet, npz: a table of the controller's ticks with position, velocity, and power and light of
-    each channel. Time counts from the first stage's start, off delays between stages included.
+    and PulseView. csv, parquet, npz: a table of the controller's ticks with position, velocity, and power and
+    emission of each channel. Time counts from the first stage's start, off delays between stages included.
     """
     ending = output.suffix.lower().removeprefix(".") if output is not None else ""
     form = form or (ending if ending in _FORMATS else "vcd")
@@ -102,7 +106,7 @@ def command(
 
 
 def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | None) -> Iterable[bytes]:
-    """The trace in a format."""
+    """Write the trace in a format."""
     from gusjob.report.rows import own_lines
 
     trace = result.trace
@@ -125,7 +129,7 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
 def _span_ms(
     trace: Trace, lines: npt.NDArray[np.int32], first: _Bound | None, last: _Bound | None
 ) -> tuple[float, float]:
-    """What is asked for of a run; `lines`: of the job's own file (0: of another)."""
+    """Return start and end of the selected part. `lines`: lines of the job's own file, 0 for other files."""
     from gusjob.simulate.outputs.output_time import output_time_of
 
     output_time = output_time_of(trace)
@@ -141,7 +145,7 @@ def _span_ms(
         end_ms = float((trace.schedule.times_ms[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
     if start_ms > end_ms:
         wrong = Phrase(
-            "nothing lies between --from {start} ms and --to {end} ms; the run takes {total} ms",
+            "--from {start} ms is after --to {end} ms; the run takes {total} ms",
             start=f"{start_ms:.6g}",
             end=f"{end_ms:.6g}",
             total=f"{output_time.total_ms:.6g}",
@@ -151,11 +155,11 @@ def _span_ms(
 
 
 def _moving(option: str, line: int, wanted: Bools) -> Indices:
-    """The segments of the lines that are asked for."""
+    """Return the indices of the selected segments; exit if there are none."""
     at = np.flatnonzero(wanted)
     if not len(at):
         if option == "--from":
-            wrong = Phrase("{option}: nothing moves at line {line} or behind it", option=option, line=line)
+            wrong = Phrase("{option}: nothing moves at line {line} or after it", option=option, line=line)
         else:
             wrong = Phrase("{option}: nothing moves at line {line} or before it", option=option, line=line)
         raise click.UsageError(localized(wrong))

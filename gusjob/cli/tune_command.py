@@ -1,4 +1,4 @@
-"""gusjob tune."""
+"""`gusjob tune`: laser delays and sky writing for a scanner."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option("--skywrite", is_flag=True, help="Tune SKYWRITE instead of LASER DELAY.")
 @click.option("--mode", type=click.IntRange(1, 3), help="Mode of SKYWRITE. Default: the job's own, else 3.")
 @click.option("--channel", type=click.IntRange(0, 1), default=0, show_default=True, help="Laser channel.")
-@click.option("--write", "writes", is_flag=True, help="Put the statement into the job; all other text stays as it is.")
+@click.option("--write", "writes", is_flag=True, help="Write the statement into the job; its other text is unchanged.")
 def command(
     path: Path,
     machine_path: Path | None,
@@ -38,13 +38,13 @@ def command(
     channel: int,
     writes: bool,
 ) -> None:
-    """Find the delays, or the sky writing, with which marks begin and end where they should.
+    """Find the laser delays, or the sky writing, that bring the ends of marks to their intended positions.
 
-    For the scanner of the machine profile (or --scanner) and this job's speeds. Says how the marks are before and
-    after, and how the numbers were found.
+    Uses the scanner of the machine profile (or --scanner) and the velocities of this job. Shows mark quality before
+    and after, and how the values were found.
     """
     if mode is not None and not skywrite:
-        raise click.UsageError(localized(Phrase("--mode is for --skywrite")))
+        raise click.UsageError(localized(Phrase("--mode needs --skywrite")))
     loaded = load(path, machine_path, scanner=scanner)
     if not isinstance(loaded, Checked) or has_errors(loaded.diagnostics):
         show(loaded)
@@ -53,7 +53,7 @@ def command(
         why = Phrase("this is a listing; only a job can be tuned")
         stop(f"{path}: {localized(why)}")
     if loaded.machine.scanner is None:
-        stop(localized(Phrase("no scanner to tune for: name it with --scanner, or as scanner in the machine profile")))
+        stop(localized(Phrase("no scanner is set: use --scanner, or scanner in the machine profile")))
     from gusjob.tune import run_job, tune_delays, tune_sky_writing
 
     before = run_job(loaded.source, loaded.job, list(loaded.diagnostics), loaded.machine)
@@ -75,7 +75,7 @@ def command(
         why = Phrase("with this statement the job has errors; nothing is written")
         click.echo(f"gusjob: {localized(why)}", err=True)
         sys.exit(1)
-    if writes:  # Before anything is said: who reads may stop reading.
+    if writes:  # Before any output: the reader of a pipe may stop reading.
         _write_job(path, loaded.source, tuned.run.source)
     click.echo(f"{found}\n{_compared(before.marking, tuned.run.marking, channel)}")
     if writes:
@@ -83,7 +83,7 @@ def command(
 
 
 def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel: int) -> str:
-    """Worst and typical figures of a channel's marks, before and after."""
+    """Format worst and typical mark quality of a channel, before and after."""
     from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
     one, other = (next((e for e in entries if e["channel"] == channel), None) for entries in (before, after))
@@ -107,7 +107,7 @@ def _compared(before: list[dict[str, Any]], after: list[dict[str, Any]], channel
 
 
 def _write_job(path: Path, before: Source, source: Source) -> None:
-    """In the place of the one that was read."""
+    """Replace the job file, unless it has changed since it was read."""
     try:
         bom = bom_of(path)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""`gusjob watch`: the report, made anew whenever the job is saved."""
+"""`gusjob watch`: the report, updated whenever the job is saved."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
 
 _LOOK_S = 0.25
-"""Files are looked at so often. Looking works everywhere, on network drives too, and a change is seen as people see."""
+"""Interval of polling. Polling works everywhere, on network drives too, and is fast enough for people."""
 
 _PATIENCE_S = 2.0
-"""A file that is changed all the time is worked on so often."""
+"""Interval of reports of a file that changes all the time."""
 
 Stamp = dict[Path, tuple[int, int] | None]
-"""When each file was changed, ns, and its size in bytes; None where there is none."""
+"""Modification time of each file, ns, and its size, bytes; None if there is no file."""
 
 
 @click.command(name="watch", cls=Command)
@@ -36,20 +36,22 @@ Stamp = dict[Path, tuple[int, int] | None]
 @machine_option
 @scanner_option
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
-@click.option("--page", is_flag=True, help="Serve the report as a page to browsers on this computer; it follows too.")
+@click.option(
+    "--page", is_flag=True, help="Also serve the report to browsers on this computer, as a page that updates itself."
+)
 @click.option(
     "--port",
     type=click.IntRange(0, 2**16 - 1),
     default=0,
     metavar="N",
-    help="Port of the page. Default: any that is free.",
+    help="Port of the page. Default: any free port.",
 )
 def command(
     path: Path, machine_path: Path | None, scanner: Scanner | None, summary: bool, page: bool, port: int
 ) -> None:
-    """Report a job, and again whenever it is saved, or its profile or a file that it includes. Ctrl-C ends it."""
+    """Report a job, and again whenever the job, its profile or an included file is saved. Ctrl-C ends it."""
     if port and not page:
-        raise click.UsageError(localized(Phrase("--port is for --page")))
+        raise click.UsageError(localized(Phrase("--port needs --page")))
     if not path.exists():
         why = Phrase("no such file")
         stop(f"{path}: {localized(why)}")
@@ -57,7 +59,7 @@ def command(
     try:
         needed: set[Path] = set()
         while True:
-            seen = _stamp(path, machine_path, needed)  # What is saved from here on is worked on once more.
+            seen = _stamp(path, machine_path, needed)  # Later changes cause another report.
             result = _report(path, machine_path, scanner, server, summary=summary)
             needed = _needed(result)
             _wait_for_change(path, machine_path, needed, _stamps(needed) | seen)
@@ -69,21 +71,23 @@ def command(
 
 
 def _served(port: int) -> PageServer:
-    """A server, or an exit that says why there is none."""
+    """Start a server; exit if that is not possible."""
     need("html", "jinja2", to=Phrase("serve a page"))
     from gusjob.cli.serve import PageServer
 
     try:
         return PageServer(port)
     except OSError as error:
-        why = Phrase("can't listen at port {port}: {why}; name another with --port", port=port, why=reason_of(error))
+        why = Phrase(
+            "can't listen on port {port}: {why}; choose another one with --port", port=port, why=reason_of(error)
+        )
         stop(localized(why))
 
 
 def _report(
     path: Path, machine_path: Path | None, scanner: Scanner | None, server: PageServer | None, *, summary: bool
 ) -> FileResult:
-    """Read, check and run the job as it stands now, and show what comes of it."""
+    """Read, check and simulate the job, and show the result."""
     result = simulate_file(path, machine_path, scanner=scanner)
     report = None
     if isinstance(result, Simulated):
@@ -105,12 +109,12 @@ def _report(
         click.echo(report_table(report, summary=summary), nl=False)
     show(result, err=False)
     if not result.diagnostics:
-        click.echo(localized(Phrase("no faults")))
+        click.echo(localized(Phrase("no problems")))
     return result
 
 
 def _needed(result: FileResult) -> set[Path]:
-    """What a job includes, and what it would if it were there."""
+    """Return the files that a job includes, missing ones too."""
     missing = (diagnostic for diagnostic in result.diagnostics if diagnostic.rule is rules.INCLUDE)
     return {
         *(Path(name) for name, _ in result.files),
@@ -119,7 +123,7 @@ def _needed(result: FileResult) -> set[Path]:
 
 
 def _stamp(path: Path, machine_path: Path | None, needed: set[Path]) -> Stamp:
-    """Stamps of what the report hangs on: the job, what it includes, the profile."""
+    """Return the stamps of all files on which the report depends: job, included files and profile."""
     profile = machine_path or find_profile(path)
     return _stamps({path, *needed} if profile is None else {path, *needed, profile})
 
@@ -136,13 +140,12 @@ def _stamps(files: set[Path]) -> Stamp:
 
 
 def _wait_for_change(path: Path, machine_path: Path | None, needed: set[Path], seen: Stamp) -> None:
-    """Until a file is another than the one that was seen, and has been left alone for a moment (or changes all the
-    time)."""
+    """Wait until a file has changed and then stayed the same for a moment (or changes all the time)."""
     now, changing = seen, 0
     while True:
         time.sleep(_LOOK_S)
         before, now = now, _stamp(path, machine_path, needed)
         changing = changing + 1 if now != seen else 0
-        # An editor may take a file away for a moment before it puts the new one there.
+        # An editor may remove a file for a moment before it writes the new one.
         if changing and now[path] is not None and (now == before or changing * _LOOK_S > _PATIENCE_S):
             return

@@ -1,4 +1,4 @@
-"""Array aliases of the whole package, and arrays of unequal groups.
+"""Array aliases of the whole package, and sums and groups of arrays.
 
 A column is a one-dimensional array with one entry a row.
 """
@@ -16,7 +16,7 @@ Bools = npt.NDArray[np.bool_]
 
 
 def counted(counts: Indices) -> tuple[Indices, Indices]:
-    """Number the members of groups that stand in a row.
+    """Number the members of groups that follow each other.
 
     Args:
         counts: Size of each group, (n,).
@@ -26,3 +26,28 @@ def counted(counts: Indices) -> tuple[Indices, Indices]:
     """
     which = np.repeat(np.arange(len(counts)), counts)
     return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def running_sum(values: Floats) -> Floats:
+    """Sum the values before each element, and all of them at the end.
+
+    A plain cumsum of a million durations is off by 1e-7 ms. Here each value is split into a whole number of small
+    steps, which int64 sums exactly, and a remainder so small that the rounding of its sum does not matter.
+
+    Args:
+        values: The values, (n,).
+
+    Returns:
+        The sums, (n+1,), each exact to one rounding.
+    """
+    top = float(np.max(np.abs(values), initial=0.0)) * max(len(values), 1)
+    sums = np.zeros(len(values) + 1)
+    if top == 0.0:
+        return sums
+    step = 2.0 ** (np.ceil(np.log2(top)) - 61)
+    whole = np.rint(values / step)
+    steps = np.zeros(len(values) + 1, dtype=np.int64)
+    np.cumsum(whole.astype(np.int64), out=steps[1:])
+    np.cumsum(values - whole * step, out=sums[1:])
+    sums += steps * step
+    return sums

@@ -13,11 +13,11 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 TURN = 2 * np.pi
 CLOSES_MM = 0.005
-"""How far the end of an arc may lie off its circle, mm."""
+"""How far the end of an arc may be off its circle."""
 
 
 def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:
-    """Sine and cosine of degrees, exact at quarter turns: sin(180) is 0, and so is cos(90)."""
+    """Compute sine and cosine of degrees, exact at quarter turns: sin(180) is 0, and so is cos(90)."""
     quarters = np.rint(degrees / 90.0)
     rest = np.radians(degrees - 90.0 * quarters)
     turned, back = quarters % 2 == 1, quarters % 4 >= 2
@@ -37,26 +37,26 @@ class Arcs:
 
     @property
     def length(self) -> Floats:
-        """Along the arc."""
+        """Length along the arc, (n,)."""
         return np.asarray(self.radius * np.abs(self.sweep))
 
     def pick(self, at: Indices) -> Arcs:
-        """Some of the arcs."""
+        """Select some of the arcs."""
         return Arcs(**{f.name: getattr(self, f.name)[at] for f in fields(Arcs)})
 
     def at(self, share: Floats) -> tuple[Floats, Floats]:
-        """The points at a share 0..1 of each arc."""
+        """Compute the points at a share 0..1 of each arc: x and y, (n,)."""
         angle = self.angle + self.sweep * share
         return self.cx + self.radius * np.cos(angle), self.cy + self.radius * np.sin(angle)
 
     def direction(self, share: float) -> tuple[Floats, Floats]:
-        """Unit direction of travel at a share 0..1."""
+        """Compute the unit direction of travel at a share 0..1 of each arc: x and y, (n,)."""
         angle = self.angle + self.sweep * share
         turn = np.sign(self.sweep)
         return -np.sin(angle) * turn, np.cos(angle) * turn
 
     def extent(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """True (x low, x high, y low, y high) of each arc."""
+        """Compute the bounding box of each arc: x low, x high, y low, y high, (n,) each."""
         (x0, y0), (x1, y1) = self.at(np.zeros_like(self.angle)), self.at(np.ones_like(self.angle))
         low_angle = np.where(self.sweep >= 0, self.angle, self.angle + self.sweep)
         span = np.abs(self.sweep)
@@ -73,7 +73,7 @@ class Arcs:
 
 
 def arcs_by_centre(x0: Floats, y0: Floats, x1: Floats, y1: Floats, cx: Floats, cy: Floats, ccw: Bools) -> Arcs:
-    """Arcs from start to end about an absolute centre; end = start is a full circle."""
+    """Make arcs from start to end about an absolute centre; end = start is a full circle."""
     angle = np.arctan2(y0 - cy, x0 - cx)
     to = np.arctan2(y1 - cy, x1 - cx)
     sweep = np.where(ccw, (to - angle) % TURN, -((angle - to) % TURN))
@@ -83,7 +83,7 @@ def arcs_by_centre(x0: Floats, y0: Floats, x1: Floats, y1: Floats, cx: Floats, c
 
 
 def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Floats, ccw: Bools) -> Arcs:
-    """Arcs of a radius: > 0 up to 180 degrees, < 0 more. A radius below half the chord is taken as half the chord."""
+    """Make arcs of a radius: > 0 up to 180 degrees, < 0 more. A radius below half the chord becomes half the chord."""
     dx, dy = x1 - x0, y1 - y0
     half = np.hypot(dx, dy) / 2
     size = np.maximum(np.abs(radius), half)
@@ -102,16 +102,19 @@ Ends = tuple[Floats, Floats, Floats, Floats]
 
 
 def arcs_by_either(ends: Ends, cx: Floats, cy: Floats, radius: Floats, ccw: Bools, by_radius: Bools) -> Arcs:
-    """Arcs of which some are given by their radius, the others by their centre."""
+    """Make arcs of which some (`by_radius`) are given by their radius, the others by their centre."""
     first, second = arcs_by_radius(*ends, radius, ccw), arcs_by_centre(*ends, cx, cy, ccw)
     return Arcs(**{f.name: np.where(by_radius, getattr(first, f.name), getattr(second, f.name)) for f in fields(Arcs)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segments:
-    """Straight and round segments in a row, (n,) each: ends, length, unit direction at start and end, arcs by index.
+    """Lines and arcs that follow each other, (n,) each.
 
-    A segment of no length bears the direction of the one before it, so that a corner is seen across it.
+    `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment. `start_x`, `start_y`, `end_x`, `end_y`:
+    unit direction at the start and at the end. `arc_at` (k,): numbers of the segments that are `arcs`.
+
+    A segment of no length has the direction of the one before it, so the corner across it counts.
     """
 
     x0: Floats
@@ -127,7 +130,7 @@ class Segments:
     arcs: Arcs
 
     def arcs_among(self, at: Indices) -> tuple[Indices, Arcs]:
-        """Which of some segments are round, as places in `at`, and the arc of each of these."""
+        """Find the arcs among some segments `at`: their indices in `at`, and the arcs."""
         if not len(self.arc_at):
             return np.empty(0, dtype=np.intp), NO_ARCS
         number = np.minimum(np.searchsorted(self.arc_at, at), len(self.arc_at) - 1)
@@ -135,7 +138,7 @@ class Segments:
         return found, self.arcs.pick(number[found])
 
     def extent(self, at: Indices) -> tuple[Floats, Floats, Floats, Floats]:
-        """True (x low, x high, y low, y high) of some segments."""
+        """Compute the bounding boxes of some segments: x low, x high, y low, y high, (k,) each."""
         x_low, x_high = np.minimum(self.x0[at], self.x1[at]), np.maximum(self.x0[at], self.x1[at])
         y_low, y_high = np.minimum(self.y0[at], self.y1[at]), np.maximum(self.y0[at], self.y1[at])
         found, arcs = self.arcs_among(at)
@@ -144,7 +147,7 @@ class Segments:
         return x_low, x_high, y_low, y_high
 
     def points(self, at: Indices, share: Floats) -> tuple[Floats, Floats]:
-        """The points at a share 0..1 of some segments, each its own."""
+        """Compute the points at a share 0..1 of some segments, each at its own: x and y, (k,)."""
         x = self.x0[at] + (self.x1[at] - self.x0[at]) * share
         y = self.y0[at] + (self.y1[at] - self.y0[at]) * share
         found, arcs = self.arcs_among(at)
@@ -154,7 +157,7 @@ class Segments:
 
 
 def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: Indices, arcs: Arcs) -> Segments:
-    """Segments from their end points; those at `arc_at` are `arcs`, the others straight."""
+    """Make segments from their end points; those at `arc_at` are `arcs`, the others lines."""
     dx, dy = x1 - x0, y1 - y0
     length = np.hypot(dx, dy)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -173,10 +176,18 @@ def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: Indices, ar
         start_x, end_x = np.where(still, carry_x, start_x), np.where(still, carry_x, end_x)
         start_y, end_y = np.where(still, carry_y, start_y), np.where(still, carry_y, end_y)
     return Segments(
-        x0=x0, y0=y0, x1=x1, y1=y1, length=length,
-        start_x=start_x, start_y=start_y, end_x=end_x, end_y=end_y,
-        arc_at=arc_at, arcs=arcs,
-    )  # fmt: skip
+        x0=x0,
+        y0=y0,
+        x1=x1,
+        y1=y1,
+        length=length,
+        start_x=start_x,
+        start_y=start_y,
+        end_x=end_x,
+        end_y=end_y,
+        arc_at=arc_at,
+        arcs=arcs,
+    )
 
 
 NO_ARCS = Arcs(cx=np.empty(0), cy=np.empty(0), radius=np.empty(0), angle=np.empty(0), sweep=np.empty(0))

@@ -1,10 +1,10 @@
 """The schedule of a path: start time, duration and velocity profile of every segment.
 
-Segments stand in stages, and each stage starts at rest. Length in pulse, velocity in pulse/ms, acceleration in
-pulse/ms2, time in ms. What the given numbers ask for and the path can't give is scheduled like this: an end velocity
-that length and acceleration can't reach is replaced by the nearest reachable one, and the next segment starts with it;
-a start above the segment's velocity slows down to it first; a corner is taken at the given velocity; where motion stops
-without having been slowed down (a dwell, the end of a stage), it stops at once.
+Each stage starts at rest. Length in pulse, velocity in pulse/ms, acceleration in pulse/ms2, time in ms. Values that the
+path can't reach are scheduled like this: an end velocity that length and acceleration can't reach is replaced by the
+nearest reachable one, and the next segment starts with it; a start above the segment's velocity slows down to it first;
+a corner is passed at the given velocity; where motion stops without slowing down before (a dwell, the end of a stage),
+it stops at once.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.kinematics.trapezoids import Trapezoids, reached_ends, running_sum, trapezoids
+from gusjob.kinematics.arrays import Bools, Floats, Indices, running_sum
+from gusjob.kinematics.trapezoids import Trapezoids, reached_ends, trapezoids
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
-    """When each segment or dwell runs, (m,), and how fast; stages follow each other on one time axis.
+    """Time and velocity of each segment or dwell, (m,); stages follow each other on one time axis.
 
     `times_ms` (m+1,): the start of each and the end of the last. `stage` (m,): the stage of each. `stage_first` (s+1,):
     the number of each stage's first segment, and m.
@@ -33,24 +33,28 @@ class Schedule:
     stage_first: Indices
 
     def stage_start(self) -> Floats:
-        """Start of each stage, (s,) ms."""
+        """Return the start of each stage, (s,) ms."""
         return self.times_ms[self.stage_first[:-1]]
 
     def stage_end(self) -> Floats:
-        """End of each stage, (s,) ms."""
+        """Return the end of each stage, (s,) ms."""
         return self.times_ms[self.stage_first[1:]]
 
     def phases(self) -> tuple[Floats, Floats]:
-        """End of the acceleration and start of the deceleration of each segment, (m,) ms, never after its end."""
+        """Return the end of the acceleration and the start of the deceleration of each segment, (m,) ms."""
         profile, begin, end = self.profile, self.times_ms[:-1], self.times_ms[1:]
         risen = np.where(self.dwell, begin, np.minimum(begin + profile.rise_ms, end))
         falls = np.where(self.dwell, begin, np.minimum(begin + profile.rise_ms + profile.cruise_ms, end))
         return risen, falls
 
     def segment_at(self, stage: Indices, time_ms: Floats) -> Indices:
-        """The segment that runs at moments of stages, (k,).
+        """Find the segment that runs at some times within stages, (k,).
 
-        After a stage's end, and in a stage without segments, the last one before; -1 before all motion.
+        After a stage's end, and in a stage without segments, it is the last one before; -1 before all motion.
+
+        Args:
+            stage: Number of the stage, (k,).
+            time_ms: Time, (k,).
         """
         first, last = self.stage_first[stage], self.stage_first[stage + 1] - 1
         found = np.searchsorted(self.times_ms[:-1], time_ms, side="right") - 1
@@ -58,7 +62,7 @@ class Schedule:
 
 
 def starts_at_rest(dwell: Bools, stage_first: Indices) -> Bools:
-    """Segments before which motion stands still, (m,): the first of each stage, and the one after a dwell."""
+    """Find the segments that start at rest, (m,): the first of each stage, and the one after a dwell."""
     breaks = np.zeros(len(dwell), dtype=np.bool_)
     firsts = stage_first[stage_first < len(dwell)]
     breaks[firsts] = True
@@ -69,7 +73,7 @@ def starts_at_rest(dwell: Bools, stage_first: Indices) -> Bools:
 def reachable_ends(
     length: Floats, vel: Floats, acc: Floats, vel_end: Floats, dwell: Bools, stage_first: Indices
 ) -> Floats:
-    """End velocity that each segment reaches, (m,) pulse/ms; 0 for a dwell."""
+    """Compute the end velocity that each segment reaches, (m,) pulse/ms; 0 for a dwell. Arguments as of schedule."""
     breaks = starts_at_rest(dwell, stage_first)
     given = np.where(dwell, 0.0, vel_end)
     ends = reached_ends(length, np.where(dwell, 1.0, vel), given, np.where(dwell, 1.0, acc), breaks)

@@ -21,11 +21,12 @@ REACHED = 1e-9
 """Relative difference of squared velocities below which a velocity counts as reached: rounding, not physics."""
 
 _BLOCK = 4096
+"""Segments that are added up at a time in look-ahead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trapezoids:
-    """One velocity profile a segment; all fields (n,)."""
+    """Velocity profile of each segment, (n,): velocities in pulse/ms, `acc` in pulse/ms2, times in ms."""
 
     start: Floats
     peak: Floats
@@ -37,36 +38,22 @@ class Trapezoids:
 
     @property
     def duration_ms(self) -> Floats:
-        """Time of each segment, ms."""
+        """Duration of each segment, (n,) ms."""
         return np.asarray(self.rise_ms + self.cruise_ms + self.fall_ms)
 
 
-def running_sum(values: Floats) -> Floats:
-    """Sums before each element and the total behind: (n,) -> (n+1,), each exact to one rounding.
-
-    A plain cumsum of a million durations is off by 1e-7 ms. Here each value is split into a whole number of small
-    steps, which int64 sums exactly, and a remainder so small that its own sum's rounding does not matter.
-    """
-    top = float(np.max(np.abs(values), initial=0.0)) * max(len(values), 1)
-    sums = np.zeros(len(values) + 1)
-    if top == 0.0:
-        return sums
-    step = 2.0 ** (np.ceil(np.log2(top)) - 61)
-    whole = np.rint(values / step)
-    steps = np.zeros(len(values) + 1, dtype=np.int64)
-    np.cumsum(whole.astype(np.int64), out=steps[1:])
-    np.cumsum(values - whole * step, out=sums[1:])
-    sums += steps * step
-    return sums
-
-
 def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats) -> Trapezoids:
-    """The profile of each segment from `start` up to `vel` down to `end`; `end` must be reachable and <= `vel`.
+    """Compute the profile of each segment: from `start` up to `vel`, down to `end`.
 
-    A start above `vel` slows down to it first (its `rise` then falls).
+    Args:
+        length: Length, (n,) pulse.
+        start: Velocity at the start, (n,) pulse/ms. If it is above `vel`, the segment first slows down (in `rise_ms`).
+        vel: Highest velocity, (n,) pulse/ms.
+        end: Velocity at the end, (n,) pulse/ms; it must be reachable and at most `vel`.
+        acc: Acceleration, (n,) pulse/ms2.
     """
-    # Squares are taken as products of sum and difference: at speed, over a short way, they differ in the last
-    # digits only.
+    # Differences of squares as products of sum and difference: at speed, over a short length, the squares differ in
+    # the last digits only.
     gained = (end - start) * (end + start) / 2
     top2 = acc * length + (start * start + end * end) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -86,26 +73,34 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
     return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
 
 
-def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, breaks: Bools) -> Floats:
-    """End velocity that each segment really reaches, in order, (n,).
+def reached_ends(length: Floats, vel: Floats, given: Floats, acc: Floats, breaks: Bools) -> Floats:
+    """Compute the end velocity that each segment really reaches, in order.
 
     Each segment starts at what the one before it reached, or at 0 where `breaks` is set. From start v0 over length L
-    the square of the end velocity lies within v0^2 +- 2*a*L; a wanted end outside is replaced by the nearest inside.
-    Nearly every list asks for what it can get: then no loop runs. Else a loop follows each chain of misses until a
-    wanted end is met again.
+    the square of the end velocity is within v0^2 +- 2*a*L; a given end outside is replaced by the nearest inside. In
+    nearly every job all of them can be reached: then no loop runs. Else a loop follows each chain of misses until a
+    given end is met again.
+
+    Args:
+        length, vel, acc: Length, highest velocity and acceleration, (n,) pulse, pulse/ms, pulse/ms2.
+        given: Given end velocity, (n,) pulse/ms.
+        breaks: Segments that start at rest, (n,).
+
+    Returns:
+        End velocities, (n,) pulse/ms.
     """
-    aim = np.minimum(wanted, vel)
-    aim2 = aim * aim
+    goal = np.minimum(given, vel)
+    goal2 = goal * goal
     gain = 2 * acc * length
-    before = np.zeros_like(aim2)
-    before[1:] = aim2[:-1]
+    before = np.zeros_like(goal2)
+    before[1:] = goal2[:-1]
     before[breaks] = 0.0
-    slack = REACHED * (aim2 + before) + 1e-300
-    missed = np.flatnonzero(np.abs(aim2 - before) > gain + slack)
+    slack = REACHED * (goal2 + before) + 1e-300
+    missed = np.flatnonzero(np.abs(goal2 - before) > gain + slack)
     if not len(missed):
-        return aim
-    reached2 = aim2.copy()
-    n = len(aim2)
+        return goal
+    reached2 = goal2.copy()
+    n = len(goal2)
     done = -1
     for first in missed.tolist():
         i = first
@@ -113,19 +108,24 @@ def reached_ends(length: Floats, vel: Floats, wanted: Floats, acc: Floats, break
             continue
         w0 = 0.0 if breaks[i] else float(reached2[i - 1]) if i else 0.0
         while i < n:
-            target, span = float(aim2[i]), float(gain[i])
+            target, span = float(goal2[i]), float(gain[i])
             if i > first and (breaks[i] or abs(target - w0) <= span + REACHED * (target + w0)):
                 break
             w0 = min(max(target, w0 - span), w0 + span)
             reached2[i] = w0
             i += 1
-        # Segment i starts at what was reached: it may itself miss, and then stands in `missed` or is followed here.
+        # Segment i starts at what was reached: it may miss itself, and then it is in `missed` or is followed here.
         done = i - 1
     return np.asarray(np.sqrt(reached2))
 
 
 def distance_run(profile: Trapezoids, which: Indices, since_ms: Floats) -> Floats:
-    """Length that some of the segments have run a time after their start, pulse."""
+    """Compute the length that some segments have run a time after their start, (k,) pulse.
+
+    Args:
+        which: Numbers of the segments, (k,).
+        since_ms: Time since their start, (k,).
+    """
     rise, cruise = profile.rise_ms[which], profile.cruise_ms[which]
     start, peak, acc = profile.start[which], profile.peak[which], profile.acc[which]
     in_rise = np.minimum(since_ms, rise)
@@ -136,10 +136,14 @@ def distance_run(profile: Trapezoids, which: Indices, since_ms: Floats) -> Float
 
 
 def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:
-    """Highest velocity through each corner at which the velocity vector changes by at most `jump` (pulse/ms), (n,).
+    """Compute the highest velocity through each corner, (n,) pulse/ms.
 
-    (out_x, out_y) is the unit direction at the end of the segment before the corner, (in_x, in_y) at the start of
-    the one behind. At velocity v the vector changes by v*|in - out| = 2*v*sin(phi/2).
+    At velocity v the velocity vector changes by v*|in - out| = 2*v*sin(phi/2).
+
+    Args:
+        out_x, out_y: Unit direction at the end of the segment before the corner, (n,).
+        in_x, in_y: Unit direction at the start of the segment behind it, (n,).
+        jump: Largest change of the velocity vector, (n,) pulse/ms.
     """
     change = np.hypot(in_x - out_x, in_y - out_y)
     with np.errstate(divide="ignore"):
@@ -147,18 +151,23 @@ def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, ju
 
 
 def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: Bools) -> Floats:
-    """End velocities of segments in a row, (n,).
+    """Compute the end velocities of segments: the highest that limits, lengths and accelerations allow.
 
-    Each is the highest that limits, lengths and accelerations allow from both sides. `limit` (n,): highest end
-    velocity of each segment (corner, both neighbours' velocity). `breaks` (n,): the segment starts at rest whatever
-    the one before it ended at. The first one starts at rest; the last one's limit is its own.
+    Args:
+        length: Length of each segment, (n,) pulse.
+        acc: Acceleration, (n,) pulse/ms2.
+        limit: Highest end velocity of each segment (corner, velocity of both neighbours), (n,) pulse/ms.
+        breaks: Segments that start at rest, whatever the one before them ended at, (n,). The first one always does.
+
+    Returns:
+        End velocities, (n,) pulse/ms.
     """
     ends2 = limit * limit
     gain = 2 * acc * length
     ends2[breaks] = np.minimum(ends2[breaks], gain[breaks])
     ends2 = _ramp(ends2, gain)
     if len(ends2) > 1:
-        # Backwards: what segment i+1 can get rid of bounds the end of segment i.
+        # Backwards: what segment i+1 can lose limits the end of segment i.
         lost = np.where(breaks, np.inf, gain)
         tail = ends2[-1:]
         ends2 = _ramp(np.concatenate([tail, ends2[-2::-1]]), np.concatenate([tail, lost[:0:-1]]))[::-1]
@@ -166,7 +175,7 @@ def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: Bools) -> Flo
 
 
 def _ramp(limit2: Floats, gain: Floats) -> Floats:
-    """w[i] = min(limit2[i], w[i-1] + gain[i]) with w[-1] = 0, without a loop over segments.
+    """Compute w[i] = min(limit2[i], w[i-1] + gain[i]) with w[-1] = 0, without a loop over segments.
 
     min over j <= i of limit2[j] + (S[i] - S[j]), with S the running sum of gain, is a minimum.accumulate. A gain at
     or above the limit never binds, so it is cut there: S stays small beside what is compared. Blocks keep it
@@ -188,7 +197,7 @@ def _ramp(limit2: Floats, gain: Floats) -> Floats:
 
 
 def _settle(w: Floats, gain: Floats) -> None:
-    """Take back what rounding gave too much: a near tie in the sums can leave w[i] above w[i-1] + gain[i]."""
+    """Correct rounding in place: a near tie in the sums can leave w[i] above w[i-1] + gain[i]."""
     over = np.flatnonzero(w[1:] > (w[:-1] + gain[1:]) * (1 + 1e-13)) + 1
     for first in over.tolist():
         i = first

@@ -1,4 +1,4 @@
-"""Quantities and their conversions, once.
+"""Quantities, units and conversions.
 
 Canonical: mm, mm/s, mm/s2, us, ms, kHz, %, V, deg, and the controller's pulses.
 """
@@ -29,7 +29,7 @@ class QuantityKind(IntEnum):
 
     @property
     def words(self) -> str:
-        """For messages: 'a length', 'a velocity' ..."""
+        """The quantity in a message: 'a length', 'a velocity' ..."""
         return _KINDS[self]
 
 
@@ -45,7 +45,7 @@ _KINDS = (
     Phrase("a plain number"),
     Phrase("a power"),
 )
-"""By Kind."""
+"""By QuantityKind."""
 
 
 class UnitSystem(IntEnum):
@@ -66,13 +66,13 @@ class PowerUnit(IntEnum):
 
     @property
     def text(self) -> str:
-        """As printed."""
+        """The unit as printed."""
         return ("", "%", "kHz", "V")[self]
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit: canonical value = value * times / over (two exact factors, so that 35mV is 35/1000 V to the last bit)."""
+    """A unit: canonical value = value * times / over. Two exact factors, so 35mV is 35/1000 V to the last bit."""
 
     kind: QuantityKind
     times: float = 1.0
@@ -102,14 +102,14 @@ UNITS: dict[str, Unit] = {
     "mv": Unit(QuantityKind.VOLTAGE, over=1000, system=PowerUnit.VOLT),
     "deg": Unit(QuantityKind.ANGLE),
 }
-"""By lower-case spelling; time is canonical in us here (a dwell divides by 1000)."""
+"""Units by lower-case spelling. The canonical time is us; a dwell divides it by 1000."""
 
 US_PER_MS = 1000.0
 MS_PER_S = 1000.0
 
 
 def spelling(unit: str) -> str:
-    """The canonical spelling of a unit: khz -> kHz."""
+    """Return the canonical spelling of a unit: khz -> kHz."""
     return {"khz": "kHz", "hz": "Hz", "mhz": "MHz", "v": "V", "mv": "mV"}.get(unit.lower(), unit.lower())
 
 
@@ -117,10 +117,10 @@ _N = TypeVar("_N", float, Floats)
 
 
 def velocity_pulse_per_ms(mm_s: _N, pulses_per_mm: float) -> _N:
-    """mm/s to the controller's pulse/ms."""
+    """Convert mm/s to the controller's pulse/ms."""
     return mm_s * pulses_per_mm / 1e3
 
 
 def acceleration_pulse_per_ms2(mm_s2: _N, pulses_per_mm: float) -> _N:
-    """mm/s2 to the controller's pulse/ms2."""
+    """Convert mm/s2 to the controller's pulse/ms2."""
     return mm_s2 * pulses_per_mm / 1e6

@@ -1,4 +1,4 @@
-"""Job to diagnostics: plain functions, one a matter, in one tuple."""
+"""Job to diagnostics: plain functions, one for each subject, in one tuple."""
 
 from __future__ import annotations
 
@@ -8,34 +8,37 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import light, motion, power, setup, sky
-from gusjob.lint.view import Findings, View, view_of
+from gusjob.lint import laser, motion, power, setup, skywriting
+from gusjob.lint.context import LintContext, lint_context
+from gusjob.lint.reporter import Reporter
 
-Check = Callable[[View, Findings], None]
+Check = Callable[[LintContext, Reporter], None]
 
 CHECKS: tuple[Check, ...] = (
     setup.laser_mode,
     setup.delays,
     setup.output_when_off,
+    setup.first_pulse_killer,
     setup.distance,
     setup.coordinate_system,
     setup.new_stages,
     power.before_a_mode,
     power.direct_power,
+    power.power_now,
     power.follow,
     power.kept,
     power.saturation,
     power.unused,
-    light.left_on,
-    light.jumps,
-    light.no_power,
-    light.dwells,
-    light.waits,
-    light.switching,
-    light.burnt_twice,
-    light.delays_against_path,
+    laser.left_on,
+    laser.jumps,
+    laser.no_power,
+    laser.dwells,
+    laser.waits,
+    laser.switching,
+    laser.marked_twice,
+    laser.delays_against_path,
     motion.speeds,
-    motion.given_speeds,
+    motion.missing_speeds,
     motion.speeds_along,
     motion.field,
     motion.arcs_close,
@@ -44,20 +47,20 @@ CHECKS: tuple[Check, ...] = (
     motion.starving,
     motion.dwells,
     motion.forced_ends,
-    sky.settings,
-    sky.light,
-    sky.forced_ends,
+    skywriting.settings,
+    skywriting.laser_changes,
+    skywriting.forced_ends,
 )
 
-
-HANG_ON_ALL = (power.unused, light.switching, light.delays_against_path, motion.no_length)
-"""Silent where a line could not be read: what they miss may stand there."""
+NEED_COMPLETE_JOB = (power.unused, laser.switching, laser.delays_against_path, motion.no_length)
+"""Skipped where a line could not be read: what they miss may be in that line."""
 
 
 def check(job: Job, machine: Machine) -> list[Diagnostic]:
-    """Everything that is wrong or odd in a job on a machine, in line order."""
-    findings, view = Findings(job=job, collector=Collector(job.name)), view_of(job, machine)
+    """Find everything that is wrong or odd in a job on a machine, in line order."""
+    context = lint_context(job, machine)
+    report = Reporter(context, Collector(job.name))
     for one in CHECKS:
-        if job.complete or one not in HANG_ON_ALL:
-            one(view, findings)
-    return sorted(findings.collector.done(rules.MORE), key=lambda f: (f.span.line, f.span.column))
+        if job.complete or one not in NEED_COMPLETE_JOB:
+            one(context, report)
+    return sorted(report.collector.done(rules.MORE), key=lambda f: (f.span.line, f.span.column))

@@ -1,1 +1,1 @@
-"""A language server: what the tool knows of a job, told to an editor while the job is written."""
+"""A language server (LSP 3.17): diagnostics, completion, hovers, definitions, symbols, formatting and quick fixes."""

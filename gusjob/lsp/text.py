@@ -1,7 +1,7 @@
-"""The text of a file as an editor sees it: bytes, its lines, and positions in the units that the editor counts in.
+"""The text of a file, with positions in the editor's units and in gusjob's.
 
-LSP 3.17 ends a line at LF, CR LF or CR and counts UTF-16 units unless something else is agreed; gusjob ends it at LF
-(syntax/source.py) and counts characters. Between the two stands the offset in bytes.
+LSP 3.17 ends a line at LF, CR LF or CR and counts UTF-16 units unless another unit is agreed; gusjob ends it at LF
+(frontend/source.py) and counts characters. Both convert to an offset in bytes.
 """
 
 from __future__ import annotations
@@ -19,43 +19,46 @@ from gusjob.kinematics.arrays import Ints
 _BOM = b"\xef\xbb\xbf"
 _LF, _CR = 10, 13
 _UNITS = {PositionEncodingKind.Utf8: ("utf-8", 1), PositionEncodingKind.Utf16: ("utf-16-le", 2)}
-"""How each kind of unit is written, and bytes a unit; UTF-32 counts characters."""
+"""Encoding of each unit, and bytes per unit; UTF-32 counts characters."""
 
 
 def utf8(text: str) -> bytes:
-    """Text as bytes; half a surrogate pair, which JSON can hold and no file, becomes one character in its place."""
+    """Encode a text. Half of a surrogate pair, which JSON can hold but no file, becomes one other character."""
     return text.encode("utf-8", "replace")
 
 
 @dataclass(frozen=True)
 class Text:
-    """One state of a text. `unit`: what its editor counts a line's columns in. It is never changed, so that one thread
-    may read it while another makes the next."""
+    """One version of a text, immutable, so that threads can share it.
+
+    Attributes:
+        unit: Unit of the editor's columns.
+        known: Offsets of the editor's lines, if they are known already.
+    """
 
     data: bytes
     unit: PositionEncodingKind | str = PositionEncodingKind.Utf16
     known: Ints | None = field(default=None, repr=False)
-    """Where the editor's lines begin, if that is known already."""
 
     @cached_property
     def starts(self) -> Ints:
-        """Where the editor's lines begin."""
+        """Offsets of the editor's lines."""
         return _line_starts(self.data) if self.known is None else self.known
 
     @cached_property
     def _own_starts(self) -> Ints:
-        """Where gusjob's lines begin: a CR alone ends none of them."""
+        """Offsets of gusjob's lines: a CR alone does not end a line."""
         if b"\r" not in self.data or self.data.count(b"\r") == self.data.count(b"\r\n"):
             return self.starts
         ends = np.flatnonzero(np.frombuffer(self.data, dtype=np.uint8) == _LF)
         return np.concatenate([[0], ends + 1])
 
     def line(self, number: int) -> str:
-        """A line of the editor's, from 0, without its end; '' where there is none."""
+        """Return a line of the editor's, from 0, without its end; '' if there is none."""
         return self.data[slice(*self._bounds(number))].decode("utf-8", "replace")
 
     def _bounds(self, number: int) -> tuple[int, int]:
-        """Where a line of the editor's begins, and where its text ends."""
+        """Return the offsets where a line of the editor's begins and where its text ends."""
         if not 0 <= number < len(self.starts):
             return len(self.data), len(self.data)
         start = int(self.starts[number])
@@ -65,7 +68,7 @@ class Text:
         return start, end
 
     def offset(self, position: Position) -> int:
-        """The byte at a position; the line's end, or the text's, where the position is beyond it."""
+        """Return the offset of a position; of one beyond the end of its line or of the text that end."""
         start, end = self._bounds(position.line)
         if position.character <= 0:
             return start
@@ -75,7 +78,7 @@ class Text:
         return start + len(_head(line.decode("utf-8", "replace"), position.character, self.unit).encode())
 
     def position(self, offset: int) -> Position:
-        """The position of a byte."""
+        """Return the position of an offset."""
         offset = min(max(offset, 0), len(self.data))
         number = bisect_right(self.starts, offset) - 1
         start, end = self._bounds(number)
@@ -89,16 +92,16 @@ class Text:
         return len(head.decode("utf-8", "replace").encode(encoding)) // width
 
     def column(self, position: Position) -> int:
-        """How many characters stand before a position in its line of the editor's."""
+        """Return the number of characters before a position in its line."""
         start = self._bounds(position.line)[0]
         return len(self.data[start : self.offset(position)].decode("utf-8", "replace"))
 
     def own_line(self, position: Position) -> int:
-        """The number of the line in which a position stands as gusjob counts them, from 1."""
+        """Return gusjob's line number of a position, from 1."""
         return bisect_right(self._own_starts, self.offset(position))
 
-    def _place(self, line: int, column: int) -> int:
-        """The byte at a line and column of gusjob's, both from 1."""
+    def _own_offset(self, line: int, column: int) -> int:
+        """Return the offset of gusjob's line and column, both from 1."""
         starts = self._own_starts
         if line > len(starts):
             return len(self.data)
@@ -113,10 +116,10 @@ class Text:
         return start + len(head.decode("utf-8", "replace")[: column - 1].encode())
 
     def range(self, span: Span) -> Range:
-        """A span of gusjob's for the editor; one without columns is the text of its line."""
-        start = self.position(self._place(span.line, span.column))
+        """Convert a span to the editor's range; a span without columns covers the text of its line."""
+        start = self.position(self._own_offset(span.line, span.column))
         if span.end_column:
-            return Range(start=start, end=self.position(self._place(span.end_line or span.line, span.end_column)))
+            return Range(start=start, end=self.position(self._own_offset(span.end_line or span.line, span.end_column)))
         shown = self.line(start.line)
         blank = len(shown) - len(shown.lstrip())
         first = int(self.starts[start.line])
@@ -125,16 +128,16 @@ class Text:
         )
 
     def edited(self, change: TextDocumentContentChangeEvent) -> Text:
-        """The text behind a change. Lines that it does not touch are not looked at."""
+        """Return the text after a change. Only the changed lines are scanned for line ends."""
         new = utf8(change.text)
-        place = getattr(change, "range", None)
-        if place is None:
+        replaced = getattr(change, "range", None)
+        if replaced is None:
             return Text(new, self.unit)
-        first, last = self.offset(place.start), self.offset(place.end)
+        first, last = self.offset(replaced.start), self.offset(replaced.end)
         first, last = min(first, last), max(first, last)
         data = b"".join((self.data[:first], new, self.data[last:]))
         if b"\r" in self.data[max(first - 1, 0) : last + 1] or b"\r" in new:
-            return Text(data, self.unit)  # A CR LF may have been cut in two, or made of two halves.
+            return Text(data, self.unit)  # A CR LF may have been split or joined.
         head = self.starts[: np.searchsorted(self.starts, first, side="right")]
         tail = self.starts[np.searchsorted(self.starts, last, side="right") :] + (len(new) - (last - first))
         inner = _line_starts(new)[1:] + first
@@ -152,7 +155,7 @@ def _line_starts(data: bytes) -> Ints:
 
 
 def _head(line: str, units: int, unit: PositionEncodingKind | str) -> str:
-    """The first so many units of a line; a character of which the end is cut off is left out."""
+    """Return the first `units` units of a line, without a character that is cut."""
     if unit not in _UNITS:
         return line[:units]
     encoding, width = _UNITS[PositionEncodingKind(unit)]

@@ -1,4 +1,4 @@
-"""The TextMate grammar of jobs, made from the grammar's keywords, the units and the functions."""
+"""The TextMate grammar of jobs, generated from the grammar's keywords, the units and the functions."""
 
 from __future__ import annotations
 
@@ -22,10 +22,12 @@ def _any_of(words: list[str]) -> str:
 
 
 def textmate() -> str:
-    """The grammar as JSON. A keyword may be followed by a digit (X10), as in grammar/job.lark."""
-    steering = sorted({word for form in CONTROLS for word in FORMS[form].name.split()} | {"AS", "FROM", "TO", "STEP"})
+    """Generate the grammar as JSON. A keyword may be followed by a digit (X10), as in grammar/job.lark."""
+    control_words = sorted(
+        {word for form in CONTROLS for word in FORMS[form].name.split()} | {"AS", "FROM", "TO", "STEP"}
+    )
     words = keywords(GRAMMAR)
-    others = sorted(words - set(steering) - _OPERATORS)
+    others = sorted(words - set(control_words) - _OPERATORS)
     number = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?"
     units = _any_of(list(UNITS))
     patterns: list[dict[str, Any]] = [
@@ -35,18 +37,18 @@ def textmate() -> str:
             "match": rf"(?i)({number})(?:({units})(?![a-z0-9_]))?",
             "captures": {"1": {"name": "constant.numeric.gusjob"}, "2": {"name": "keyword.other.unit.gusjob"}},
         },
-        {"name": "keyword.control.gusjob", "match": rf"(?i)\b(?:{_any_of(steering)})(?![A-Za-z_])"},
+        {"name": "keyword.control.gusjob", "match": rf"(?i)\b(?:{_any_of(control_words)})(?![A-Za-z_])"},
         {"name": "keyword.operator.word.gusjob", "match": rf"(?i)\b(?:{_any_of(sorted(_OPERATORS))})\b"},
         {"name": "support.function.gusjob", "match": rf"\b(?:{_any_of(list(FUNCTIONS))})(?=\s*\()"},
         {"name": "constant.language.gusjob", "match": rf"\b(?:{_any_of(list(NAMED_NUMBERS))})\b"},
         {"name": "keyword.other.gusjob", "match": rf"(?i)(?<![A-Za-z_])(?:{_any_of(others)})(?![A-Za-z_])"},
         {"name": "variable.other.gusjob", "match": r"\b[A-Za-z_][A-Za-z0-9_]*\b"},
     ]
-    made = {
+    grammar = {
         "$schema": "https://raw.githubusercontent.com/martinring/tmlanguage/master/tmlanguage.json",
         "name": "gusjob",
         "scopeName": "source.gusjob",
         "fileTypes": ["job"],
         "patterns": patterns,
     }
-    return json.dumps(made, indent=2) + "\n"
+    return json.dumps(grammar, indent=2) + "\n"

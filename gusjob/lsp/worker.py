@@ -1,4 +1,4 @@
-"""Texts are judged beside the editor's messages: one thread, the newest text of each file only."""
+"""A thread that checks texts, so that the server answers meanwhile; of each file only the newest text is checked."""
 
 from __future__ import annotations
 
@@ -9,17 +9,24 @@ from pathlib import Path
 
 from lsprotocol.types import Diagnostic, PositionEncodingKind
 
-from gusjob.lsp.desk import Desk
-from gusjob.lsp.judge import Judged, Places, judge, shown
+from gusjob.lsp.diagnostics import Diagnosis, SourceLocations, diagnose, lsp_diagnostics
 from gusjob.lsp.text import Text
+from gusjob.lsp.workspace import Workspace
 
-LOOK_S = 1.0
-"""Files on the disk (profile, includes) are looked at so often: not every editor tells that one has changed."""
+POLL_S = 1.0
+"""Interval in which files on the disk (profile, includes) are checked for changes: not every editor reports them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """A text to be judged, with all that is open, as it was when it was asked for. `number` counts what is asked."""
+    """A text to check, with the state of all open texts.
+
+    Attributes:
+        number: Counts the tasks of a document.
+        open_texts: All open texts by resolved path.
+        uris: URIs of open files by resolved path.
+        unit: What columns count.
+    """
 
     uri: str
     number: int
@@ -31,69 +38,74 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """What came of a task: what to show by URI."""
+class TaskResult:
+    """The result of a task. `published`: the diagnostics for the editor, by URI."""
 
     task: Task
-    judged: Judged
-    shown: dict[str, list[Diagnostic]]
+    diagnosis: Diagnosis
+    published: dict[str, list[Diagnostic]]
 
 
 class Worker:
-    """The thread. It ends with the process: nobody waits for a job that takes long to judge."""
+    """The thread. It is a daemon, so that the server can end during a long check."""
 
     def __init__(
-        self, done: Callable[[Answer], None], changed: Callable[[str], None], failed: Callable[[str], None]
+        self, done: Callable[[TaskResult], None], changed: Callable[[str], None], failed: Callable[[str], None]
     ) -> None:
-        """Called in the thread: `done`; `changed` where a file on the disk, that an open one hangs on, is another;
-        `failed` with what to say of an error that is ours."""
+        """Start the thread, which calls the functions.
+
+        Args:
+            done: Called with each result.
+            changed: Called with the URI of a document if a file on which it depends has changed on the disk.
+            failed: Called with a message after an internal error.
+        """
         self._done, self._changed, self._failed = done, changed, failed
         self._pending: dict[str, Task] = {}
-        self._desks: dict[str, Desk] = {}
+        self._workspaces: dict[str, Workspace] = {}
         self._wake = threading.Condition()
         threading.Thread(target=self._run, daemon=True, name="gusjob-lsp").start()
 
-    def ask(self, task: Task) -> None:
-        """Judge a text; one of the same file that was not begun yet is forgotten."""
+    def submit(self, task: Task) -> None:
+        """Queue a task in place of a queued one of the same document."""
         with self._wake:
             self._pending.pop(task.uri, None)
             self._pending[task.uri] = task
             self._wake.notify()
 
     def forget(self, uri: str) -> None:
-        """A file was closed."""
+        """Drop the tasks and files of a closed document."""
         with self._wake:
             self._pending.pop(uri, None)
-            self._desks.pop(uri, None)
+            self._workspaces.pop(uri, None)
 
     def _run(self) -> None:
         while True:
             with self._wake:
                 if not self._pending:
-                    self._wake.wait(LOOK_S)
+                    self._wake.wait(POLL_S)
                 task = self._pending.popitem()[1] if self._pending else None
-                desks = dict(self._desks)
+                workspaces = dict(self._workspaces)
             try:
                 if task is not None:
-                    self._judge(task)
+                    self._check(task)
                 else:
-                    self._look(desks)
-            except Exception as error:  # noqa: BLE001  (the next text is judged whatever became of this one)
+                    self._poll(workspaces)
+            except Exception as error:  # noqa: BLE001  (the thread must go on with the next task)
                 self._failed(f"an error in gusjob: {type(error).__name__}: {error}")
 
-    def _judge(self, task: Task) -> None:
-        desk = Desk(task.open_texts)
+    def _check(self, task: Task) -> None:
+        workspace = Workspace(task.open_texts)
         name = task.uri if task.path is None else str(task.path)
-        judged = judge(name, task.path, task.text.data, desk)
-        places = Places(judged=judged, uri=task.uri, text=task.text, uris=task.uris, unit=task.unit)
-        answer = Answer(task=task, judged=judged, shown=shown(places))
+        diagnosis = diagnose(name, task.path, task.text.data, workspace)
+        locations = SourceLocations(diagnosis=diagnosis, uri=task.uri, text=task.text, uris=task.uris, unit=task.unit)
+        result = TaskResult(task=task, diagnosis=diagnosis, published=lsp_diagnostics(locations))
         with self._wake:
-            self._desks[task.uri] = desk
-        self._done(answer)
+            self._workspaces[task.uri] = workspace
+        self._done(result)
 
-    def _look(self, desks: dict[str, Desk]) -> None:
-        for uri, desk in desks.items():
-            if desk.changed:
+    def _poll(self, workspaces: dict[str, Workspace]) -> None:
+        for uri, workspace in workspaces.items():
+            if workspace.changed:
                 with self._wake:
-                    self._desks.pop(uri, None)  # Told once.
+                    self._workspaces.pop(uri, None)  # Each change is reported once.
                 self._changed(uri)

@@ -1,47 +1,30 @@
-"""Job to Stream: stages, arcs the machine can't do, whole pulses, velocities, calls. One pass a file."""
+"""Job to Plan, one pass a file: arcs, stages, whole pulses, sky writing, velocities, switch points."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import numpy as np
+from dataclasses import replace
 
 from gusjob.config.machine import Machine
 from gusjob.ir.job import Job
 from gusjob.planner.flatten import flatten
-from gusjob.planner.layout import layout
-from gusjob.planner.plan import Plan
-from gusjob.planner.skywriting.field import stays_in_field
-from gusjob.planner.skywriting.switch_points import switch_points
-from gusjob.planner.skywriting.writing import sky_writing
-from gusjob.planner.stages import split
+from gusjob.planner.plan import NO_SKY_WRITING, Plan
+from gusjob.planner.quantize import quantize
+from gusjob.planner.skywriting.add_runs import add_runs
+from gusjob.planner.skywriting.place_switches import place_switches
+from gusjob.planner.skywriting.run_field import run_field_diagnostics
+from gusjob.planner.split import split
 from gusjob.planner.velocity import velocities
-
-PASSES: tuple[Callable[[Plan], Plan], ...] = (
-    flatten,
-    split,
-    layout,
-    sky_writing,
-    layout,
-    stays_in_field,
-    velocities,
-    switch_points,
-)
-"""In this order; each takes a plan and gives a fuller one."""
 
 
 def plan(job: Job, machine: Machine) -> Plan:
-    """A checked job's plan: stages, segments in pulses, end velocities; diagnostics for ENDs that can't be met."""
-    nothing = np.empty(0)
-    state = Plan(
-        job=job,
-        machine=machine,
-        path=job.path,
-        timed=np.flatnonzero(job.path.takes_time),
-        vel=nothing,
-        acc=nothing,
-        vel_end=nothing,
-    )
-    for step in PASSES:
-        state = step(state)
-    return state
+    """Plan a checked job: stages, segments in whole pulses, end velocities, switch points.
+
+    The passes are a function, not a tuple, since each phase has a type of its own: StagedPath, QuantizedPath,
+    PlannedPath, Plan. So no pass can run before what it needs.
+    """
+    path, origin = flatten(job, machine)
+    staged = split(job, machine, path, origin)
+    quantized = add_runs(quantize(staged, NO_SKY_WRITING))
+    planned = velocities(quantized)
+    done = place_switches(planned)
+    return replace(done, diagnostics=(*run_field_diagnostics(quantized), *done.diagnostics))

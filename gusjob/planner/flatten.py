@@ -1,26 +1,30 @@
-"""Pass: an arc that is a circle in mm but no circle in pulses becomes lines within the profile's chord tolerance."""
+"""Pass: an arc that is a circle in mm but not in pulses becomes chords within the profile's tolerance."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from gusjob.ir.path import Op, arcs_mm, with_chords
+from gusjob.config.machine import Machine
+from gusjob.ir.job import Job
+from gusjob.ir.path import Path, arcs_mm, with_chords
+from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
-from gusjob.planner.plan import Plan
 
 
-def flatten(state: Plan) -> Plan:
-    """Nothing to do where X and Y have the same pulses per mm."""
-    path, machine = state.path, state.machine
-    arcs = (path.op == Op.ARC_CENTRE) | (path.op == Op.ARC_RADIUS)
-    at = np.flatnonzero(arcs & path.arc_in_mm)
-    if machine.equal_axes or not len(at):
-        return state
-    shapes = arcs_mm(path, at, machine)
-    pieces = chord_counts(shapes.sweep, chord_angles(shapes.radius, machine.chord_tolerance_um / 1000))
-    x_mm, y_mm = chord_ends(shapes, pieces)
+def flatten(job: Job, machine: Machine) -> tuple[Path, Indices]:
+    """Replace arcs that the controller has no call for by chords.
+
+    Where X and Y have the same pulses per mm there are none.
+
+    Returns:
+        The path, and for each of its rows the row of the job's path, (n,).
+    """
+    path = job.path
+    rows = np.flatnonzero(path.is_arc & path.arc_in_mm)
+    if machine.equal_axes or not len(rows):
+        return path, np.arange(len(path))
+    arcs = arcs_mm(path, rows, machine)
+    counts = chord_counts(arcs.sweep, chord_angles(arcs.radius, machine.chord_tolerance_um / 1000))
+    x_mm, y_mm = chord_ends(arcs, counts)
     px, py = machine.pulses_per_mm
-    longer, origin = with_chords(path, at, pieces, x_mm * px, y_mm * py)
-    return replace(state, path=longer, origin=origin, timed=np.flatnonzero(longer.takes_time))
+    return with_chords(path, rows, counts, x_mm * px, y_mm * py)

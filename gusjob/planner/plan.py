@@ -1,15 +1,22 @@
-"""What the passes hand on: a job, split into stages, laid out in whole pulses, with velocities."""
+"""The phases of a job on its way to calls; each pass turns one phase into the next.
+
+StagedPath      rows of the path in stages; positions not yet rounded
+QuantizedPath   + segments in whole pulses, velocities and accelerations along each segment
+PlannedPath     + end velocities
+Plan            + laser switches at their final positions
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Diagnostic
+from gusjob.ir.intent import Intent, RunKind
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import Setup
@@ -19,7 +26,7 @@ from gusjob.kinematics.geometry import Segments
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
-    """Setup calls at rest, then path rows first..last-1."""
+    """Setup statements that run at rest, then the rows first..last-1 of the path."""
 
     first: int
     last: int
@@ -27,57 +34,138 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sky:
-    """What sky writing has to do with a plan's path.
+class StagedPath:
+    """The path of a job, cut into stages.
 
-    For each row, (n,): `run`, stream.Run of a motion that is dark; `smooth`, a motion that goes on into the next
-    without a corner, whatever rounding to pulses makes of it.
-
-    For each row that goes by a mark, (g,): its `row`; `ref`, the row of the mark whose start, or end where
-    `at_end` is set, it goes by; `edge_us`, when its effect shall come, counted from there; `placed`, it stands where it
-    belongs already, and a start's `ref` is the piece in front of it.
-    """
-
-    run: npt.NDArray[np.int8]
-    smooth: Bools
-    row: Indices
-    ref: Indices
-    at_end: Bools
-    edge_us: Floats
-    placed: Bools
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
-    """A job on its way to calls. Each pass fills in its own part and leaves the rest.
-
-    `path`: rows, perhaps more than the job's (an arc become lines): then `origin` has each one's row in the job.
-    `timed` (m,): rows that take time. Of those: `segments` in whole pulses (a dwell has no length); `vel`, `acc`,
-    `vel_end` in pulse/ms (2).
+    `path`: n rows, perhaps more than the job has. `origin` (n,): row of the job's path from which each comes.
+    `timed` (m,): rows that take time.
     """
 
     job: Job
     machine: Machine
     path: Path
-    stages: tuple[Stage, ...] = ()
-    origin: Indices | None = None
+    origin: Indices
+    stages: tuple[Stage, ...]
     timed: Indices
-    segments: Segments | None = None
+
+    @property
+    def is_dwell(self) -> Bools:
+        """Timed rows that are a dwell, (m,)."""
+        return np.asarray(self.path.op[self.timed] == Op.DWELL)
+
+    @property
+    def stage_first(self) -> Indices:
+        """Number of each stage's first timed row, and the number of timed rows, (s+1,)."""
+        return np.append(np.searchsorted(self.timed, [stage.first for stage in self.stages]), len(self.timed))
+
+    @property
+    def stage_of_timed(self) -> Indices:
+        """Number of the stage of each timed row, (m,)."""
+        return np.searchsorted([stage.first for stage in self.stages], self.timed, side="right") - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkEvents:
+    """Rows of the path that take effect at the start or the end of a mark, (g,) each.
+
+    `row`: the switch or power. `mark_row`: the mark's row; of a laser-on that is `placed`, the first motion of the
+    mark. `at_end`: it belongs to the end of the mark, not to its start. `effect_us`: time of the effect from there.
+    `placed`: the row is at its final position already.
+    """
+
+    row: Indices
+    mark_row: Indices
+    at_end: Bools
+    effect_us: Floats
+    placed: Bools
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkyRows:
+    """What sky writing knows of the rows of a path.
+
+    `run` (n,): RunKind of a motion while the laser is off. `smooth` (n,): motions that continue into the next one
+    without a corner, whatever rounding to pulses makes of it. Both have one entry for all rows, (1,), without sky
+    writing.
+    """
+
+    run: npt.NDArray[np.int8]
+    smooth: Bools
+    events: MarkEvents
+
+    def run_of(self, rows: Indices) -> npt.NDArray[np.int8]:
+        """RunKind of some rows."""
+        return self.run[rows] if len(self.events) else np.broadcast_to(self.run, len(rows))
+
+    def smooth_of(self, rows: Indices) -> Bools:
+        """Whether some rows continue into the next one without a corner."""
+        return self.smooth[rows] if len(self.events) else np.broadcast_to(self.smooth, len(rows))
+
+
+NO_SKY_WRITING = SkyRows(
+    run=np.full(1, RunKind.NONE, dtype=np.int8),
+    smooth=np.zeros(1, dtype=np.bool_),
+    events=MarkEvents(
+        row=np.empty(0, dtype=np.intp),
+        mark_row=np.empty(0, dtype=np.intp),
+        at_end=np.empty(0, dtype=np.bool_),
+        effect_us=np.empty(0),
+        placed=np.empty(0, dtype=np.bool_),
+    ),
+)
+"""Of a job without sky writing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QuantizedPath(StagedPath):
+    """A path in whole pulses; all (m,) for the timed rows.
+
+    `segments`: a dwell has no length. `vel`, `acc`: pulse/ms and pulse/ms2 along the segment. `forced_end`: END,
+    pulse/ms along the segment, NaN if there is none.
+    """
+
+    segments: Segments
     vel: Floats
     acc: Floats
+    forced_end: Floats
+    sky: SkyRows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedPath(QuantizedPath):
+    """A path with end velocities: `vel_end` (m,) pulse/ms. `vel` is slower on arcs, and 0 in a dwell."""
+
     vel_end: Floats
-    sky: Sky | None = None
-    mark_end: Indices | None = None
-    """As in stream.Intent, where there is sky writing."""
-    diagnostics: tuple[Diagnostic, ...] = ()
+    diagnostics: tuple[Diagnostic, ...]
 
 
-def rearranged(state: Plan, source: Indices, columns: dict[str, npt.NDArray[Any]]) -> Plan:
-    """A plan with other rows: row i is like row source[i], but for what `columns` gives anew. No row leaves its stage.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan(PlannedPath):
+    """A job that is ready for a controller. `intent`: None without sky writing."""
 
-    What hangs on the rows (segments, velocities, sky) is for the caller to make anew.
+    intent: Intent | None
+
+
+_P = TypeVar("_P", bound=StagedPath)
+
+
+def next_phase(kind: type[_P], phase: StagedPath, **added: Any) -> _P:
+    """Make the next phase from all fields of a phase and what a pass adds."""
+    return kind(**{f.name: getattr(phase, f.name) for f in fields(phase)}, **added)
+
+
+def rearranged(staged: StagedPath, source: Indices, columns: dict[str, npt.NDArray[Any]]) -> StagedPath:
+    """Make a path with other rows. No row leaves its stage.
+
+    Args:
+        staged: The path, n rows. What belongs to its rows (segments, velocities, sky) is not kept.
+        source: For each new row the row that it is like, (k,).
+        columns: Columns with new values, (k,) each.
     """
-    path = state.path
+    path = staged.path
     given = {f.name: columns.get(f.name, _taken(getattr(path, f.name), source)) for f in fields(Path)}
     moves = given["op"] < Op.DWELL
     if (given["op"] == Op.DWELL).any():
@@ -86,25 +174,25 @@ def rearranged(state: Plan, source: Indices, columns: dict[str, npt.NDArray[Any]
         for name in ("x", "y"):
             given[name] = np.where(moves | (last < 0), given[name], given[name][last])
     ends = [len(source)]
-    if len(state.stages) > 1:
-        stage = np.searchsorted([stage.first for stage in state.stages], source, side="right") - 1
-        ends = np.cumsum(np.bincount(stage, minlength=len(state.stages))).tolist()
+    if len(staged.stages) > 1:
+        stage = np.searchsorted([stage.first for stage in staged.stages], source, side="right") - 1
+        ends = np.cumsum(np.bincount(stage, minlength=len(staged.stages))).tolist()
     longer = Path(**given)
-    return replace(
-        state,
+    return StagedPath(
+        job=staged.job,
+        machine=staged.machine,
         path=longer,
-        segments=None,
-        origin=source if state.origin is None else state.origin[source],
+        origin=staged.origin[source],
         timed=np.flatnonzero(longer.takes_time),
         stages=tuple(
             replace(stage, first=first, last=last)
-            for stage, first, last in zip(state.stages, [0, *ends[:-1]], ends, strict=True)
+            for stage, first, last in zip(staged.stages, [0, *ends[:-1]], ends, strict=True)
         ),
     )
 
 
 def _taken(column: npt.NDArray[Any], source: Indices) -> npt.NDArray[Any]:
-    """A column's values at rows; one that is one value for all rows stays so and takes no memory."""
+    """Take a column's values at rows; a broadcast column stays one and takes no memory."""
     if len(column) and column.strides == (0,):
         return np.broadcast_to(column[0], len(source))
     return column[source]

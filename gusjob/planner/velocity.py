@@ -1,4 +1,4 @@
-"""Pass: end velocities. Where LOOKAHEAD is on, a corner is taken as fast as the velocity vector may change there."""
+"""Pass: end velocities. Where LOOKAHEAD is on, a corner is as fast as the velocity vector may change there."""
 
 from __future__ import annotations
 
@@ -8,128 +8,137 @@ from typing import Any
 
 import numpy as np
 
+from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Collector, Rule
+from gusjob.diagnostics.model import Collector, Diagnostic, Rule
 from gusjob.ir.display import display_units
 from gusjob.ir.intent import RunKind
-from gusjob.ir.path import Op
 from gusjob.ir.setup import LookAhead
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.kinematics.schedule import starts_at_rest
 from gusjob.kinematics.trapezoids import corner_velocity, look_ahead
-from gusjob.planner.plan import Plan
-from gusjob.planner.report_rows import report_rows
+from gusjob.planner.plan import PlannedPath, QuantizedPath, StagedPath, next_phase
+from gusjob.planner.row_diagnostics import report_rows
 
 
-def velocities(state: Plan) -> Plan:
-    """vel_end of every segment; a forced END that can't be met is a diagnostic."""
-    laid, timed = state.segments, state.timed
-    assert laid is not None
-    n = len(timed)
+def velocities(quantized: QuantizedPath) -> PlannedPath:
+    """Plan the end velocity of every segment; a forced END that can't be met is a diagnostic."""
+    n = len(quantized.timed)
     if not n:
-        return state
-    dwell = state.path.op[timed] == Op.DWELL
-    jump = corner_jump(state)
-    ahead = np.isfinite(jump)
-    vel = path_velocity(state, jump)
-    acc = np.where(dwell, 1.0, state.acc)
-    smooth = state.sky.smooth[timed] if state.sky is not None else np.zeros(n, dtype=np.bool_)
-    breaks = at_rest_before(state)
-    limit = np.zeros(n)
+        return next_phase(PlannedPath, quantized, vel_end=np.empty(0), diagnostics=())
+    segments, forced_end = quantized.segments, quantized.forced_end
+    dwell, breaks = quantized.is_dwell, at_rest_before(quantized)
+    jump = corner_jump(quantized)
+    ahead, forced = np.isfinite(jump), np.isfinite(forced_end)
+    smooth = quantized.sky.smooth_of(quantized.timed)
+    vel = path_velocity(quantized, jump)
     corner = corner_velocity(
-        laid.end_x[:-1], laid.end_y[:-1], laid.start_x[1:], laid.start_y[1:], np.where(ahead, jump, 0.0)[:-1]
+        segments.end_x[:-1],
+        segments.end_y[:-1],
+        segments.start_x[1:],
+        segments.start_y[1:],
+        np.where(ahead, jump, 0.0)[:-1],
     )
-    look = state.machine.lookahead_time_ms * state.machine.lookahead_acc_pulse_per_ms2
     corner = np.where(smooth[:-1], np.inf, corner)
+    limit = np.zeros(n)
     limit[:-1] = np.where((ahead | smooth)[:-1], np.minimum(np.minimum(vel[:-1], vel[1:]), corner), 0.0)
     limit[:-1][breaks[1:] | dwell[:-1] | dwell[1:]] = 0.0
-    forced = np.isfinite(state.vel_end)
-    limit = np.where(forced, np.minimum(state.vel_end, vel), limit)
-    if not ahead.any() and not forced.any() and not smooth.any():
-        vel_end = limit
-    else:
-        vel_end = np.minimum(look_ahead(laid.length, acc, limit, breaks), limit)
-    collector = Collector(state.job.name)
-    _report(state, collector, rules.END_UNREACHABLE, forced & (vel_end < state.vel_end * (1 - 1e-9)), vel_end)
-    _report(state, collector, rules.END_AT_STOP, forced & (state.vel_end > 0) & np.append(breaks[1:], True), vel_end)
-    # An END is taken as written; at a corner it may be more than look-ahead would allow, whether that is on or not.
-    allowed = np.where(ahead, jump, look)[:-1]
-    change = np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
-    turns = np.append(np.where(forced, state.vel_end, 0.0)[:-1] * change, 0.0)
-    sharp = forced & ~np.append(breaks[1:], True) & (turns > np.append(allowed, np.inf) * (1 + 1e-9))
-    _report(state, collector, rules.CORNER_TOO_FAST, sharp, vel_end, jump=turns, limit=np.append(allowed, 0.0))
-    return replace(
-        state,
-        vel=vel,
-        vel_end=np.where(forced, state.vel_end, vel_end),
-        diagnostics=(*state.diagnostics, *collector.done(rules.MORE)),
+    limit = np.where(forced, np.minimum(forced_end, vel), limit)
+    vel_end = limit
+    if ahead.any() or forced.any() or smooth.any():
+        acc = np.where(dwell, 1.0, quantized.acc)
+        vel_end = np.minimum(look_ahead(segments.length, acc, limit, breaks), limit)
+    diagnostics = _end_diagnostics(quantized, jump, vel_end, np.append(breaks[1:], True)) if forced.any() else []
+    return next_phase(
+        PlannedPath,
+        replace(quantized, vel=vel),
+        vel_end=np.where(forced, forced_end, vel_end),
+        diagnostics=tuple(diagnostics),
     )
 
 
-def path_velocity(state: Plan, jump: Floats) -> Floats:
-    """Velocity of each timed row, (m,) pulse/ms: as written, slower on arcs where look-ahead is on, 0 in a dwell."""
-    vel = np.where(state.path.op[state.timed] == Op.DWELL, 0.0, state.vel)
-    slows = np.isfinite(jump)
-    if state.sky is not None:  # Its marks and runs have their speed already.
-        slows &= state.sky.run[state.timed] == RunKind.NONE
-    return np.where(slows, _slowed_on_arcs(state, vel), vel)
+def path_velocity(quantized: QuantizedPath, jump: Floats) -> Floats:
+    """Compute the velocity of each timed row: as written, slower on arcs where look-ahead is on, 0 in a dwell.
+
+    Args:
+        jump: Result of corner_jump, (m,).
+
+    Returns:
+        Velocities, (m,) pulse/ms.
+    """
+    vel = np.where(quantized.is_dwell, 0.0, quantized.vel)
+    segments = quantized.segments
+    if not len(segments.arc_at):
+        return vel
+    # On an arc v^2/r stays within the machine's acceleration. Marks and runs of sky writing have their speed already.
+    at = segments.arc_at
+    fastest = np.minimum(vel[at], np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * segments.arcs.radius))
+    slows = np.isfinite(jump[at]) & (quantized.sky.run_of(quantized.timed[at]) == RunKind.NONE)
+    vel[at] = np.where(slows, fastest, vel[at])
+    return vel
 
 
-def stage_first(state: Plan) -> Indices:
-    """Number of each stage's first timed row, and how many timed rows there are, (s+1,)."""
-    return np.append(np.searchsorted(state.timed, [stage.first for stage in state.stages]), len(state.timed))
+def at_rest_before(staged: StagedPath) -> Bools:
+    """Timed rows before which motion stops, (m,): the first of a stage, dwells and what follows them."""
+    dwell = staged.is_dwell
+    return np.asarray(dwell | starts_at_rest(dwell, staged.stage_first))
 
 
-def at_rest_before(state: Plan) -> Bools:
-    """Timed rows before which motion stands still, (m,): the first of a stage, dwells and what follows them."""
-    dwell = state.path.op[state.timed] == Op.DWELL
-    return np.asarray(dwell | starts_at_rest(dwell, stage_first(state)))
-
-
-def corner_jump(state: Plan) -> Floats:
-    """By how much the velocity vector may change behind each segment, pulse/ms, (m,); NaN where LOOKAHEAD is OFF."""
-    machine = state.machine
-    default = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
-    jump = np.full(len(state.timed), default)
-    for setup in state.job.setups:
+def corner_jump(staged: StagedPath) -> Floats:
+    """By how much the velocity vector may change behind each segment, (m,) pulse/ms; NaN where LOOKAHEAD is OFF."""
+    jump = np.full(len(staged.timed), _jump(LookAhead(corner=(math.nan, math.nan)), staged.machine))
+    for setup in staged.job.setups:
         if isinstance(setup.statement, LookAhead):
-            rows = state.origin[state.timed] if state.origin is not None else state.timed
-            jump[rows >= setup.row] = _jump(setup.statement, state)
+            jump[staged.origin[staged.timed] >= setup.row] = _jump(setup.statement, staged.machine)
     return jump
 
 
-def _jump(what: LookAhead, state: Plan) -> float:
-    if what.corner is None:
+def _jump(statement: LookAhead, machine: Machine) -> float:
+    if statement.corner is None:
         return math.nan
-    time, acc = what.corner
-    time = state.machine.lookahead_time_ms if math.isnan(time) else time
-    acc = state.machine.lookahead_acc_pulse_per_ms2 if math.isnan(acc) else acc
-    return time * acc
+    time_ms, acc = statement.corner
+    time_ms = machine.lookahead_time_ms if math.isnan(time_ms) else time_ms
+    acc = machine.lookahead_acc_pulse_per_ms2 if math.isnan(acc) else acc
+    return time_ms * acc
 
 
-def _slowed_on_arcs(state: Plan, vel: Floats) -> Floats:
-    """On an arc v^2/r stays within the machine's acceleration."""
-    laid = state.segments
-    assert laid is not None
-    if not len(laid.arc_at):
-        return vel
-    slowed = vel.copy()
-    fastest = np.sqrt(state.machine.max_acceleration_pulse_per_ms2 * laid.arcs.radius)
-    slowed[laid.arc_at] = np.minimum(vel[laid.arc_at], fastest)
-    return slowed
+def _end_diagnostics(quantized: QuantizedPath, jump: Floats, vel_end: Floats, stops: Bools) -> list[Diagnostic]:
+    """Find ENDs that length and acceleration can't meet, that are at a stop, or that are too fast for their corner.
+
+    An END is taken as written: at a corner it may be more than look-ahead allows, whether that is on or not.
+
+    Args:
+        jump: Result of corner_jump, (m,).
+        vel_end: End velocities that can be met, (m,) pulse/ms.
+        stops: Timed rows behind which motion stops, (m,).
+    """
+    segments, forced_end, machine = quantized.segments, quantized.forced_end, quantized.machine
+    forced = np.isfinite(forced_end)
+    collector = Collector(quantized.job.name)
+    _report(quantized, collector, rules.END_UNREACHABLE, forced & (vel_end < forced_end * (1 - 1e-9)), high=vel_end)
+    _report(quantized, collector, rules.END_AT_STOP, forced & (forced_end > 0) & stops, high=vel_end)
+    default = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
+    allowed = np.append(np.where(np.isfinite(jump), jump, default)[:-1], np.inf)
+    change = np.hypot(segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1])
+    turns = np.append(np.where(forced, forced_end, 0.0)[:-1] * change, 0.0)
+    sharp = forced & ~stops & (turns > allowed * (1 + 1e-9))
+    _report(quantized, collector, rules.CORNER_TOO_FAST, sharp, high=vel_end, jump=turns, limit=allowed)
+    return collector.done(rules.MORE)
 
 
-def _report(state: Plan, collector: Collector, rule: Rule, where: Bools, reached: Floats, **columns: Floats) -> None:
-    """A diagnostic at the END of every segment in `where`."""
+def _report(quantized: QuantizedPath, collector: Collector, rule: Rule, where: Bools, **columns: Floats) -> None:
+    """Report the END of every timed row in `where`; velocities in pulse/ms, shown in the job's units."""
     at = np.flatnonzero(where)
-    path, timed, shown = state.path, state.timed, display_units(state.job, state.machine)
-    values = {"value": state.vel_end, "high": reached, **columns}
+    path, timed = quantized.path, quantized.timed
+    shown = display_units(quantized.job, quantized.machine)
+    values = {"value": quantized.forced_end, **columns}
 
     def fields(index: int) -> dict[str, Any]:
         i = at[index]
         # As written: where the axes differ, a velocity in mm is another one in pulses for each direction.
-        written = float(path.end[timed[i]] / state.vel_end[i]) if state.vel_end[i] > 0 else 1.0
+        end = quantized.forced_end[i]
+        written = float(path.end[timed[i]] / end) if end > 0 else 1.0
         shares = {name: float(column[i]) * written * shown.per_pulse_per_ms for name, column in values.items()}
         return {**shares, "speed": shown.speed}
 
-    report_rows(state, collector, rule, timed[at], fields, "END")
+    report_rows(quantized, collector, rule, timed[at], fields, "END")

@@ -1,1 +1,1 @@
-"""Trace to rows and totals, and those to table, JSON and CSV."""
+"""Reports: rows and totals of a trace as tables, markdown, JSON, CSV and Parquet, and the comparison of two reports."""

@@ -1,4 +1,4 @@
-"""An earlier report, read back from its JSON. Anything may stand in the file."""
+"""Reader of an earlier report's JSON. The file is not trusted."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
 
 Columns = Mapping[str, npt.NDArray[Any]]
 Key = tuple[str, int | None, str | None]
-"""A total: its name, and channel and unit of power where it has them."""
+"""A total: its name, and its channel and power unit if it has them."""
 
 MAX_EARLIER_MB = 1000
 
 CHANNELS = (0, 1)
 _UNITS = {mode.unit for mode in PowerMode}
 POWERS = ("power_min", "power_mean", "power_max", "power_ms")
-"""In the channel's unit: not to be compared with those in another unit."""
+"""Columns in the channel's power unit; values in different units are not compared."""
 FIGURES = ("emission_ms", *POWERS, "joules")
 COUNTS = ("segments", "stages")
 _LENGTHS = ("duration_ms", "mark_mm", "jump_mm")
@@ -36,8 +36,8 @@ _OFF_OUTPUT = ("standby_khz", "standby_pct", "prevoltage_v")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Earlier:
-    """What an earlier report says, checked. `columns` as in a Report, NaN for null; None if it has totals only."""
+class EarlierReport:
+    """An earlier report, validated. `columns`: as in a Report, NaN for null; None if it has totals only."""
 
     path: str
     job: str
@@ -46,19 +46,23 @@ class Earlier:
 
 
 class _NotAReportError(Exception):
-    """Why a file is no report."""
+    """A file is not a report, with the reason."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
         self.reason = reason
 
 
-def read_earlier(path: Path) -> tuple[Earlier | None, str]:
-    """The report in a JSON file; None and the reason where there is none."""
+def read_earlier(path: Path) -> tuple[EarlierReport | None, str]:
+    """Read the report in a JSON file.
+
+    Returns:
+        The report and ''; None and the reason if the file is not a report.
+    """
     try:
         with path.open("rb") as file:
             data = file.read(MAX_EARLIER_MB * 1_000_000 + 1)
-        return _earlier(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
+        return _parse(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
     except OSError as error:
         why = reason_of(error)
         return None, Phrase("can't read this file: {why}", why=why)
@@ -68,7 +72,7 @@ def read_earlier(path: Path) -> tuple[Earlier | None, str]:
         return None, Phrase("can't read this file: no such name")
 
 
-def _earlier(path: str, data: bytes) -> Earlier:
+def _parse(path: str, data: bytes) -> EarlierReport:
     if len(data) > MAX_EARLIER_MB * 1_000_000:
         raise _NotAReportError(Phrase("this file is too large; gusjob reads up to {most} MB", most=MAX_EARLIER_MB))
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -84,11 +88,11 @@ def _earlier(path: str, data: bytes) -> Earlier:
         )
         raise _NotAReportError(reason) from None
     if type(found) is not dict or found.get("schema") != REPORT_SCHEMA:
-        reason = Phrase('this is no report of gusjob report --format json (schema "{schema}")', schema=REPORT_SCHEMA)
+        reason = Phrase('this is not a JSON report of gusjob (schema "{schema}")', schema=REPORT_SCHEMA)
         raise _NotAReportError(reason)
     totals = flat_totals(_typed(found, "totals", dict)) | {("period_us", None, None): _figure(found, "period_us")}
     columns = _columns(_typed(found, "segments", dict)) if "segments" in found else None
-    return Earlier(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)
+    return EarlierReport(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)
 
 
 _JSON_WORDS: dict[type, str] = {
@@ -111,14 +115,14 @@ def _missing(name: str) -> Phrase:
 
 
 def _figure(holder: dict[str, Any], name: str, *kinds: type) -> float:
-    """A number, or what else it may be; null is NaN."""
+    """Return a number, or a value of one of `kinds`, as a float; null is NaN."""
     if type(value := holder.get(name)) not in (int, float, *kinds) or name not in holder:
         raise _NotAReportError(Phrase("{name} is not a number", name=name) if name in holder else _missing(name))
     return float("nan") if value is None else float(value)
 
 
 def flat_totals(totals: dict[str, Any]) -> dict[Key, float]:
-    """Totals of any report, flat. An earlier version may lack some."""
+    """Flatten the totals of a report. Those of an earlier version of gusjob may be incomplete."""
     flat: dict[Key, float] = {
         (name, None, None): _figure(totals, name)
         for name in (*COUNTS, *_LENGTHS)
@@ -126,10 +130,10 @@ def flat_totals(totals: dict[str, Any]) -> dict[Key, float]:
     }
     for entry in _typed(totals, "channels", list):
         if type(entry) is not dict:
-            raise _NotAReportError(Phrase("channels holds something that is not a JSON object"))
+            raise _NotAReportError(Phrase("channels contains a value that is not a JSON object"))
         channel, unit = _typed(entry, "channel", int), _typed(entry, "unit", str)
         if channel not in CHANNELS or unit not in _UNITS:
-            raise _NotAReportError(Phrase("channels holds an unknown channel or unit"))
+            raise _NotAReportError(Phrase("channels contains an unknown channel or unit"))
         for name in _TOTALS:
             if name in entry or name in _REQUIRED:
                 flat[name, channel, unit] = _figure(entry, name, bool if name == "lit_at_end" else type(None))
@@ -141,7 +145,7 @@ def flat_totals(totals: dict[str, Any]) -> dict[Key, float]:
 
 
 def _columns(found: dict[str, Any]) -> Columns:
-    """The columns that are compared, all of one length."""
+    """Return the columns that are compared, all of one length."""
     names = ["line", "x_mm", "y_mm", "duration_ms"]
     for channel in CHANNELS:
         here = [f"ch{channel}_{figure}" for figure in FIGURES]
@@ -149,22 +153,22 @@ def _columns(found: dict[str, Any]) -> Columns:
     columns: dict[str, npt.NDArray[Any]] = {name: _figures(found, name) for name in names}
     columns["kind"] = _kinds(_typed(found, "kind", list))
     if len({len(column) for column in columns.values()}) > 1:
-        raise _NotAReportError(Phrase("the columns of segments are not equally long"))
+        raise _NotAReportError(Phrase("the columns of segments differ in length"))
     lines = columns["line"]
     if not ((lines == np.floor(lines)) & (lines >= 0) & (lines < 2**53)).all():
-        raise _NotAReportError(Phrase("line holds something that is no line number"))
+        raise _NotAReportError(Phrase("line contains a value that is not a line number"))
     return {**columns, "line": lines.astype(np.int64)}
 
 
 def _figures(found: dict[str, Any], name: str) -> Floats:
     values = _typed(found, name, list)
     if not set(map(type, values)) <= {int, float, type(None)}:
-        raise _NotAReportError(Phrase("{name} holds something that is not a number", name=name))
+        raise _NotAReportError(Phrase("{name} contains a value that is not a number", name=name))
     return np.array(values, dtype=np.float64)  # None becomes NaN.
 
 
 def _kinds(words: list[Any]) -> npt.NDArray[np.int8]:
     numbers = {kind.word: kind.value for kind in SegmentKind}
     if set(map(type, words)) - {str} or set(words) - numbers.keys():
-        raise _NotAReportError(Phrase("kind holds something that is none of {words}", words=all_of(numbers)))
+        raise _NotAReportError(Phrase("kind contains a value that is not one of {words}", words=all_of(numbers)))
     return np.array([numbers[word] for word in words], dtype=np.int8)

@@ -1,4 +1,4 @@
-"""Reports and diagnostics as JSON and CSV: written column by column, so that a million rows stay small in memory."""
+"""Reports and diagnostics as JSON, CSV and Parquet, written column by column to save memory."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from gusjob.tables.export import csv_bytes, parquet_bytes
 _NUMPY = orjson.OPT_SERIALIZE_NUMPY
 _NOT_IN_CSV = {"channels", "marking", "run_in_mm", "run_out_mm"}
 _GROUP_ROWS = 1 << 17
-"""Rows of a Parquet row group."""
+"""Rows per Parquet row group."""
 
 
 def diagnostic_object(diagnostic: Diagnostic) -> dict[str, Any]:
-    """One diagnostic as in the JSON; `count` and `notes` only where they say something."""
+    """Return a diagnostic as in the JSON; `count` and `notes` only if there is more than one, and any."""
     span = diagnostic.span
     found: dict[str, Any] = {
         "path": diagnostic.file,
@@ -51,7 +51,7 @@ def diagnostic_object(diagnostic: Diagnostic) -> dict[str, Any]:
 
 
 def check_json(diagnostics: Iterable[Diagnostic], statistics: dict[str, int] | None = None) -> bytes:
-    """gusjob-check/1; `statistics`: diagnostics by rule."""
+    """Write gusjob-check/1. `statistics`: number of diagnostics by rule."""
     found: dict[str, Any] = {"schema": "gusjob-check/1", "diagnostics": [diagnostic_object(f) for f in diagnostics]}
     if statistics is not None:
         found["statistics"] = statistics
@@ -59,7 +59,7 @@ def check_json(diagnostics: Iterable[Diagnostic], statistics: dict[str, int] | N
 
 
 def report_json(report: Report, diagnostics: Iterable[Diagnostic], *, summary: bool) -> Iterator[bytes]:
-    """gusjob-report/1 in pieces."""
+    """Yield gusjob-report/1 in pieces."""
     yield b'{"schema": ' + orjson.dumps(REPORT_SCHEMA) + b', "job": ' + orjson.dumps(report.job)
     yield b', "period_us": ' + orjson.dumps(report.period_us)
     yield b', "totals": ' + orjson.dumps(report.totals)
@@ -87,7 +87,7 @@ def _column(column: Column) -> bytes:
 
 
 def rows_of(report: Report) -> Columns:
-    """The rows as a table, with words where they are meant."""
+    """Return the rows as a table, with texts in place of their numbers."""
     table: Columns = dict(report.columns)
     return table | {
         name: CategoryColumn(codes=report.columns[name], categories=words) for name, words in report.words.items()
@@ -95,12 +95,12 @@ def rows_of(report: Report) -> Columns:
 
 
 def report_csv(report: Report) -> Iterator[bytes]:
-    """One row a segment, a header row first; nothing where a power is null."""
+    """Yield CSV: a header row, then one row per segment; a null is an empty field."""
     return csv_bytes(chunks(rows_of(report)))
 
 
 def report_parquet(report: Report) -> Iterator[bytes]:
-    """One row a segment; the totals stand as JSON in the file's metadata."""
+    """Yield Parquet: one row per segment; the metadata holds the totals as JSON."""
     table = rows_of(report)
     if "files" in report.notes:
         table["file"] = CategoryColumn(codes=report.columns["file"], categories=tuple(report.notes["files"]))
@@ -109,7 +109,7 @@ def report_parquet(report: Report) -> Iterator[bytes]:
 
 
 def summary_csv(report: Report) -> Iterator[bytes]:
-    """The totals, one row a channel and unit."""
+    """Yield the totals as CSV, one row per channel and power unit."""
     shared = {k: v for k, v in report.totals.items() if k not in _NOT_IN_CSV}
     per_channel = [{k: v for k, v in c.items() if k != "off_output"} for c in report.totals["channels"]] or [{}]
     header = list(chain(shared, per_channel[0]))

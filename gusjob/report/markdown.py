@@ -1,4 +1,4 @@
-"""A report as markdown, for a comment on a pull request: bounded, and with a user's text that can't act in it."""
+"""A report as markdown, for a comment on a pull request: its length is limited, and user text can't contain markup."""
 
 from __future__ import annotations
 
@@ -12,26 +12,54 @@ import numpy as np
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase, figure, localized, printable
 from gusjob.kinematics.arrays import Indices
-from gusjob.report.compare import Comparison, segment_rows, totals_rows, verdict
+from gusjob.report.compare import Comparison
+from gusjob.report.compare_text import outcome_lines, segment_rows, totals_rows
 from gusjob.report.rows import Report, SegmentKind, while_off
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_CHARACTERS = 65_000
-"""A comment on GitHub holds 65,536."""
+"""Limit of the text; GitHub's for a comment is 65,536."""
 MAX_ROWS = 40
 MAX_DIAGNOSTICS = 30
 _MAX_NAME = 150
 _MAX_MESSAGE = 300
-_HEADS = {"line": Phrase("line"), "kind": Phrase("kind"), "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm",
-          "duration_ms": "ms", "vel_mean_mm_s": "mm/s"}  # fmt: skip
+_HEADS = {
+    "line": Phrase("line"),
+    "kind": Phrase("kind"),
+    "x_mm": "x mm",
+    "y_mm": "y mm",
+    "length_mm": "mm",
+    "duration_ms": "ms",
+    "vel_mean_mm_s": "mm/s",
+}
 _RUNS = {"run_in_mm": Phrase("run-ins mm"), "run_out_mm": Phrase("run-outs mm")}
-_CHANNEL_HEADS = {"emission_ms": Phrase("on ms"), "power_min": Phrase("min"), "power_mean": Phrase("mean"),
-                  "power_max": Phrase("max"), "power_ms": Phrase("power*ms"), "joules": "J"}  # fmt: skip
+_CHANNEL_HEADS = {
+    "emission_ms": Phrase("on ms"),
+    "power_min": Phrase("min"),
+    "power_mean": Phrase("mean"),
+    "power_max": Phrase("max"),
+    "power_ms": Phrase("power*ms"),
+    "joules": "J",
+}
 _TOTAL_HEADS = (Phrase("segments"), Phrase("stages"), "ms", Phrase("marks mm"), Phrase("jumps mm"))
-_CHANNEL_TOTAL_HEADS = (Phrase("channel"), Phrase("unit"), Phrase("on ms"), Phrase("unit*ms"), Phrase("highest"), "J",
-                        Phrase("held by a limit ms"), Phrase("while off"))  # fmt: skip
-_MARKING_HEADS = (Phrase("channel"), Phrase("marking"), Phrase("unit"), Phrase("marks"), Phrase("worst"),
-                  Phrase("typical"))  # fmt: skip
+_CHANNEL_TOTAL_HEADS = (
+    Phrase("channel"),
+    Phrase("unit"),
+    Phrase("on ms"),
+    Phrase("unit*ms"),
+    Phrase("highest"),
+    "J",
+    Phrase("clamped ms"),
+    Phrase("while off"),
+)
+_MARKING_HEADS = (
+    Phrase("channel"),
+    Phrase("marking"),
+    Phrase("unit"),
+    Phrase("marks"),
+    Phrase("worst"),
+    Phrase("typical"),
+)
 _MOVED_HEADS = (Phrase("total"), Phrase("unit"), Phrase("old"), Phrase("new"), Phrase("change"))
 
 
@@ -43,9 +71,12 @@ def report_markdown(
     summary: bool = False,
     comparison: Comparison | None = None,
 ) -> str:
-    """Totals, comparison, diagnostics, and the segments unless `summary`; no report means that the job was not run."""
+    """Format totals, comparison, diagnostics and, unless `summary`, segments.
+
+    `report`: None if the job was not run.
+    """
     lines = [f"## {code(name)}", ""]
-    lines += [localized(Phrase("Not run: it has errors.")), ""] if report is None else _totals(report)
+    lines += [localized(Phrase("Not run: the job has errors.")), ""] if report is None else _totals(report)
     lines += _comparison(comparison) if comparison is not None else []
     lines += _diagnostics(diagnostics)
     lines += [] if summary or report is None else _segments(report)
@@ -53,7 +84,7 @@ def report_markdown(
 
 
 def code(text: str, most: int = _MAX_NAME) -> str:
-    """A user's text as a code span, in which no markup, link or mention acts; a long one is cut."""
+    """Format user text as a code span, in which markup, links and mentions have no effect; cut a long one."""
     shown = printable(text)
     shown = (shown if len(shown) <= most else shown[: most - 3] + "...") or " "
     fence = "`" * (1 + max(map(len, re.findall("`+", shown)), default=0))
@@ -62,7 +93,7 @@ def code(text: str, most: int = _MAX_NAME) -> str:
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]], left: int = 1) -> Iterator[str]:
-    """A table: `left` columns of words, then figures. A user's text has no place in it: a pipe would end its cell."""
+    """Yield a table: `left` columns of texts, then numbers. No user text: a pipe in it would end the cell."""
     names = [localized(name) for name in head]
     yield _row(names)
     yield _row(["---"] * left + ["---:"] * (len(names) - left))
@@ -87,12 +118,12 @@ def _totals(report: Report) -> Iterator[str]:
     sums = ("emission_ms", "power_ms", "power_max", "joules", "clamped_ms")
     rows = [
         [
-            str(one["channel"]),
-            one["unit"],
-            *(figure(one[name]) for name in sums),
-            localized(while_off(one["off_output"])),
+            str(entry["channel"]),
+            entry["unit"],
+            *(figure(entry[name]) for name in sums),
+            localized(while_off(entry["off_output"])),
         ]
-        for one in totals["channels"]
+        for entry in totals["channels"]
     ]
     if rows:
         yield from _table(_CHANNEL_TOTAL_HEADS, rows, left=2)
@@ -103,22 +134,26 @@ def _totals(report: Report) -> Iterator[str]:
 
 
 def _marking(totals: dict[str, Any]) -> Iterator[str]:
-    """Worst and typical of each figure that is not 0."""
+    """Yield worst and typical value of each mark quality measure that is not 0."""
     rows = [
         [
-            str(entry["channel"]), localized(word), marking_unit(name, entry["unit"]), str(entry["marks"]),
-            figure(entry["worst"][name]), figure(entry["typical"][name]),
+            str(entry["channel"]),
+            localized(word),
+            marking_unit(name, entry["unit"]),
+            str(entry["marks"]),
+            figure(entry["worst"][name]),
+            figure(entry["typical"][name]),
         ]
         for entry in totals["marking"] or ()
         for name, word in MARKING_WORDS.items()
         if entry["worst"][name]
-    ]  # fmt: skip
+    ]
     if rows:
         yield from _table(_MARKING_HEADS, rows, left=3)
 
 
 def _comparison(comparison: Comparison) -> Iterator[str]:
-    first, *others = map(localized, verdict(comparison))
+    first, *others = map(localized, outcome_lines(comparison))
     title = Phrase("Against {report}", report=code(comparison.path))
     outcome = Phrase("{outcome}.", outcome=first[:1].upper() + first[1:])
     yield from (f"### {localized(title)}", "", localized(outcome), "")
@@ -151,9 +186,9 @@ def _segments(report: Report) -> Iterator[str]:
     count = len(report)
     if not count:
         return
-    rows = np.arange(count) if count <= MAX_ROWS else _worth_seeing(report)
+    rows = np.arange(count) if count <= MAX_ROWS else _select_rows(report)
     some = Phrase(
-        "{shown} of {count} segments: those that take longest, those with most energy", shown=len(rows), count=count
+        "{shown} of {count} segments: the longest in time and those with most energy", shown=len(rows), count=count
     )
     title = some if count > MAX_ROWS else Phrase("Segments")
     yield from (f"### {localized(title)}", "")
@@ -173,8 +208,8 @@ def _cell(report: Report, name: str, row: int) -> str:
     return SegmentKind(int(value)).localized if name == "kind" else figure(float(value))
 
 
-def _worth_seeing(report: Report) -> Indices:
-    """Half of the rows for the segments that take longest, half for those with most energy, in order."""
+def _select_rows(report: Report) -> Indices:
+    """Select rows, in order: half of them those with the longest duration, half those with most energy."""
     energies = [column for name, column in report.columns.items() if name.endswith("_power_ms")]
     chosen = [_largest(report.columns["duration_ms"], MAX_ROWS // 2)]
     chosen += [_largest(energy, MAX_ROWS // 2 // len(energies)) for energy in energies]
@@ -182,17 +217,17 @@ def _worth_seeing(report: Report) -> Indices:
 
 
 def _largest(column: np.ndarray[tuple[int, ...], np.dtype[np.float64]], most: int) -> Indices:
-    """Indices of the largest values above 0; of equal ones the first."""
+    """Return the indices of the largest values above 0; of equal ones the first."""
     order = np.argsort(-column, kind="stable")[:most]
     return order[column[order] > 0]
 
 
 def _bounded(lines: Iterable[str]) -> str:
-    """Whole lines, as many as fit."""
+    """Join the lines; drop the last ones if the text is too long."""
     text = "\n".join(lines).rstrip("\n") + "\n"
     if len(text) <= MAX_CHARACTERS:
         return text
     kept = text[: MAX_CHARACTERS - 100].rsplit("\n", 1)[0]
     more = text.count("\n", len(kept)) - 1
-    left_out = Phrase("{count} more lines do not fit into a comment.", count=more)
+    left_out = Phrase("{count} more lines are left out to fit into a comment.", count=more)
     return f"{kept}\n\n{localized(left_out)}\n"

@@ -1,4 +1,4 @@
-"""A trace as the rows and totals that people and programs read: mm, ms, the mode's power unit, joules."""
+"""Rows and totals of a trace, in mm, ms, the mode's power unit and joules."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from gusjob.simulate.quality.marks import marking_totals, marks_of
 REPORT_SCHEMA = "gusjob-report/1"
 
 MARKED_SEGMENTS = 100_000
-"""Without a scanner the marks of a job with more segments are judged only if asked for: it takes its time."""
+"""Without a scanner, mark quality of a job with more segments is computed only on request, since it takes long."""
 
 
 class SegmentKind(IntEnum):
-    """What a row of the report is."""
+    """Kind of a row of the report."""
 
     MARK = 0
     JUMP = 1
@@ -35,12 +35,12 @@ class SegmentKind(IntEnum):
 
     @property
     def word(self) -> str:
-        """As in the JSON."""
+        """The name in the JSON."""
         return self.name.lower()
 
     @property
     def localized(self) -> str:
-        """For people, in their language."""
+        """The name for people, localized."""
         return localized(_KINDS[self])
 
 
@@ -58,11 +58,11 @@ OFF_OUTPUT = {
     "standby_pct": Phrase("standby_pct"),
     "prevoltage_v": Phrase("prevoltage_v"),
 }
-"""What a laser gets while it is off: names as in the JSON, for people."""
+"""Output to a laser that is off: names as in the JSON, for people."""
 
 
 def while_off(output: dict[str, float] | None) -> str:
-    """What a laser gets while it is off; '' if nothing."""
+    """Describe the output to a laser that is off; '' if there is none."""
     return all_of(
         Phrase("{name} {value}", name=OFF_OUTPUT[name], value=figure(value)) for name, value in (output or {}).items()
     )
@@ -70,9 +70,15 @@ def while_off(output: dict[str, float] | None) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """`columns`: one entry a segment each, by name; `kind` holds SegmentKind numbers. `totals` as in the JSON.
+    """Rows and totals of a run.
 
-    `marks`: columns too, one entry a mark; None where they were not judged.
+    Attributes:
+        job: Name of the job.
+        period_us: Tick of the controller.
+        totals: As in the JSON.
+        columns: One value per segment, by name; `kind` holds SegmentKind numbers.
+        notes: Further facts: scanner, readings, files.
+        marks: Columns of mark quality, one value per mark; None if it was not computed.
     """
 
     job: str
@@ -84,7 +90,7 @@ class Report:
 
     @property
     def words(self) -> dict[str, tuple[str, ...]]:
-        """Columns that hold places among words: kinds, and the units of a channel whose mode changes."""
+        """Texts of the columns that hold indices: kinds, and the units of a channel whose mode changes."""
         named = {"kind": tuple(kind.word for kind in SegmentKind)}
         for name in self.columns:
             if name.endswith("_unit"):
@@ -99,11 +105,14 @@ class Report:
 def make_report(
     trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = (), *, marking: bool | None = None
 ) -> Report:
-    """Rows and totals of a trace.
+    """Make the rows and totals of a trace.
 
-    `marking`: whether marks are judged; None: with a scanner always, else up to MARKED_SEGMENTS.
-    `files`: of a job that includes others, name and base of each; then `line` counts in the line's own file, and
-    `file` is that file's place among the names in the notes.
+    Args:
+        trace: The run.
+        machine: Its machine.
+        files: Name and first line of each file of a job with includes. Then the column `line` counts in the line's own
+            file, and the column `file` is an index of `notes["files"]`.
+        marking: Whether to compute mark quality; None: with a scanner, and up to MARKED_SEGMENTS segments.
     """
     schedule = trace.schedule
     columns = _motion_columns(trace, machine)
@@ -141,7 +150,7 @@ def make_report(
 
 
 def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any]]:
-    """What is to be said of each segment but its power."""
+    """Return the columns of motion."""
     schedule, segments = trace.schedule, trace.segments
     px, py = machine.pulses_per_mm
     length_mm = segment_mm(segments, machine)
@@ -149,13 +158,13 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = np.where(duration > 0, length_mm / duration * 1e3, 0.0)
     scale = mm_per_pulse(segments, machine)
-    fastest = np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start)) * scale * 1e3
-    lit = np.zeros(len(duration), dtype=np.bool_)
+    vel_max = np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start)) * scale * 1e3
+    emitting = np.zeros(len(duration), dtype=np.bool_)
     for channel in trace.channels:
-        lit |= channel.emitted.emission_ms > 0
+        emitting |= channel.emitted.emission_ms > 0
     return {
         "line": trace.line,
-        "kind": _kinds(trace, lit),
+        "kind": _segment_kinds(trace, emitting),
         "stage": (schedule.stage + 1).astype(np.int32),
         "x_mm": segments.x1 / px,
         "y_mm": segments.y1 / py,
@@ -163,24 +172,26 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
         "start_ms": schedule.times_ms[:-1],
         "duration_ms": duration,
         "vel_mean_mm_s": mean,
-        "vel_max_mm_s": fastest,
+        "vel_max_mm_s": vel_max,
     }
 
 
-def _kinds(trace: Trace, lit: Bools) -> npt.NDArray[np.int8]:
-    """SegmentKind of each timed call; what a dark motion is for is known of a planned job only."""
-    dark = np.full(len(lit), SegmentKind.JUMP, dtype=np.int8)
+def _segment_kinds(trace: Trace, emitting: Bools) -> npt.NDArray[np.int8]:
+    """Return the SegmentKind of each timed call. Run-ins and run-outs are known of a planned job only."""
+    off_kind = np.full(len(emitting), SegmentKind.JUMP, dtype=np.int8)
     run = trace.run_kind
     if run is not None:
-        dark[run == RunKind.RUN_IN] = SegmentKind.RUN_IN
-        dark[run == RunKind.RUN_OUT] = SegmentKind.RUN_OUT
-    return np.where(trace.schedule.dwell, SegmentKind.DWELL, np.where(lit, SegmentKind.MARK, dark)).astype(np.int8)
+        off_kind[run == RunKind.RUN_IN] = SegmentKind.RUN_IN
+        off_kind[run == RunKind.RUN_OUT] = SegmentKind.RUN_OUT
+    return np.where(trace.schedule.dwell, SegmentKind.DWELL, np.where(emitting, SegmentKind.MARK, off_kind)).astype(
+        np.int8
+    )
 
 
 def own_lines(
     line: npt.NDArray[np.int32], files: tuple[tuple[str, int], ...]
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int16]]:
-    """Lines of a job that includes others, counted in their own files, and which files those are: (line, file)."""
+    """Convert lines of a job with includes: lines counted in their own files, and indices of the files."""
     if not files:
         return line, np.zeros(len(line), dtype=np.int16)
     bases = np.array([base for _, base in files], dtype=np.int32)
@@ -189,44 +200,44 @@ def own_lines(
 
 
 def _channel_columns(channel: ChannelTrace, stages: Indices, machine: Machine) -> dict[str, npt.NDArray[Any]]:
-    done, name = channel.emitted, f"ch{channel.channel}_"
+    emitted, name = channel.emitted, f"ch{channel.channel}_"
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = done.power_ms / done.emission_ms
-    # A mean of equal powers is that power, whatever the division's rounding says.
-    mean = np.clip(mean, done.power_min, done.power_max)
+        mean = emitted.power_ms / emitted.emission_ms
+    # Rounding in the division must not move a mean out of the range.
+    mean = np.clip(mean, emitted.power_min, emitted.power_max)
     return {
-        f"{name}emission_ms": done.emission_ms,
-        f"{name}power_min": done.power_min,
+        f"{name}emission_ms": emitted.emission_ms,
+        f"{name}power_min": emitted.power_min,
         f"{name}power_mean": mean,
-        f"{name}power_max": done.power_max,
-        f"{name}power_ms": done.power_ms,
-        f"{name}joules": done.power_ms * channel.watts_per_unit(stages, machine) / 1e3,
-        f"{name}clamped_ms": done.clamped_ms,
+        f"{name}power_max": emitted.power_max,
+        f"{name}power_ms": emitted.power_ms,
+        f"{name}joules": emitted.power_ms * channel.watts_per_unit(stages, machine) / 1e3,
+        f"{name}clamped_ms": emitted.clamped_ms,
         **({f"{name}unit": channel.unit_at(stages)} if len(channel.units) > 1 else {}),
     }
 
 
 def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) -> list[dict[str, Any]]:
-    """One entry a power unit: a job that changes from duty to analog has two for that channel."""
-    done = channel.emitted
+    """Return one entry per power unit: a job that changes from duty to analog has two for that channel."""
+    emitted = channel.emitted
     unit_of = channel.unit_at(stages)
-    joules = done.power_ms * channel.watts_per_unit(stages, machine) / 1e3
+    joules = emitted.power_ms * channel.watts_per_unit(stages, machine) / 1e3
     entries = []
     for number, unit in enumerate(channel.units):
-        mine = unit_of == number
+        of_unit = unit_of == number
         last = next((s for s in reversed(channel.lasers) if s.power_mode.unit == unit), channel.laser_at_end)
-        emission = done.emission_ms[mine]
-        power_max = done.power_max[mine][emission > 0]
-        known = not np.isnan(_first(joules[mine]))
+        emission = emitted.emission_ms[of_unit]
+        power_max = emitted.power_max[of_unit][emission > 0]
+        known = not np.isnan(_first_value(joules[of_unit]))
         entries.append(
             {
                 "channel": channel.channel,
                 "unit": unit,
                 "emission_ms": float(emission.sum()),
-                "power_ms": float(done.power_ms[mine].sum()),
+                "power_ms": float(emitted.power_ms[of_unit].sum()),
                 "power_max": float(power_max.max()) if len(power_max) else None,
-                "joules": float(joules[mine].sum()) if known else None,
-                "clamped_ms": float(done.clamped_ms[mine].sum()),
+                "joules": float(joules[of_unit].sum()) if known else None,
+                "clamped_ms": float(emitted.clamped_ms[of_unit].sum()),
                 "before_motion_power_ms": channel.before_motion_power_ms if number == 0 else 0.0,
                 "off_output": _off_output(last),
                 "lit_at_end": channel.emission.on_at_end,
@@ -235,12 +246,12 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
     return entries
 
 
-def _first(values: Floats) -> float:
+def _first_value(values: Floats) -> float:
     return float(values[0]) if len(values) else float("nan")
 
 
 def _off_output(state: LaserState) -> dict[str, float] | None:
-    """Standby pulse or pre-voltage that the laser gets while it is off (M 二.2)."""
+    """Return the standby pulse or pre-voltage of a laser that is off (M 二.2)."""
     if state.power_mode.is_pwm:
         return {"standby_khz": state.standby[0], "standby_pct": state.standby[1]} if state.standby else None
     return None if state.prevoltage_v is None else {"prevoltage_v": state.prevoltage_v}

@@ -1,4 +1,4 @@
-"""Reports as text tables, for people."""
+"""A report as text tables."""
 
 from __future__ import annotations
 
@@ -17,23 +17,46 @@ from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_ROWS = 40
 _WIDTH = 400
-"""Wide enough for two channels: a figure is never cut off; a narrow terminal wraps the line."""
-_HEADS = {"line": Phrase("line"), "kind": Phrase("kind"), "x_mm": "x mm", "y_mm": "y mm", "length_mm": "mm",
-          "start_ms": Phrase("start ms"), "duration_ms": "ms", "vel_mean_mm_s": "mm/s",
-          "vel_max_mm_s": Phrase("max mm/s")}  # fmt: skip
-_CHANNEL_HEADS = {"emission_ms": Phrase("on ms"), "power_min": Phrase("min"), "power_mean": Phrase("mean"),
-                  "power_max": Phrase("max"), "joules": "J", "clamped_ms": Phrase("held ms"),
-                  "unit": Phrase("unit")}  # fmt: skip
-_MARK_HEADS = {"line": Phrase("line"), "channel": Phrase("ch"), "start_ms": Phrase("start ms"), "length_mm": "mm",
-               "on_error_um": Phrase("on err um"), "off_error_um": Phrase("off err um"),
-               "on_miss_um": Phrase("on miss um"), "off_miss_um": Phrase("off miss um"),
-               "outside_power_ms": Phrase("outside"), "power_per_mm_mid": Phrase("per mm"),
-               "power_per_mm_peak": Phrase("peak"), "power_per_mm_rms_pct": Phrase("rms %"),
-               "corner_miss_um": Phrase("corner um")}  # fmt: skip
+"""Wide enough for two channels, so that no number is cut; a narrow terminal wraps the line."""
+_HEADS = {
+    "line": Phrase("line"),
+    "kind": Phrase("kind"),
+    "x_mm": "x mm",
+    "y_mm": "y mm",
+    "length_mm": "mm",
+    "start_ms": Phrase("start ms"),
+    "duration_ms": "ms",
+    "vel_mean_mm_s": "mm/s",
+    "vel_max_mm_s": Phrase("max mm/s"),
+}
+_CHANNEL_HEADS = {
+    "emission_ms": Phrase("on ms"),
+    "power_min": Phrase("min"),
+    "power_mean": Phrase("mean"),
+    "power_max": Phrase("max"),
+    "joules": "J",
+    "clamped_ms": Phrase("clamped ms"),
+    "unit": Phrase("unit"),
+}
+_MARK_HEADS = {
+    "line": Phrase("line"),
+    "channel": Phrase("ch"),
+    "start_ms": Phrase("start ms"),
+    "length_mm": "mm",
+    "on_error_um": Phrase("on err um"),
+    "off_error_um": Phrase("off err um"),
+    "on_miss_um": Phrase("on miss um"),
+    "off_miss_um": Phrase("off miss um"),
+    "outside_power_ms": Phrase("outside"),
+    "power_per_mm_mid": Phrase("per mm"),
+    "power_per_mm_peak": Phrase("peak"),
+    "power_per_mm_rms_pct": Phrase("rms %"),
+    "corner_miss_um": Phrase("corner um"),
+}
 
 
 def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
-    """Summary, and the segments' table: all rows of a short one, first and last of a long one."""
+    """Format the totals and, unless `summary`, segments and marks; of a long table the first and last rows."""
     out = StringIO()
     console = Console(
         file=out,
@@ -61,7 +84,7 @@ def _summary(report: Report) -> Text:
             lines.append(Phrase("channel {channel} is left ON", channel=entry["channel"]))
     lines += [_marking(entry) for entry in totals["marking"] or ()]
     if report.marks is None:
-        lines.append(Phrase("marks are not judged: --marks judges them"))
+        lines.append(Phrase("mark quality is not computed; use --marks"))
     lines += [
         Phrase(
             "line {line}: GT_GetHSIOOpt reads {value} on channel {channel}",
@@ -96,9 +119,9 @@ def _overall(report: Report) -> Phrase:
 
 
 def _channel(entry: dict[str, Any]) -> Phrase:
-    """How much light of a channel there was, in one unit of power."""
+    """Describe the emission of a channel in one power unit."""
     joules = Phrase(", {joules} J", joules=figure(entry["joules"])) if entry["joules"] is not None else ""
-    held = Phrase(", held by a limit {time} ms", time=figure(entry["clamped_ms"])) if entry["clamped_ms"] else ""
+    held = Phrase(", clamped {time} ms", time=figure(entry["clamped_ms"])) if entry["clamped_ms"] else ""
     off = while_off(entry["off_output"])
     return Phrase(
         "channel {channel}: on {time} ms, {power} {unit}*ms, highest {highest} {unit}{joules}{held}{rest}",
@@ -114,7 +137,7 @@ def _channel(entry: dict[str, Any]) -> Phrase:
 
 
 def _scanner(report: Report) -> str:
-    """How the beam follows, where that is known."""
+    """Describe the scanner, if it is known."""
     scanner = report.notes["scanner"]
     if not scanner:
         return ""
@@ -123,7 +146,7 @@ def _scanner(report: Report) -> str:
 
 
 def _runs(totals: dict[str, Any]) -> str:
-    """Run-ins and run-outs, where there are any."""
+    """Describe run-ins and run-outs, if there are any."""
     run_ins, run_outs = totals.get("run_in_mm"), totals.get("run_out_mm")
     return Phrase(
         "{run_ins}{run_outs}",
@@ -133,7 +156,7 @@ def _runs(totals: dict[str, Any]) -> str:
 
 
 def _marking(entry: dict[str, Any]) -> Phrase:
-    """Worst and typical of each figure that is not 0."""
+    """Describe worst and typical value of each mark quality measure that is not 0."""
     figures = all_of(
         Phrase(
             "{word} {worst} ({typical}) {unit}",
@@ -179,7 +202,7 @@ def _marks(marks: dict[str, npt.NDArray[Any]]) -> Table:
 
 
 def _fill(table: Table, columns: dict[str, npt.NDArray[Any]], words: dict[str, tuple[str, ...]]) -> None:
-    """All rows of a few, first and last of many."""
+    """Add all rows, or the first and last of many."""
     rows = len(columns["line"])
     shown = range(rows) if rows <= MAX_ROWS else [*range(MAX_ROWS // 2), -1, *range(rows - MAX_ROWS // 2, rows)]
     for i in shown:

@@ -20,23 +20,23 @@ def with_statement(
     there on. Where that is not to be done without guessing, the reason.
     """
     name = "SKYWRITE" if kind is SkyWrite else "LASER DELAY"
-    found = [s for s in job.setups if isinstance(s.statement, kind) and _speaks_of(s, channel)]
+    found = [s for s in job.setups if isinstance(s.statement, kind) and _applies_to(s, channel)]
     own = [s for s in found if not job.locate(s.line, "").path]
-    spans, lines = _spans(job, own), {s.line for s in own}
+    spans, lines = _statement_spans(job, own), {s.line for s in own}
     if kind is LaserDelay and any(s.channel != channel for s in job.setups if s.line in lines):
         return Phrase(
-            "{name} in line {line} speaks of more than one channel: write one for each", name=name, line=spans[0].line
+            "{name} in line {line} sets more than one channel; write one for each", name=name, line=spans[0].line
         )
     if len(spans) > 1:
         return Phrase(
-            "the job has more than one {name}, in lines {lines}: which of them is meant is yours to say",
+            "the job has more than one {name}, in lines {lines}; keep one of them",
             name=name,
             lines=all_of(str(span.line) for span in spans),
         )
     if own and found[-1] not in own:
         path = job.locate(found[-1].line, "").path
         return Phrase(
-            "{path}, an included file, sets {name} again behind line {line}: one of them has to go",
+            "the included file {path} sets {name} again after line {line}; remove one of them",
             path=path,
             name=name,
             line=spans[0].line,
@@ -46,7 +46,7 @@ def with_statement(
     modes = [s for s in job.setups if isinstance(s.statement, LaserMode) and s.channel == channel]
     if not modes:
         return Phrase(
-            "the job has no LASER MODE for channel {channel} behind which {name} could stand",
+            "the job has no LASER MODE for channel {channel}, after which {name} could be written",
             channel=channel,
             name=name,
         )
@@ -60,13 +60,13 @@ def _line_of(job: Job, setup: Setup) -> int:
     return setup.line
 
 
-def _speaks_of(setup: Setup, channel: int) -> bool:
+def _applies_to(setup: Setup, channel: int) -> bool:
     if isinstance(setup.statement, SkyWrite):
         return setup.statement.settings is not None
     return setup.channel == channel
 
 
-def _spans(job: Job, setups: list[Setup]) -> list[Span]:
+def _statement_spans(job: Job, setups: list[Setup]) -> list[Span]:
     """Where statements stand, each once however often a loop comes by."""
     return [job.locate(line, "") for line in dict.fromkeys(s.line for s in setups)]
 

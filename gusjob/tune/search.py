@@ -37,7 +37,7 @@ class Band:
     miss_mm: float
 
 
-def nearest(
+def nearest_delays(
     trace: Trace, machine: Machine, channel: ChannelTrace, *, slack_pulse: float, most_us: float
 ) -> tuple[Band, Band] | None:
     """Delays of light on and light off, up to `most_us`, for light that is switched where the marks of a channel begin
@@ -53,7 +53,7 @@ def nearest(
     marks = marks[np.unique(np.linspace(0, len(marks) - 1, min(len(marks), _MOST_MARKS)).astype(np.intp))]
     most = int(min(_LAGS * machine.scanner.tracking_error_us, most_us))
     on, off = (
-        _Side(
+        _MarkEnds(
             trace=trace,
             machine=machine,
             stage=shine.stage[marks],
@@ -67,7 +67,7 @@ def nearest(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Side:
+class _MarkEnds:
     """One end of marks: where it is meant to be, and when the command is there."""
 
     trace: Trace

@@ -1,1 +1,1 @@
-"""A trace as pictures and pages."""
+"""Views of a trace: the path as strokes, pictures and the report page."""

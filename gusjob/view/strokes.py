@@ -1,8 +1,8 @@
-"""The path in strokes: straight pieces, each with its light, its power and its velocity.
+"""The path as strokes: straight pieces, each with its emission, power and velocity.
 
-Strokes follow one another in time and place, from the first motion to the last. They are cut where a segment ends and
-where light comes or goes; in a run that is not too long also where the velocity changes its law, and at the
-controller's ticks where power follows something or the beam lags behind. Arcs are cut into chords.
+Strokes are contiguous, from the first motion to the last. They are cut where a segment ends and where emission begins
+or ends. A run of at most FINE_STROKES is also cut between acceleration, constant velocity and deceleration, and at the
+controller's ticks where power follows velocity or distance or the beam lags. Arcs are cut into chords.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from gusjob.simulate.outputs.output_time import output_time_of
 from gusjob.simulate.outputs.steps import ticks_in
 
 FINE_STROKES = 300_000
-"""Up to so many strokes are cut as fine as the controller works; longer runs by segments and light alone."""
+"""Runs of more strokes are cut at segments and at changes of emission only."""
 
 _CHORD_RAD = 0.05
 _COARSE_CHORD_RAD = 0.3
 _SAME_MS = 1e-9
-"""Moments nearer than that are one: rounding."""
+"""Times that differ by less are equal but for rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """Ends of strokes, (n,) each, mm."""
+    """End points of strokes, (n,) each, mm."""
 
     x0: Floats
     y0: Floats
@@ -46,16 +46,21 @@ class Line:
 
     @property
     def length_mm(self) -> Floats:
-        """Length of each."""
+        """Length of each stroke, mm."""
         return np.hypot(self.x1 - self.x0, self.y1 - self.y0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
-    """One channel in strokes, (n,): light or none, mean power while there is light (else 0), in the mode's unit.
+class EmissionStrokes:
+    """The emission of one channel, per stroke.
 
-    `joules_per_unit_ms` (n,): what turns power * ms into joules; NaN where the rated power is unknown. `unit` (n,):
-    place of the power's unit among `units`.
+    Attributes:
+        channel: The channel.
+        on: Whether the laser emits, (n,).
+        power: Mean power during emission, else 0, in the mode's unit, (n,).
+        units: Units of the channel's modes.
+        unit: Index of the power's unit in `units`, (n,).
+        joules_per_unit_ms: Factor from power * ms to joules, (n,); NaN if the rated power is unknown.
     """
 
     channel: int
@@ -70,9 +75,16 @@ class Light:
 class Strokes:
     """Strokes in order, (n,) each.
 
-    `row`: row of the report. `vel0`, `vel1`: path velocity at start and end, mm/s. `path`: as commanded; `beam`: where
-    the beam is, with a scanner. `exact`: cut as fine as the controller works; else `vel0` and `vel1` are the segment's
-    highest velocity, and power is a mean.
+    Attributes:
+        row: Row of the report.
+        start_ms: Start.
+        duration_ms: Duration.
+        vel0: Path velocity at the start, mm/s.
+        vel1: Path velocity at the end, mm/s.
+        path: The commanded path.
+        beam: The beam's path; None without a scanner.
+        emissions: By channel.
+        exact: Whether the strokes are cut finely; else `vel0` and `vel1` are the segment's highest velocity.
     """
 
     row: Indices
@@ -82,30 +94,30 @@ class Strokes:
     vel1: Floats
     path: Line
     beam: Line | None
-    lights: tuple[Light, ...]
+    emissions: tuple[EmissionStrokes, ...]
     exact: bool
 
     @property
-    def burnt(self) -> Line:
-        """Where light falls."""
+    def actual(self) -> Line:
+        """The beam's path; without a scanner the commanded path."""
         return self.path if self.beam is None else self.beam
 
-    def per_mm(self, light: Light) -> Floats:
-        """Power integral per mm of the beam's way under light, unit*ms/mm; NaN where nothing shines or moves."""
-        length = self.burnt.length_mm
+    def per_mm(self, emission: EmissionStrokes) -> Floats:
+        """Compute the power integral per mm of the beam's path, unit*ms/mm; NaN without emission or motion."""
+        length = self.actual.length_mm
         found = np.full(len(length), np.nan)
-        np.divide(light.power * self.duration_ms, length, out=found, where=light.on & (length > 0))
+        np.divide(emission.power * self.duration_ms, length, out=found, where=emission.on & (length > 0))
         return found
 
 
 def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES) -> Strokes:
-    """The strokes of a run."""
+    """Cut the path of a run into strokes."""
     schedule = trace.schedule
     cuts, exact = _cuts(trace, machine, fine_strokes)
-    row, start = _in_order(schedule, cuts)
+    row, start = _stroke_starts(schedule, cuts)
     end = np.append(start[1:], schedule.times_ms[-1:])
-    goes_on = np.append(row[1:] == row[:-1], False) if len(row) else np.zeros(0, dtype=np.bool_)
-    end = np.where(goes_on, end, schedule.times_ms[1:][row])
+    continues = np.append(row[1:] == row[:-1], False) if len(row) else np.zeros(0, dtype=np.bool_)
+    end = np.where(continues, end, schedule.times_ms[1:][row])
     stage = schedule.stage[row]
     px, py = machine.pulses_per_mm
     scale = mm_per_pulse(trace.segments, machine)[row] * MS_PER_S
@@ -130,43 +142,49 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
         vel1=vel1,
         path=Line(x0=x0 / px, y0=y0 / py, x1=x1 / px, y1=y1 / py),
         beam=beam,
-        lights=tuple(_light(trace, machine, channel, spans) for channel in trace.channels),
+        emissions=tuple(_emission_strokes(trace, machine, channel, spans) for channel in trace.channels),
         exact=exact,
     )
 
 
 def _cuts(trace: Trace, machine: Machine, fine_strokes: int) -> tuple[list[tuple[Indices, Floats]], bool]:
-    """(timed call, moment) of the cuts behind each segment's start, and whether they are fine."""
+    """Return the cuts after each segment's start as (timed call, ms), and whether they are fine."""
     schedule = trace.schedule
-    cuts = [_light_edges(schedule, channel) for channel in trace.channels]
-    number = np.arange(len(trace))
-    risen, falls = schedule.phases()
-    fine = [*cuts, _chords(trace, _CHORD_RAD), (number, risen), (number, falls), *_ticks(trace, machine, fine_strokes)]
-    if sum(len(cell) for cell, _ in fine) + len(number) <= fine_strokes:
+    cuts = [_switch_times(schedule, channel) for channel in trace.channels]
+    index = np.arange(len(trace))
+    rise_end, fall_start = schedule.phases()
+    fine = [
+        *cuts,
+        _chord_times(trace, _CHORD_RAD),
+        (index, rise_end),
+        (index, fall_start),
+        *_tick_times(trace, machine, fine_strokes),
+    ]
+    if sum(len(call) for call, _ in fine) + len(index) <= fine_strokes:
         return fine, True
-    return [*cuts, _chords(trace, _COARSE_CHORD_RAD)], False
+    return [*cuts, _chord_times(trace, _COARSE_CHORD_RAD)], False
 
 
-def _light_edges(schedule: Schedule, channel: ChannelTrace) -> tuple[Indices, Floats]:
-    """Where light comes and goes while its stage moves."""
-    shine = channel.emission
-    stage = np.concatenate([shine.stage, shine.stage])
-    time = np.concatenate([shine.start_ms, shine.end_ms])
+def _switch_times(schedule: Schedule, channel: ChannelTrace) -> tuple[Indices, Floats]:
+    """Return the times at which emission begins and ends during its stage's motion."""
+    intervals = channel.emission
+    stage = np.concatenate([intervals.stage, intervals.stage])
+    time = np.concatenate([intervals.start_ms, intervals.end_ms])
     inside = (time >= schedule.stage_start()[stage]) & (time < schedule.stage_end()[stage])
     return schedule.segment_at(stage[inside], time[inside]), time[inside]
 
 
-def _chords(trace: Trace, step_rad: float) -> tuple[Indices, Floats]:
-    """Arcs in equal times."""
-    schedule, arc_at, arcs = trace.schedule, trace.segments.arc_at, trace.segments.arcs
-    count = chord_counts(arcs.sweep, step_rad) - 1
-    which, part = counted(count)
-    cell = arc_at[which]
-    return cell, schedule.times_ms[cell] + schedule.duration_ms[cell] * ((part + 1) / (count[which] + 1))
+def _chord_times(trace: Trace, step_rad: float) -> tuple[Indices, Floats]:
+    """Return times that cut arcs into chords of equal duration."""
+    schedule, segments = trace.schedule, trace.segments
+    count = chord_counts(segments.arcs.sweep, step_rad) - 1
+    arc, part = counted(count)
+    call = segments.arc_at[arc]
+    return call, schedule.times_ms[call] + schedule.duration_ms[call] * ((part + 1) / (count[arc] + 1))
 
 
-def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
-    """Ticks of the stages in which something is to be seen between them; too many: as many as are too many."""
+def _tick_times(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
+    """Return the ticks at which the beam or a following power changes; more than `most` zeros if there are too many."""
     schedule = trace.schedule
     stages = np.arange(len(schedule.stage_first) - 1)
     whole = Intervals(stage=stages, start_ms=schedule.stage_start(), end_ms=schedule.stage_end())
@@ -182,36 +200,36 @@ def _ticks(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Flo
     return found
 
 
-def _in_order(schedule: Schedule, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
-    """Start of each stroke: (timed call, ms). Every timed call has one, however short it is."""
+def _stroke_starts(schedule: Schedule, cuts: list[tuple[Indices, Floats]]) -> tuple[Indices, Floats]:
+    """Return the start of each stroke, (timed call, ms). Every timed call has at least one stroke."""
     starts = schedule.times_ms[:-1]
-    number = np.arange(len(starts))
-    cell = np.concatenate([number, *(cell for cell, _ in cuts)])
+    index = np.arange(len(starts))
+    call = np.concatenate([index, *(call for call, _ in cuts)])
     time = np.concatenate([starts, *(time for _, time in cuts)])
-    first = np.zeros(len(cell), dtype=np.bool_)
-    first[: len(number)] = True
-    real = first | ((time > starts[cell] + _SAME_MS) & (time < schedule.times_ms[1:][cell] - _SAME_MS))
-    cell, time, first = cell[real], time[real], first[real]
-    order = np.lexsort((time, cell))
-    cell, time, first = cell[order], time[order], first[order]
-    apart = np.ones(len(cell), dtype=np.bool_)
-    apart[1:] = first[1:] | (time[1:] > time[:-1] + _SAME_MS)
-    return cell[apart], time[apart]
+    first = np.zeros(len(call), dtype=np.bool_)
+    first[: len(index)] = True
+    real = first | ((time > starts[call] + _SAME_MS) & (time < schedule.times_ms[1:][call] - _SAME_MS))
+    call, time, first = call[real], time[real], first[real]
+    order = np.lexsort((time, call))
+    call, time, first = call[order], time[order], first[order]
+    distinct = np.ones(len(call), dtype=np.bool_)
+    distinct[1:] = first[1:] | (time[1:] > time[:-1] + _SAME_MS)
+    return call[distinct], time[distinct]
 
 
-def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals) -> Light:
-    """A channel's light in strokes, none of which has an edge of that light inside."""
-    shine, shift = channel.emission, output_time_of(trace).shift_ms
-    begin = shine.start_ms + shift[shine.stage]
-    middle = (spans.start_ms + spans.end_ms) / 2 + shift[spans.stage]
-    number = np.searchsorted(begin, middle, side="right") - 1
-    behind = np.append(shine.end_ms + shift[shine.stage], -np.inf)
-    on = (middle < behind[number]) & (np.append(shine.stage, -1)[number] == spans.stage)
-    lit = np.flatnonzero(on & (spans.end_ms > spans.start_ms))
+def _emission_strokes(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals) -> EmissionStrokes:
+    """Return a channel's emission in strokes; emission begins or ends inside none of them."""
+    intervals, shift = channel.emission, output_time_of(trace).shift_ms
+    starts = intervals.start_ms + shift[intervals.stage]
+    middles = (spans.start_ms + spans.end_ms) / 2 + shift[spans.stage]
+    index = np.searchsorted(starts, middles, side="right") - 1
+    ends = np.append(intervals.end_ms + shift[intervals.stage], -np.inf)
+    on = (middles < ends[index]) & (np.append(intervals.stage, -1)[index] == spans.stage)
+    emitting = np.flatnonzero(on & (spans.end_ms > spans.start_ms))
     power = np.zeros(len(on))
-    part = Intervals(stage=spans.stage[lit], start_ms=spans.start_ms[lit], end_ms=spans.end_ms[lit])
-    power[lit] = channel.power.integral(part) / (part.end_ms - part.start_ms)
-    return Light(
+    part = Intervals(stage=spans.stage[emitting], start_ms=spans.start_ms[emitting], end_ms=spans.end_ms[emitting])
+    power[emitting] = channel.power.integral(part) / (part.end_ms - part.start_ms)
+    return EmissionStrokes(
         channel=channel.channel,
         on=on,
         power=power,
@@ -222,23 +240,22 @@ def _light(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Interva
 
 
 _SAME = 1e-6
-"""Part of the light that rounding may lose."""
+"""Share of the emission that rounding may lose."""
 
 
-def left_out(report: Report, strokes: Strokes, light: Light) -> Iterator[Phrase]:
-    """What is to be said of light that belongs to no stroke."""
-    energy = light.power * strokes.duration_ms
-    entries = [entry for entry in report.totals["channels"] if entry["channel"] == light.channel]
+def undrawn_emission(report: Report, strokes: Strokes, emission: EmissionStrokes) -> Iterator[Phrase]:
+    """Yield remarks on emission outside of all strokes."""
+    energy = emission.power * strokes.duration_ms
+    entries = [entry for entry in report.totals["channels"] if entry["channel"] == emission.channel]
     for entry in entries:
-        drawn = float(energy[light.unit == light.units.index(entry["unit"])].sum())
-        rest = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
-        if rest > _SAME * entry["power_ms"]:
+        drawn = float(energy[emission.unit == emission.units.index(entry["unit"])].sum())
+        undrawn = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
+        if undrawn > _SAME * entry["power_ms"]:
             yield Phrase(
-                "Not drawn: {power} {unit}*ms of light of channel {channel} before the motion or behind the end of a "
-                "stage.",
-                power=figure(rest, 4),
+                "Emission while standing still is not drawn (channel {channel}: {power} {unit}*ms).",
+                power=figure(undrawn, 4),
                 unit=entry["unit"],
-                channel=light.channel,
+                channel=emission.channel,
             )
     if entries and entries[-1]["lit_at_end"]:
-        yield Phrase("Channel {channel} is left ON.", channel=light.channel)
+        yield Phrase("Channel {channel} is left ON.", channel=emission.channel)

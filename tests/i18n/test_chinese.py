@@ -15,6 +15,7 @@ import pytest
 from babel.messages.mofile import read_mo
 from click.testing import CliRunner, Result
 from support import catalogue
+from support.chinese import CHINESE
 from support.cli import write
 from support.tools import ROOT
 
@@ -25,7 +26,6 @@ from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import CATALOGUES, language, language_of, set_language, system_language, translated, typeset
 from gusjob.i18n.phrases import Phrase, localized
 
-CHINESE = re.compile(r"[\u4e00-\u9fff]")
 TEXTS = catalogue.texts(catalogue.kept())
 
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gusjob.kinematics.trapezoids import corner_velocity, look_ahead, reached_ends, running_sum, trapezoids
+from gusjob.kinematics.arrays import running_sum
+from gusjob.kinematics.trapezoids import corner_velocity, look_ahead, reached_ends, trapezoids
 
 A = np.array
 

@@ -31,13 +31,13 @@ from gusjob.diagnostics.model import Span
 from gusjob.frontend.parse.forms import FORMS
 from gusjob.frontend.parse.lines import keywords
 from gusjob.kinematics.units import UNITS
-from gusjob.lsp.complete import accepted, unit_fits
-from gusjob.lsp.desk import Desk, path_of, uri_of
-from gusjob.lsp.judge import Places, judge, shown
-from gusjob.lsp.manual import RANGES, form_of, keyword_text
+from gusjob.lsp.completion import accepted, unit_fits
+from gusjob.lsp.diagnostics import SourceLocations, diagnose, lsp_diagnostics
+from gusjob.lsp.reference import RANGES, form_of, keyword_text
 from gusjob.lsp.text import Text, utf8
 from gusjob.lsp.textmate import GRAMMAR_PATH, textmate
-from gusjob.lsp.worker import Answer, Task, Worker
+from gusjob.lsp.worker import Task, TaskResult, Worker
+from gusjob.lsp.workspace import Workspace, path_of, uri_of
 from gusjob.pipeline import examine_file
 
 PATIENCE_S = 30.0
@@ -140,7 +140,7 @@ def test_looking_for_jobs_that_include_it_makes_them_no_part(tmp_path: Path) -> 
     other, path = tmp_path / "b.job", tmp_path / "a.job"
     other.write_text("VEL\n", encoding="utf-8")
     path.write_text("DWELL 3 ; allow GJ404: once\n", encoding="utf-8")
-    judged_ = judge(str(path), path, path.read_bytes(), Desk({str(other.resolve()): b"VEL\n"}))
+    judged_ = diagnose(str(path), path, path.read_bytes(), Workspace({str(other.resolve()): b"VEL\n"}))
     assert [diagnostic.rule.code for diagnostic in judged_.diagnostics] == ["GJ145"]
     assert judged_.files == frozenset()
 
@@ -368,20 +368,20 @@ def test_listings(tmp_path: Path) -> None:
 
 
 def test_a_text_that_breaks_the_judge_is_not_the_last_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    done: queue.Queue[Answer | str] = queue.Queue()
+    done: queue.Queue[TaskResult | str] = queue.Queue()
     worker = Worker(done.put, done.put, done.put)
 
     def task(text: bytes) -> Task:
         return Task(uri="u", number=1, path=None, text=Text(text), open_texts={}, uris={}, unit="utf-16")
 
     with monkeypatch.context() as broken:
-        broken.setattr("gusjob.lsp.worker.judge", None)
-        worker.ask(task(b"WAIT"))
+        broken.setattr("gusjob.lsp.worker.diagnose", None)
+        worker.submit(task(b"WAIT"))
         assert "error in gusjob: TypeError" in str(done.get(timeout=PATIENCE_S))
-    worker.ask(task(b"QQ"))
+    worker.submit(task(b"QQ"))
     answer = done.get(timeout=PATIENCE_S)
-    assert isinstance(answer, Answer)
-    assert [d.code for d in answer.shown["u"]] == ["GJ102"]
+    assert isinstance(answer, TaskResult)
+    assert [d.code for d in answer.published["u"]] == ["GJ102"]
 
 
 # What a client may send.
@@ -563,10 +563,10 @@ FILES = [
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
 def test_diagnostics_are_those_of_check(path: Path) -> None:
     data = path.read_bytes()
-    desk = Desk({str(path.resolve()): data})
-    mine = judge(str(path), path, data, desk)
+    desk = Workspace({str(path.resolve()): data})
+    mine = diagnose(str(path), path, data, desk)
     text = Text(data)
-    found = shown(Places(judged=mine, uri=uri_of(path), text=text, uris={}, unit="utf-16"))
+    found = lsp_diagnostics(SourceLocations(diagnosis=mine, uri=uri_of(path), text=text, uris={}, unit="utf-16"))
     wanted = examine_file(path, None).diagnostics
     lines = data.decode().split("\n")
     own = [f for f in wanted if not f.span.path][:500]
@@ -797,10 +797,10 @@ def test_quick_fixes(tmp_path: Path) -> None:
 
 
 MENDED = [
-    ("LASER DELAY ON 60 OFF 50\nwait", "Mend: off delay below on delay", "LASER DELAY ON 60 OFF 60\nwait"),
-    ("LINE X 10；\u00e9\nline X 2", "Mend: unexpected word", "LINE X 10;\u00e9\nline X 2"),
-    ("line X 10\r\nLINE x 2 ; line", "Mend: word in small letters", "LINE X 10\r\nLINE X 2 ; line"),
-    ("LASER POWER 3\nLASER ON\nLINE X 2", "Mend: light left on", "LASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF"),
+    ("LASER DELAY ON 60 OFF 50\nwait", "Fix: off delay below on delay", "LASER DELAY ON 60 OFF 60\nwait"),
+    ("LINE X 10；\u00e9\nline X 2", "Fix: unexpected word", "LINE X 10;\u00e9\nline X 2"),
+    ("line X 10\r\nLINE x 2 ; line", "Fix: word in small letters", "LINE X 10\r\nLINE X 2 ; line"),
+    ("LASER POWER 3\nLASER ON\nLINE X 2", "Fix: light left on", "LASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF"),
 ]
 
 
@@ -838,8 +838,10 @@ def test_mends_are_quick_fixes(tmp_path: Path) -> None:
 def test_what_is_not_read_is_faded(tmp_path: Path) -> None:
     text = MARK + "LET a = 1\nDEF f()\nEND\nWAIT\n"
     path = tmp_path / "job.job"
-    mine = judge(str(path), path, utf8(text), Desk({str(path.resolve()): utf8(text)}))
-    found = shown(Places(judged=mine, uri="u", text=Text(utf8(text)), uris={}, unit="utf-16"))["u"]
+    mine = diagnose(str(path), path, utf8(text), Workspace({str(path.resolve()): utf8(text)}))
+    found = lsp_diagnostics(SourceLocations(diagnosis=mine, uri="u", text=Text(utf8(text)), uris={}, unit="utf-16"))[
+        "u"
+    ]
     assert [(d.code, d.tags) for d in found] == [(c, [lsp.DiagnosticTag.Unnecessary]) for c in ("GJ142", "GJ141")]
 
 

@@ -1,4 +1,4 @@
-"""SKYWRITE worked out a second time: one motion after the other, in plain numbers, from the rules alone.
+"""SKYWRITE computed a second time: one motion after the other, in plain numbers, from the rules alone.
 
 All in the controller's units: pulse, pulse/ms, pulse/ms2; times of SKYWRITE in us. Points are ideal: not rounded.
 """
@@ -232,14 +232,14 @@ def _rotated(at: Point, centre: Point, angle: float) -> Point:
 
 @dataclass(slots=True, kw_only=True)
 class Row:
-    """A motion or dwell as written. `lit`: channels."""
+    """A motion or dwell as written. `channels_on`: channels whose laser is on."""
 
     kind: str
     way: Way
     vel: float = 0.0
     acc: float = 0.0
     dwell: float = 0.0
-    lit: tuple[int, ...] = ()
+    channels_on: tuple[int, ...] = ()
     sky: Sky | None = None
     written: int = 0
     """Which SKYWRITE statement holds."""
@@ -252,12 +252,12 @@ class Row:
 
     @property
     def is_sky(self) -> bool:
-        return self.sky is not None and self.kind in ("line", "arc") and bool(self.lit)
+        return self.sky is not None and self.kind in ("line", "arc") and bool(self.channels_on)
 
     @property
     def is_lead(self) -> bool:
         """What may end at P instead of S."""
-        return self.kind == "jump" or (self.kind == "line" and not self.lit)
+        return self.kind == "jump" or (self.kind == "line" and not self.channels_on)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -321,13 +321,13 @@ class Mark:
 def rows_of(steps: list[Step], max_acc: float = MAX_ACC) -> list[Row]:
     """The motions as written, with what is in force at each."""
     rows: list[Row] = []
-    here, lit, sky, stage, moved, ahead = (0.0, 0.0), {0: False, 1: False}, None, 0, False, True
+    here, channels_on, sky, stage, moved, ahead = (0.0, 0.0), {0: False, 1: False}, None, 0, False, True
     switched, written = False, 0
     speed: dict[str, float] = {}
     for step in steps:
         match step.op:
             case "on" | "off":
-                lit[step.channel] = step.op == "on"
+                channels_on[step.channel] = step.op == "on"
                 switched = True
             case "sky":
                 sky = step.sky if step.sky and step.sky.timelag >= 0.125 else None
@@ -350,7 +350,8 @@ def rows_of(steps: list[Step], max_acc: float = MAX_ACC) -> list[Row]:
                 rows.append(
                     Row(
                         kind=step.op, way=way, vel=vel, acc=acc, dwell=step.value if step.op == "dwell" else 0.0,
-                        lit=tuple(c for c in (0, 1) if lit[c]), sky=sky, written=written, stage=stage, ahead=ahead,
+                        channels_on=tuple(c for c in (0, 1) if channels_on[c]),
+                        sky=sky, written=written, stage=stage, ahead=ahead,
                         jump_vel=jump_vel, jump_acc=jump_acc, switched=switched,
                     )
                 )  # fmt: skip

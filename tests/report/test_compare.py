@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from support.tools import MARK, run_job
 
 from gusjob.cli import cli
-from gusjob.report import compare as compare_room
-from gusjob.report.compare import Comparison, Segments, compare
-from gusjob.report.earlier import Earlier, flat_totals, read_earlier
+from gusjob.report import compare_text
+from gusjob.report.compare import Comparison, SegmentComparison, compare
+from gusjob.report.earlier import EarlierReport, flat_totals, read_earlier
 from gusjob.report.rows import Report, SegmentKind
 
 TEXT = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLINE Y 10\nLASER POWER 20\nLINE X 0\nLASER OFF\n"
@@ -70,7 +70,7 @@ def report_of(found: dict[str, Any]) -> Report:
     return Report(job="b.job", period_us=found["period_us"], totals=found["totals"], columns=columns, notes={})
 
 
-def read(tmp_path: Path, found: Any) -> tuple[Earlier | None, str]:
+def read(tmp_path: Path, found: Any) -> tuple[EarlierReport | None, str]:
     path = tmp_path / "old.json"
     path.write_bytes(found if isinstance(found, bytes) else json.dumps(found).encode())
     return read_earlier(path)
@@ -88,7 +88,7 @@ def against(tmp_path: Path) -> Any:
     return compared
 
 
-def rows_of(comparison: Comparison) -> Segments:
+def rows_of(comparison: Comparison) -> SegmentComparison:
     assert comparison.segments is not None
     return comparison.segments
 
@@ -98,10 +98,10 @@ def pairs(comparison: Comparison) -> list[tuple[int, int]]:
     return [*zip(rows.old_row.tolist(), rows.new_row.tolist(), strict=True)]
 
 
-def moved(comparison: Comparison) -> dict[str, list[int]]:
+def changed_rows(comparison: Comparison) -> dict[str, list[int]]:
     """Rows of this report where each figure moved."""
     rows = rows_of(comparison)
-    return {name: rows.new_row[what.pair].tolist() for name, what in rows.moved.items()}
+    return {name: rows.new_row[what.pair].tolist() for name, what in rows.changes.items()}
 
 
 # Whole jobs.
@@ -149,7 +149,7 @@ def test_the_table_says_what_how_far_and_how_much(tmp_path: Path) -> None:
     result = gusjob("report", job, "--against", out)
     assert result.exit_code == 1
     lines = result.stdout.splitlines()
-    assert f"against {out}: moved by more than 1 %: 1 total, 1 segment; 0 new, 0 vanished" in lines
+    assert f"against {out}: changed by more than 1 %: 1 total, 1 segment; 0 new, 0 removed" in lines
     assert lines[-2].split() == ["segment", "line", "kind", "ch0_power", "ch0_power_ms"]
     assert lines[-1].split()[:8] == ["4", "10", "mark", "20", "->", "25", "+20", "%"]
     listed = gusjob("report", job, "--against", out, "--format", "csv")
@@ -174,48 +174,48 @@ def test_errors_of_the_job_keep_their_meaning(tmp_path: Path) -> None:
 
 def test_the_larger_magnitude_counts(against: Any) -> None:
     old = earlier_of(duration_ms=[100.0, 100.0, 99.0])
-    assert moved(against(old, earlier_of(duration_ms=[101.0, 101.02, 100.0]))) == {"duration_ms": [1]}
+    assert changed_rows(against(old, earlier_of(duration_ms=[101.0, 101.02, 100.0]))) == {"duration_ms": [1]}
     there = against(old, earlier_of(duration_ms=[101.0, 200.0, 100.0]))
-    assert rows_of(there).moved["duration_ms"].change_pct.tolist() == [50.0]
+    assert rows_of(there).changes["duration_ms"].change_pct.tolist() == [50.0]
 
 
 def test_rounding_and_nothing_are_no_change(against: Any) -> None:
     old = earlier_of(duration_ms=[10.0, 0.0, 10.0], ch0_joules=[1.0, 0.0, 1e-7])
     new = earlier_of(duration_ms=[10.0 * (1 + 5e-10), 5e-7, 10.0 + 1e-5], ch0_joules=[1.0, 5e-10, 3e-7])
-    assert moved(against(old, new, 0.0)) == {"duration_ms": [2], "ch0_joules": [2]}
+    assert changed_rows(against(old, new, 0.0)) == {"duration_ms": [2], "ch0_joules": [2]}
 
 
 def test_null_against_a_number(against: Any) -> None:
     old = earlier_of(ch0_power_mean=[None, None, 30.0])
     new = earlier_of(ch0_power_mean=[None, 30.0, None])
     there = against(old, new)
-    assert moved(there) == {"ch0_power_mean": [1, 2]}
-    assert np.isnan(rows_of(there).moved["ch0_power_mean"].change_pct).all()
+    assert changed_rows(there) == {"ch0_power_mean": [1, 2]}
+    assert np.isnan(rows_of(there).changes["ch0_power_mean"].change_pct).all()
 
 
 def test_a_changed_kind(against: Any) -> None:
     there = against(earlier_of(), earlier_of(kind=["mark", "jump", "mark"]))
-    assert moved(there) == {"kind": [1]}
-    assert [row[2] for row in compare_room.segment_rows(rows_of(there))] == ["kind", "mark -> jump"]
+    assert changed_rows(there) == {"kind": [1]}
+    assert [row[2] for row in compare_text.segment_rows(rows_of(there))] == ["kind", "mark -> jump"]
 
 
 def test_kth_of_a_line_with_kth_of_the_line(against: Any) -> None:
     old = earlier_of(line=[4, 5, 4], duration_ms=[1.0, 2.0, 3.0])
     there = against(old, earlier_of(line=[4, 4, 5], duration_ms=[1.0, 3.0, 2.0]))
     assert pairs(there) == [(0, 0), (2, 1), (1, 2)]
-    assert moved(there) == {}
+    assert changed_rows(there) == {}
     assert pairs(against(old, earlier_of(line=[5, 4, 4], duration_ms=[2.0, 1.0, 3.0]))) == [(1, 0), (0, 1), (2, 2)]
 
 
-def test_new_and_vanished_segments(against: Any) -> None:
+def test_new_and_removed_segments(against: Any) -> None:
     there = against(earlier_of(line=[4, 5, 6]), earlier_of(line=[4, 6, 7], x_mm=[1.0, 3.0, 4.0]))
     rows = rows_of(there)
     assert (pairs(there), rows.vanished.tolist(), rows.appeared.tolist()) == ([(0, 0), (2, 1)], [1], [2])
     assert not rows.shifted
     assert not there.same
-    assert [row[:3] for row in compare_room.segment_rows(rows)][1:] == [
+    assert [row[:3] for row in compare_text.segment_rows(rows)][1:] == [
         ["3", "7", "new mark"],
-        ["-", "5", "vanished mark"],
+        ["-", "5", "removed mark"],
     ]
 
 
@@ -243,7 +243,7 @@ def test_lines_that_shift(
 ) -> None:
     there = against(longer([4, 5, 6, 7], [1, 2, 3, 4]), longer(lines, places))
     assert (rows_of(there).appeared.tolist(), rows_of(there).vanished.tolist()) == (appeared, vanished)
-    assert moved(there) == {}
+    assert changed_rows(there) == {}
 
 
 def test_one_of_many_passes_left_out(against: Any) -> None:
@@ -256,13 +256,13 @@ def test_one_of_many_passes_left_out(against: Any) -> None:
 def test_an_edited_place_behind_a_comment(against: Any) -> None:
     there = against(longer([4, 5, 6, 7], [1, 2, 3, 4]), longer([5, 6, 7, 8], [1, 2, 7, 4]))
     assert pairs(there) == [(0, 0), (1, 1), (2, 2), (3, 3)]
-    assert moved(there) == {"duration_ms": [2]}
+    assert changed_rows(there) == {"duration_ms": [2]}
 
 
 def test_an_edited_place_behind_a_new_segment(against: Any) -> None:
     there = against(longer([4, 5, 6, 7], [1, 2, 3, 4]), longer([4, 5, 6, 7, 8], [9, 1, 2, 7, 4]))
     assert pairs(there) == [(0, 1), (1, 2), (2, 3), (3, 4)]
-    assert moved(there) == {"duration_ms": [3]}
+    assert changed_rows(there) == {"duration_ms": [3]}
 
 
 @pytest.mark.parametrize("places", [[1, 6, 2, 3, 9, 4, 5, 7], [1, 3, 4, 5, 6, 2, 9, 7]])
@@ -284,12 +284,12 @@ def test_a_changed_unit_leaves_powers_alone(against: Any) -> None:
         entry(unit="kHz", power_ms=9.0, emission_ms=60.0), ch0_power_mean=[1.0] * 3, ch0_emission_ms=[20.0] * 3
     )
     there = against(earlier_of(), now)
-    assert moved(there) == {"ch0_emission_ms": [0, 1, 2]}
+    assert changed_rows(there) == {"ch0_emission_ms": [0, 1, 2]}
     assert [(t.what, t.channel, t.old, t.new) for t in there.totals] == [
         ("unit", 0, "%", "kHz"),
         ("emission_ms", 0, 30, 60),
     ]
-    assert "the unit of channel 0 changed: its powers are not compared" in compare_room.verdict(there)
+    assert "the unit of channel 0 changed: its powers are not compared" in compare_text.outcome_lines(there)
 
 
 def test_a_channel_that_is_new(against: Any) -> None:
@@ -297,7 +297,7 @@ def test_a_channel_that_is_new(against: Any) -> None:
     lit |= {f"ch1_{n}": [0.0, 5.0, 0.0] for n in ("emission_ms", "power_ms", "joules")}
     there = against(earlier_of(), earlier_of(entry(), entry(channel=1, unit="V"), **lit))
     assert next((t.what, t.old, t.new) for t in there.totals) == ("unit", None, "V")
-    assert moved(there) == {"ch1_emission_ms": [1], "ch1_joules": [1]}
+    assert changed_rows(there) == {"ch1_emission_ms": [1], "ch1_joules": [1]}
 
 
 def test_totals_move(against: Any) -> None:
@@ -337,21 +337,21 @@ def test_no_row_is_dropped_unsaid(against: Any) -> None:
     old, new = longer(lines, lines), longer([*lines, 500, 501], [*lines, 1, 2])
     new["segments"]["ch0_power_max"] = [40.0] * (count + 2)
     rows = rows_of(against(old, new))
-    _, *shown = compare_room.segment_rows(rows, 40)
+    _, *shown = compare_text.segment_rows(rows, 40)
     assert len(shown) == 41
     assert shown[-1][2] == "62 more"
-    _, *shown = compare_room.segment_rows(rows, 102)
+    _, *shown = compare_text.segment_rows(rows, 102)
     assert [row[2] for row in shown[-2:]] == ["new mark", "new mark"]
     assert len(shown) == 102
 
 
-def test_new_and_vanished_rows_share_the_room(against: Any) -> None:
+def test_new_and_removed_rows_share_the_limit(against: Any) -> None:
     """Line 1 stays; 30 marks in line 3 are new, 50 in line 2 are gone."""
     old, new = longer([1, *[2] * 50], [*range(1, 52)]), longer([1, *[3] * 30, 4], [1, *range(100, 131)])
     rows = rows_of(against(old, new))
     assert (len(rows.appeared), len(rows.vanished)) == (31, 50)
-    _, *shown = compare_room.segment_rows(rows, 40)
-    assert [row[2] for row in shown] == ["new mark"] * 31 + ["vanished mark"] * 9 + ["41 more"]
+    _, *shown = compare_text.segment_rows(rows, 40)
+    assert [row[2] for row in shown] == ["new mark"] * 31 + ["removed mark"] * 9 + ["41 more"]
 
 
 # Whatever the file holds.
@@ -370,9 +370,9 @@ DEEP = b"[" * 10_000 + b"]" * 10_000
         (b"1" + b"0" * 400, "not JSON"),
         (DEEP, "not JSON"),
         (b'{"schema": "gusjob-report/1", "totals": ' + DEEP + b"}", "not JSON"),
-        (b"[]", "no report"),
-        ({}, "no report"),
-        ({"schema": "gusjob-check/1", "diagnostics": []}, "no report"),
+        (b"[]", "not a JSON report"),
+        ({}, "not a JSON report"),
+        ({"schema": "gusjob-check/1", "diagnostics": []}, "not a JSON report"),
         ({**earlier_of(), "job": 3}, "job is not a JSON string"),
         ({**earlier_of(), "period_us": None}, "period_us is not a number"),
         ({**earlier_of(), "totals": []}, "totals is not a JSON object"),
@@ -386,16 +386,16 @@ DEEP = b"[" * 10_000 + b"]" * 10_000
         (earlier_of(entry(power_ms="3")), "power_ms is not a number"),
         (earlier_of(entry(off_output=[1])), "off_output is not a JSON object"),
         (earlier_of(entry(off_output={"standby_khz": []})), "standby_khz is not a number"),
-        (earlier_of(line=[1, 2]), "not equally long"),
+        (earlier_of(line=[1, 2]), "differ in length"),
         (earlier_of(line=[1, 2, 2.5]), "line number"),
         (earlier_of(line=[1, 2, -3]), "line number"),
         (earlier_of(line=[1, 2, 1e300]), "line number"),
         (earlier_of(line=[1, 2, None]), "line number"),
-        (earlier_of(kind=["mark", "mark", "shine"]), "kind holds something"),
-        (earlier_of(kind=["mark", "mark", []]), "kind holds something"),
-        (earlier_of(x_mm=[1, 2, "3"]), "x_mm holds something that is not a number"),
-        (earlier_of(x_mm=[1, 2, True]), "x_mm holds something that is not a number"),
-        (earlier_of(ch0_joules=[[], [], []]), "ch0_joules holds something that is not a number"),
+        (earlier_of(kind=["mark", "mark", "shine"]), "kind contains a value"),
+        (earlier_of(kind=["mark", "mark", []]), "kind contains a value"),
+        (earlier_of(x_mm=[1, 2, "3"]), "x_mm contains a value that is not a number"),
+        (earlier_of(x_mm=[1, 2, True]), "x_mm contains a value that is not a number"),
+        (earlier_of(ch0_joules=[[], [], []]), "ch0_joules contains a value that is not a number"),
         (earlier_of(ch0_joules=3), "ch0_joules is not a JSON array"),  # type: ignore[arg-type]  # wrong on purpose
         (earlier_of(ch1_joules=[1, 2, 3]), "ch1_emission_ms is missing"),
     ],
@@ -439,8 +439,10 @@ def test_a_byte_order_mark(tmp_path: Path) -> None:
 
 def test_huge_figures(against: Any) -> None:
     old = earlier_of(x_mm=[1e308, -1e308, 3.0], duration_ms=[1e308, -1e308, 1e-308], line=[2**52, 5, 6])
-    assert 0 in moved(against(old, earlier_of(line=[2**52, 5, 6])))["duration_ms"]
-    assert moved(against(earlier_of(duration_ms=[1e308] * 3), earlier_of(duration_ms=[-1e308] * 3)))["duration_ms"] == [
+    assert 0 in changed_rows(against(old, earlier_of(line=[2**52, 5, 6])))["duration_ms"]
+    assert changed_rows(against(earlier_of(duration_ms=[1e308] * 3), earlier_of(duration_ms=[-1e308] * 3)))[
+        "duration_ms"
+    ] == [
         0,
         1,
         2,
@@ -476,14 +478,14 @@ def test_junk_is_refused_or_compared(
         assert (earlier is None) == bool(reason)
         if earlier is not None:
             there = compare(report_of(earlier_of()), earlier, 0.0)
-            assert compare_room.comparison_text(there)
+            assert compare_text.comparison_text(there)
 
 
 LINES = st.lists(st.tuples(st.integers(1, 6), st.integers(0, 3)), max_size=8)
 
 
 @given(LINES, LINES)
-def test_every_segment_is_matched_new_or_vanished(
+def test_every_segment_is_matched_new_or_removed(
     tmp_path_factory: pytest.TempPathFactory, old: list[tuple[int, int]], new: list[tuple[int, int]]
 ) -> None:
     before, now = (longer([line for line, _ in rows], [float(x) for _, x in rows]) for rows in (old, new))
@@ -534,10 +536,10 @@ def test_a_million_segments() -> None:
     began = perf_counter()
     there = compare(
         Report(job="", period_us=250, totals=text.totals, columns=new, notes={}),
-        Earlier(path="", job="", totals=totals, columns=base),
+        EarlierReport(path="", job="", totals=totals, columns=base),
         1.0,
     )
     assert perf_counter() - began < 20
     assert rows_of(there).appeared.tolist() == [count // 4, count // 2 + 1]
     assert rows_of(there).vanished.tolist() == []
-    assert moved(there) == {}
+    assert changed_rows(there) == {}

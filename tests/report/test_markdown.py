@@ -16,7 +16,7 @@ from gusjob.cli import cli
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.report.compare import compare
-from gusjob.report.earlier import Earlier
+from gusjob.report.earlier import EarlierReport
 from gusjob.report.markdown import MAX_CHARACTERS, code, report_markdown
 from gusjob.report.rows import Report
 
@@ -186,7 +186,7 @@ def test_it_always_fits_into_a_comment() -> None:
         rule=RULES["GJ112"], span=Span(line=3), fields={"call": "`@x" * 9999, "hint": ""}, path="/`" * 999
     )
     old = {name: column * 2 if name not in ("line", "kind") else column for name, column in report.columns.items()}
-    earlier = Earlier(path="`" * 999, job="", totals={}, columns=old)
+    earlier = EarlierReport(path="`" * 999, job="", totals={}, columns=old)
     text = report_markdown(report, [diagnostic] * 1000, name="`|" * 999, comparison=compare(report, earlier, 0.0))
     assert len(text) <= MAX_CHARACTERS < 65_536
     assert "- 970 more" in text
@@ -196,10 +196,10 @@ def test_it_always_fits_into_a_comment() -> None:
 def test_what_does_not_fit_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.report.markdown.MAX_CHARACTERS", 700)
     whole = report_markdown(None, [], name="x")
-    assert "do not fit" not in whole
+    assert "left out" not in whole
     diagnostic = Diagnostic(rule=RULES["GJ112"], span=Span(line=3), fields={"call": "QQ", "hint": ""}, path="x.job")
     text = report_markdown(None, [diagnostic] * 25, name="x")
     listed = text.count("- error")
     assert len(text) <= 700
     assert 0 < listed < 25
-    assert text.endswith(f"\n\n{25 - listed} more lines do not fit into a comment.\n")
+    assert text.endswith(f"\n\n{25 - listed} more lines are left out to fit into a comment.\n")

@@ -1,4 +1,4 @@
-"""A browser for tests: chromium through playwright, with all that it complains of and that it asks a network for."""
+"""A browser for tests: Chromium through playwright. It records errors, warnings and network requests."""
 
 from __future__ import annotations
 
@@ -16,15 +16,20 @@ if TYPE_CHECKING:
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _ARGUMENTS = [
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--no-first-run",
-]  # fmt: skip
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
 READY_MS = 60_000
-"""A page of a million segments is read in seconds; a loaded machine takes its time."""
+"""Timeout: a page of a million segments takes seconds, more on a busy machine."""
 
 
 def rest(page: Page, ms: int) -> None:
-    """Wait by the page's own clock, and for what it draws then: its timers come in order, however busy the machine."""
+    """Wait by the page's own clock, then for two frames: its timers run in order, however busy the machine is."""
     page.evaluate(
         """(ms) => new Promise((done) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(
         () => setTimeout(done, 0))), ms))""",
@@ -32,9 +37,35 @@ def rest(page: Page, ms: int) -> None:
     )
 
 
+_KEEP = """() => {
+  window.kept = JSON.stringify([gusjob.path.state(), gusjob.time.state(), gusjob.table.state()]);
+}"""
+_RESET = """() => {
+  const [path, time, table] = JSON.parse(window.kept);
+  const byId = (id) => document.getElementById(id);
+  gusjob.select(null, "hash");
+  history.replaceState(null, "", location.pathname);
+  gusjob.path.restore(path);
+  gusjob.time.restore(time);
+  gusjob.table.restore(table);
+  if (byId("tab-marks")) gusjob.table.showTab(table.tab);
+  for (const { api } of Object.values(gusjob.table.grids)) {
+    api.setFilterModel(null);
+    api.applyColumnState({ defaultState: { sort: null } });
+    api.clearFocusedCell();
+    api.deselectAll();
+  }
+  for (const id of ["line-none", "time-hover"]) byId(id).textContent = "";
+  byId("line").value = "";
+  byId("segments-hidden").hidden = true;
+  document.activeElement.blur();
+  window.scrollTo(0, 0);
+}"""
+
+
 @dataclass(frozen=True, slots=True)
 class Tab:
-    """A page in the browser. `complaints`: errors and warnings of its console and scripts; `requests`: other files."""
+    """A page in the browser. `complaints`: errors and warnings of its console; `requests`: other files it loads."""
 
     page: Page
     complaints: list[str] = field(default_factory=list)
@@ -53,6 +84,18 @@ class Tab:
             timeout=READY_MS,
         )
         rest(self.page, 150)
+
+    def keep_state(self) -> Tab:
+        """Remember the state of the report page for `reset`."""
+        self.page.evaluate(_KEEP)
+        return self
+
+    def reset(self) -> Tab:
+        """Put the report page back into the remembered state, without a selection, as if it was opened anew."""
+        self.page.mouse.move(0, 0)
+        self.page.evaluate(_RESET)
+        self.drawn()
+        return self
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +117,7 @@ class Chromium:
         before: str = "",
         ratio: float = 1.0,
     ) -> Iterator[Tab]:
-        """A file, or an address, in a window of its own; `before`: a script that runs first."""
+        """Open a file or an address in a new window. `before`: a script that runs first."""
         scheme: Literal["dark", "light"] = "dark" if dark else "light"
         context = self.browser.new_context(
             viewport={"width": width, "height": height},

@@ -21,7 +21,7 @@ from support.tools import MACHINE, ROOT
 from gusjob.cli import cli
 from gusjob.config.machine import Machine, ScannerModel, parse_scanner
 from gusjob.frontend import check_text
-from gusjob.tune import CLOSED_FORM, SEARCH, Tuned, run_text, search, tune_delays, tune_sky_writing
+from gusjob.tune import CLOSED_FORM, SEARCH, TuneResult, run_text, search, tune_delays, tune_sky_writing
 
 MODELS = ["delay", "first-order", "second-order"]
 FILTERS = MODELS[1:]
@@ -38,7 +38,7 @@ def lagging(text: str) -> Machine:
     return replace(MACHINE, scanner=scanner)
 
 
-def tuned(text: str, scanner: str, channel: int = 0, mode: int | None = None, *, sky: bool = False) -> Tuned | str:
+def tuned(text: str, scanner: str, channel: int = 0, mode: int | None = None, *, sky: bool = False) -> TuneResult | str:
     source, _ = check_text(text.encode(), "test.job")
     assert source is not None
     machine = lagging(scanner)
@@ -49,7 +49,7 @@ def tuned(text: str, scanner: str, channel: int = 0, mode: int | None = None, *,
 
 def statement(text: str, scanner: str, channel: int = 0, mode: int | None = None, *, sky: bool = False) -> str:
     found = tuned(text, scanner, channel, mode, sky=sky)
-    assert isinstance(found, Tuned), found
+    assert isinstance(found, TuneResult), found
     return found.statement
 
 
@@ -59,8 +59,8 @@ def delays(text: str, scanner: str, channel: int = 0) -> tuple[int, int]:
     return int(words[3].removesuffix("us")), int(words[5].removesuffix("us"))
 
 
-def worst(found: Tuned | str, channel: int = 0) -> dict[str, float]:
-    assert isinstance(found, Tuned), found
+def worst(found: TuneResult | str, channel: int = 0) -> dict[str, float]:
+    assert isinstance(found, TuneResult), found
     (entry,) = (e for e in found.run.marking if e["channel"] == channel)
     return dict(entry["worst"])
 
@@ -72,7 +72,7 @@ def worst(found: Tuned | str, channel: int = 0) -> dict[str, float]:
 @pytest.mark.parametrize("lag_us", [50, 550])
 def test_at_speed_the_delays_are_the_lag(model: str, lag_us: int) -> None:
     found = tuned(DUTY + SPEEDS + AT_SPEED, f"{model}:{lag_us}us")
-    assert isinstance(found, Tuned)
+    assert isinstance(found, TuneResult)
     assert found.statement == f"LASER DELAY ON {lag_us}us OFF {lag_us}us"
     assert found.how == (CLOSED_FORM if model == "delay" else SEARCH)
     after = worst(found)
@@ -81,7 +81,7 @@ def test_at_speed_the_delays_are_the_lag(model: str, lag_us: int) -> None:
 
 def test_a_pure_delay_from_rest_to_rest() -> None:
     found = tuned(DUTY + SPEEDS + FROM_REST, "delay:250us")
-    assert isinstance(found, Tuned)
+    assert isinstance(found, TuneResult)
     assert (found.statement, found.how) == ("LASER DELAY ON 250us OFF 250us", CLOSED_FORM)
     assert (worst(found)["on_miss_um"], worst(found)["off_miss_um"]) == (0, 0)
 
@@ -89,7 +89,7 @@ def test_a_pure_delay_from_rest_to_rest() -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_without_lag_there_is_nothing_to_delay(model: str) -> None:
     found = tuned(DUTY + SPEEDS + FROM_REST, f"{model}:0us")
-    assert isinstance(found, Tuned)
+    assert isinstance(found, TuneResult)
     assert (found.statement, found.how) == ("LASER DELAY ON 0us OFF 0us", CLOSED_FORM)
 
 
@@ -137,7 +137,7 @@ def test_on_from_rest_and_off_at_speed_stays_near_at_both() -> None:
     text = DUTY + "VEL 500\nACC 2000\nLASER POWER 30\nLASER ON\nLINE X 70\nLASER OFF\nJUMP X 140\n"
     assert acc_free_ms(2.0, 0.1) > 0.6
     found = tuned(text, "first-order:100us")
-    assert isinstance(found, Tuned)
+    assert isinstance(found, TuneResult)
     assert found.statement == "LASER DELAY ON 100us OFF 100us"
     assert worst(found)["on_miss_um"] < 1
     assert worst(found)["off_miss_um"] < 0.01
@@ -175,8 +175,8 @@ def test_each_channel_has_its_own(model: str) -> None:
     )  # fmt: skip
     first = tuned(text, f"{model}:250us", 0)
     second = tuned(text, f"{model}:250us", 1)
-    assert isinstance(first, Tuned)
-    assert isinstance(second, Tuned)
+    assert isinstance(first, TuneResult)
+    assert isinstance(second, TuneResult)
     assert first.statement == "LASER DELAY ON 210us OFF 220us CHANNEL 0"
     assert second.statement == "LASER DELAY ON 250us OFF 250us CHANNEL 1"
     for found, channel in ((first, 0), (second, 1)):
@@ -212,13 +212,13 @@ def test_a_scanner_that_lags_too_much_is_refused(tune: Tune, model: str, args: t
 @pytest.mark.parametrize("model", FILTERS)
 def test_a_slow_scanner_is_not_searched_us_by_us(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[float] = []
-    miss = search._Side.miss_mm
+    miss = search._MarkEnds.miss_mm
 
-    def counted(side: search._Side, delay_us: float) -> float:
+    def counted(side: search._MarkEnds, delay_us: float) -> float:
         tried.append(delay_us)
         return miss(side, delay_us)
 
-    monkeypatch.setattr(search._Side, "miss_mm", counted)
+    monkeypatch.setattr(search._MarkEnds, "miss_mm", counted)
     delays(DUTY + SPEEDS + FROM_REST, f"{model}:65ms")
     assert len(tried) < 1500
     assert max(tried) <= 65535
@@ -240,7 +240,7 @@ def test_the_jobs_own_delays_are_no_matter(model: str) -> None:
 )
 def test_sky_writing_for_a_pure_delay(lag: str, nprev: int, npost: int) -> None:
     found = tuned(DUTY + SPEEDS + FROM_REST, f"delay:{lag}", sky=True)
-    assert isinstance(found, Tuned)
+    assert isinstance(found, TuneResult)
     assert (found.statement, found.how) == (f"SKYWRITE MODE 3 TIMELAG {lag} NPREV {nprev} NPOST {npost}", CLOSED_FORM)
     assert (worst(found)["on_miss_um"], worst(found)["off_miss_um"]) == pytest.approx((0, 0), abs=1)
 
@@ -259,7 +259,7 @@ def test_sky_writing_for_a_filter(model: str, vel: int, acc: int) -> None:
     """Within half a us of way at each end, a pulse at which the light is switched, and what a run-in is worth."""
     text = f"{DUTY}VEL {vel}\nACC {acc}\nLASER POWER 30\n{FROM_REST}"
     found = tuned(text, f"{model}:250us", sky=True)
-    assert isinstance(found, Tuned)
+    assert isinstance(found, TuneResult)
     assert found.how == SEARCH
     bound_um = vel / 1000 / 2 + 1 + 0.25
     assert abs(worst(found)["on_miss_um"]) < bound_um
@@ -298,11 +298,11 @@ def test_a_run_in_that_finds_no_room_is_not_tried(model: str) -> None:
         "JUMP X 0\nACC 20000\nLASER ON\nLINE X -90\nLASER OFF\n"
     )
     found = tuned(text, f"{model}:1.5ms", sky=True)
-    assert isinstance(found, Tuned)
+    assert isinstance(found, TuneResult)
     assert " NPREV 225 " in found.statement
     assert found.run.trace is not None
     free = tuned(text.replace("147", "130"), f"{model}:1.5ms", sky=True)
-    assert isinstance(free, Tuned)
+    assert isinstance(free, TuneResult)
     assert " NPREV 225 " not in free.statement
     assert worst(free)["on_miss_um"] < worst(found)["on_miss_um"] / 5
 

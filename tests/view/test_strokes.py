@@ -1,4 +1,4 @@
-"""The path in strokes, against closed forms: where they are cut, what they emit, what is left out of long runs."""
+"""The path in strokes, against closed forms: cuts, emission, and the coarse cuts of long runs."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ def test_cut_where_the_velocity_changes_its_law() -> None:
     assert found.path.x1 == pytest.approx([0.5, 9.5, 10])
     assert found.vel0 == pytest.approx([0, 100, 100])
     assert found.vel1 == pytest.approx([100, 100, 0])
-    light = found.lights[0]
-    assert light.on.all()
-    assert light.power == pytest.approx([40, 40, 40])
+    emission = found.emissions[0]
+    assert emission.on.all()
+    assert emission.power == pytest.approx([40, 40, 40])
     # 40 %: 400 %*ms on 0.5 mm, 3600 on 9 mm.
-    assert found.per_mm(light) == pytest.approx([800, 400, 800])
+    assert found.per_mm(emission) == pytest.approx([800, 400, 800])
 
 
-def test_cut_where_light_comes_and_goes() -> None:
+def test_cut_where_emission_begins_and_ends() -> None:
     """An on delay of 25 ms: 0.5 mm + 15 ms * 100 mm/s = 2 mm; off 20 ms behind the line's end, at rest, in a dwell."""
     text = DUTY + "LASER DELAY ON 25000 OFF 45000\nLASER POWER 10\nLASER ON\nLINE X 10\nLASER OFF\nDWELL 60\nLINE X 0\n"
     found = strokes(text)
-    light = found.lights[0]
-    assert found.start_ms[light.on][0] == pytest.approx(25)
-    assert found.path.x0[light.on][0] == pytest.approx(2)
+    emission = found.emissions[0]
+    assert found.start_ms[emission.on][0] == pytest.approx(25)
+    assert found.path.x0[emission.on][0] == pytest.approx(2)
     dwell = found.row == 1
     assert found.duration_ms[dwell] == pytest.approx([45, 15])
-    assert light.on[dwell].tolist() == [True, False]
-    assert light.power[dwell] == pytest.approx([10, 0])
-    assert np.isnan(found.per_mm(light)[dwell]).all()
+    assert emission.on[dwell].tolist() == [True, False]
+    assert emission.power[dwell] == pytest.approx([10, 0])
+    assert np.isnan(found.per_mm(emission)[dwell]).all()
 
 
 def test_following_is_cut_at_the_ticks() -> None:
@@ -57,7 +57,7 @@ def test_following_is_cut_at_the_ticks() -> None:
     found = strokes(DUTY + "LASER FOLLOW RATIO 0.4 MIN 0 MAX 100\nLASER ON\nLINE X 10\nLASER OFF\n")
     rise = found.start_ms < 10 - 1e-9
     assert found.duration_ms[rise] == pytest.approx(np.full(40, 0.25))
-    assert found.lights[0].power[rise] == pytest.approx(0.4 * np.arange(40) * 2.5)
+    assert found.emissions[0].power[rise] == pytest.approx(0.4 * np.arange(40) * 2.5)
 
 
 def test_strokes_follow_one_another() -> None:
@@ -78,7 +78,7 @@ def test_chords_are_near_their_arc(most: int, sagitta_mm: float) -> None:
     assert found.path.length_mm.sum() == pytest.approx(2 * pi * 5, rel=0.01)
 
 
-def test_a_long_run_keeps_segments_and_light() -> None:
+def test_a_long_run_keeps_segments_and_emission() -> None:
     """Cut coarsely: velocity is the highest of the segment, energy is still exact."""
     text = DUTY + "LASER FOLLOW RATIO 0.4 MIN 0 MAX 100\nLASER ON\nLINE X 10\nLASER OFF\nLINE Y 0.5\n"
     fine, coarse = strokes(text), strokes(text, fine_strokes=20)
@@ -86,17 +86,17 @@ def test_a_long_run_keeps_segments_and_light() -> None:
     assert coarse.row.tolist() == [0, 1]
     assert coarse.vel0 == pytest.approx([100, 70.71067811865476])  # 0.5 mm are too short: v = sqrt(a * s).
     assert coarse.vel1 == pytest.approx(coarse.vel0)
-    energy = [float((s.lights[0].power * s.duration_ms).sum()) for s in (fine, coarse)]
+    energy = [float((s.emissions[0].power * s.duration_ms).sum()) for s in (fine, coarse)]
     assert energy[0] == pytest.approx(energy[1])
 
 
 def test_the_beam_is_late() -> None:
-    """delay:5ms at 100 mm/s: 0.5 mm behind; light falls there."""
+    """delay:5ms at 100 mm/s: 0.5 mm behind; the emission is there."""
     scanner = parse_scanner("delay:5ms")
     assert not isinstance(scanner, str)
     found = strokes(DUTY + "LASER POWER 10\nLASER ON\nLINE X 10\nLASER OFF\n", Machine(scanner=scanner))
     assert found.beam is not None
-    assert found.burnt is found.beam
+    assert found.actual is found.beam
     steady = (found.start_ms >= 15) & (found.start_ms + found.duration_ms <= 100)
     assert found.path.x1[steady] - found.beam.x1[steady] == pytest.approx(np.full(int(steady.sum()), 0.5))
 
@@ -108,7 +108,7 @@ def test_two_channels_with_units_and_watts() -> None:
         "LASER MODE ANALOG\nLASER POWER 2\nLASER ON\nLINE X 10\nLASER OFF\n"
     )
     found = strokes(text, Machine(lasers=(Laser(channel=0, rated_w=30.0),)))
-    first, second = found.lights
+    first, second = found.emissions
     assert (first.channel, first.units, second.channel, second.units) == (0, ("%", "V"), 1, ("%", "V"))
     assert [first.on[found.row == row].all() for row in range(3)] == [True, False, True]
     assert [second.on[found.row == row].all() for row in range(3)] == [False, True, False]

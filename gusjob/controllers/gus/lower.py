@@ -1,17 +1,20 @@
-"""The last step: a plan to calls.
+"""Lowering: a plan to the calls of a GUS.
 
-In the order of the job language: setup, GT_SetCrdPrm, GT_CrdClear, path, GT_CrdStart.
+The order of the calls: setup, GT_SetCrdPrm, GT_CrdClear, path, GT_CrdStart; between two stages the host waits for the
+end of the motion (GT_CrdStatus).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from gusjob import planner
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream, Value, crd_start
 from gusjob.controllers.gus.ranges import STANDBY_KHZ, PowerMode
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.ir.intent import Intent
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op
 from gusjob.ir.setup import (
@@ -27,10 +30,9 @@ from gusjob.ir.setup import (
     SwitchNow,
 )
 from gusjob.kinematics.arrays import Floats
-from gusjob.planner import plan
 from gusjob.planner.plan import Plan
 
-_KINDS = {
+_BUFFERED = {
     Op.LINE: Buffered.LINE,
     Op.JUMP: Buffered.LINE,
     Op.ARC_CENTRE: Buffered.ARC_CENTRE,
@@ -41,60 +43,60 @@ _KINDS = {
     Op.ON: Buffered.ON,
     Op.OFF: Buffered.OFF,
 }
-_KIND_TABLE = np.array([_KINDS[op] for op in Op], dtype=np.uint8)
+_KIND_OF_OP = np.array([_BUFFERED[op] for op in Op], dtype=np.uint8)
 
 
 def compile_job(job: Job, machine: Machine) -> tuple[Stream, list[Diagnostic]]:
     """Compile a checked job to calls; with them the diagnostics that only the planner can make."""
-    done = plan(job, machine)
+    done = planner.plan(job, machine)
     return lower(done), list(done.diagnostics)
 
 
-def crd_of(job: Job) -> tuple[int, int]:
+def lower(plan: Plan) -> Stream:
+    """Make the calls of a plan."""
+    crd, fifo = _crd(plan.job)
+    calls = tuple(_immediate_calls(plan, crd, fifo))
+    return Stream(name=plan.job.name, buffered=_buffered(plan, crd, fifo), calls=calls, intent=plan.intent)
+
+
+def _crd(job: Job) -> tuple[int, int]:
     """Coordinate system and FIFO of a job: its last CRD, or 1 and 0."""
-    found = [s.statement for s in job.setups if isinstance(s.statement, Crd)]
+    found = [setup.statement for setup in job.setups if isinstance(setup.statement, Crd)]
     return (int(found[-1].crd), int(found[-1].fifo)) if found else (1, 0)
 
 
-def lower(state: Plan) -> Stream:
-    """The calls of a plan."""
-    crd, fifo = crd_of(state.job)
-    calls: list[Call] = []
-    built = False
-    for number, stage in enumerate(state.stages):
-        first_line = stage.setups[0].line if stage.setups else int(state.path.line[stage.first])
-
-        def add(name: str, *args: Value, at: int, line: int) -> None:
-            calls.append(Call(name=name, args=args, at=at, line=line))
-
+def _immediate_calls(plan: Plan, crd: int, fifo: int) -> Iterator[Call]:
+    """The calls around the buffered ones, stage by stage."""
+    lines = plan.path.line
+    has_parameters = False
+    for number, stage in enumerate(plan.stages):
         if number:
-            add("GT_CrdStatus", float(crd), "run", "segment", float(fifo), at=stage.first, line=first_line)
+            line = stage.setups[0].line if stage.setups else int(lines[stage.first])
+            wait = (float(crd), "run", "segment", float(fifo))
+            yield Call(name="GT_CrdStatus", args=wait, at=stage.first, line=line)
         for setup in stage.setups:
-            for name, args in setup_calls(setup, state.machine):
-                add(name, *args, at=stage.first, line=setup.line)
+            for name, args in setup_calls(setup, plan.machine):
+                yield Call(name=name, args=args, at=stage.first, line=setup.line)
         if stage.first == stage.last:
             continue
-        line = int(state.path.line[stage.first])
-        if not built:
-            add("GT_SetCrdPrm", float(crd), crd_parameters(state.machine), at=stage.first, line=line)
-            built = True
-        add("GT_CrdClear", float(crd), float(fifo), at=stage.first, line=line)
-        calls.append(crd_start(crd, fifo, at=stage.last, line=int(state.path.line[stage.last - 1])))
-    intent = None
-    if state.sky is not None and state.mark_end is not None:
-        intent = Intent(run=state.sky.run, mark_end=state.mark_end)
-    return Stream(name=state.job.name, buffered=_buffered(state, crd, fifo), calls=tuple(calls), intent=intent)
+        line = int(lines[stage.first])
+        if not has_parameters:
+            parameters = (float(crd), crd_parameters(plan.machine))
+            yield Call(name="GT_SetCrdPrm", args=parameters, at=stage.first, line=line)
+            has_parameters = True
+        yield Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=stage.first, line=line)
+        yield crd_start(crd, fifo, at=stage.last, line=int(lines[stage.last - 1]))
 
 
 def crd_parameters(machine: Machine) -> Value:
-    """TCrdPrm: X and Y are axes 1 and 2, the machine's limits, origin 0."""
+    """Make TCrdPrm: X and Y are axes 1 and 2, the machine's limits, origin 0."""
     profile = (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     limits = (machine.max_velocity_pulse_per_ms, machine.max_acceleration_pulse_per_ms2)
     return (2.0, profile, *limits, 0.0, 1.0, (0.0,) * 8)
 
 
 def setup_calls(setup: Setup, machine: Machine) -> list[tuple[str, tuple[Value, ...]]]:
-    """The calls of one setup statement (M 二.2, 三, 五.2)."""
+    """Make the calls of one setup statement, name and arguments (M 二.2, 三, 五.2)."""
     ch = float(setup.channel)
     match setup.statement:
         case LaserMode() as mode:
@@ -130,7 +132,7 @@ def setup_calls(setup: Setup, machine: Machine) -> list[tuple[str, tuple[Value, 
 
 
 def _mode_calls(mode: LaserMode, channel: float) -> list[tuple[str, tuple[Value, ...]]]:
-    """In analog mode GT_SetAxisMode is not called: M's comment in 三.1 (3)."""
+    """The calls of LASER MODE. In analog mode GT_SetAxisMode is not called: M's comment in 三.1 (3)."""
     set_mode = ("GT_LaserPowerMode", (float(mode.mode), mode.high, mode.low, channel))
     axis = ("GT_SetAxisMode", (7 + channel, 1.0))
     match mode.mode:
@@ -142,31 +144,32 @@ def _mode_calls(mode: LaserMode, channel: float) -> list[tuple[str, tuple[Value,
             return [axis, set_mode, ("GT_LaserOutFrq", (mode.carrier_khz or 0.0, channel))]
 
 
-def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
-    path, laid, timed = state.path, state.segments, state.timed
-    assert laid is not None
+def _buffered(plan: Plan, crd: int, fifo: int) -> BufferedCalls:
+    """The buffered calls, one a row of the path (M 四.2)."""
+    path, segments, timed = plan.path, plan.segments, plan.timed
     n = len(path)
-    kind = _KIND_TABLE[path.op]
 
     def spread(values: Floats) -> Floats:
+        # From timed rows to all rows.
         if len(timed) == n:
             return values
         column = np.zeros(n)
         column[timed] = values
         return column
 
+    kind = _KIND_OF_OP[path.op]
     p, q, r = np.zeros(n), np.zeros(n), np.zeros(n)
-    arcs = timed[laid.arc_at]
-    if np.any(path.op[timed] == Op.ARC_CENTRE) or np.any(path.op[timed] == Op.ARC_RADIUS):
+    if path.is_arc.any():
+        arcs = timed[segments.arc_at]
         by_radius = path.op[arcs] == Op.ARC_RADIUS
         # The centre is an offset from the start point, in whole pulses like the ends.
-        p[arcs] = np.where(
-            by_radius, _radius(path.radius[arcs], laid.arcs.radius), np.rint(path.cx[arcs]) - laid.x0[laid.arc_at] + 0.0
-        )
-        q[arcs] = np.where(by_radius, 0.0, np.rint(path.cy[arcs]) - laid.y0[laid.arc_at] + 0.0)
+        i_pulse = np.rint(path.cx[arcs]) - segments.x0[segments.arc_at] + 0.0
+        j_pulse = np.rint(path.cy[arcs]) - segments.y0[segments.arc_at] + 0.0
+        p[arcs] = np.where(by_radius, _radius(path.radius[arcs], segments.arcs.radius), i_pulse)
+        q[arcs] = np.where(by_radius, 0.0, j_pulse)
         r[arcs] = path.ccw[arcs]
         # An arc that is none in whole pulses is a line.
-        lost = (kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS)
+        lost = path.is_arc
         lost[arcs] = False
         kind[lost] = Buffered.LINE
     for op, columns in (
@@ -184,14 +187,14 @@ def _buffered(state: Plan, crd: int, fifo: int) -> BufferedCalls:
         crd=np.full(n, crd, dtype=np.int8),
         fifo=np.full(n, fifo, dtype=np.int8),
         channel=np.where(path.takes_time, np.int8(0), path.channel),
-        x=spread(np.where(moves, laid.x1, 0.0)),
-        y=spread(np.where(moves, laid.y1, 0.0)),
+        x=spread(np.where(moves, segments.x1, 0.0)),
+        y=spread(np.where(moves, segments.y1, 0.0)),
         p=p,
         q=q,
         r=r,
-        vel=spread(np.where(moves, state.vel, 0.0)),
-        acc=spread(np.where(moves, state.acc, 0.0)),
-        vel_end=spread(np.where(moves, state.vel_end, 0.0)),
+        vel=spread(np.where(moves, plan.vel, 0.0)),
+        acc=spread(np.where(moves, plan.acc, 0.0)),
+        vel_end=spread(np.where(moves, plan.vel_end, 0.0)),
     )
 
 

@@ -43,10 +43,9 @@ from gusjob.ir.setup import (
     Wait,
     auto_steps,
 )
-from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, running_sum
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 from gusjob.kinematics.geometry import CLOSES_MM
-from gusjob.kinematics.trapezoids import running_sum
 from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 _OPS = {

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.ir.path import Op, Path
-from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, running_sum
 from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
-from gusjob.kinematics.trapezoids import running_sum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

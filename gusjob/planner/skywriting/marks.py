@@ -1,35 +1,38 @@
-"""Which motions are sky-written, where marks begin and end, and what their SKYWRITE says."""
+"""Find the marks that are sky-written: where they begin and end, and their settings."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from gusjob.controllers.gus.ranges import CHANNELS
+from gusjob.ir.modal import modal_state
 from gusjob.ir.path import Op
 from gusjob.ir.setup import SkyWriting
 from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.kinematics.geometry import Segments
-from gusjob.lint.view import view_of
-from gusjob.planner.plan import Plan
+from gusjob.planner.plan import QuantizedPath
 from gusjob.planner.velocity import corner_jump, path_velocity
 
 _SAME_CORNER = 1e-9
+"""Rounding of the cosine of a corner."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marks:
-    """The timed rows of a plan as sky writing sees them, (m,) each.
+    """The timed rows of a path as sky writing sees them, (m,) each.
 
-    mark: is sky-written; joined: goes on from the mark before it without a break; bent: both are pieces of one arc
-    that became lines; lit: by channel. mode, timings (us)
-    and corner limit of its SKYWRITE. vel, acc: pulse/ms (2), at which it is run.
+    `is_mark`: the row is sky-written. `joined`: the mark before it goes on without a break. `is_chord`: so it does,
+    and both are chords of one arc. `on`: the laser is commanded on, by channel. `stage`: number of the stage. `mode`,
+    `lag_us`, `on_us`, `run_in_us`, `run_out_us`: settings of SKYWRITE. `vel`, `acc`: pulse/ms and pulse/ms2 of the
+    motion. `as_written`: velocities and accelerations of all marks are those of their rows, none slower or scaled.
     """
 
-    mark: Bools
+    is_mark: Bools
     joined: Bools
-    bent: Bools
-    lit: tuple[Bools, Bools]
+    is_chord: Bools
+    on: tuple[Bools, ...]
     stage: Indices
     mode: Floats
     lag_us: Floats
@@ -38,83 +41,101 @@ class Marks:
     run_out_us: Floats
     vel: Floats
     acc: Floats
+    as_written: bool
 
     @property
     def begins(self) -> Bools:
         """Marks that get a run-in."""
-        return self.mark & ~self.joined
+        return self.is_mark & ~self.joined
 
     @property
     def ends(self) -> Bools:
         """Marks that get a run-out."""
-        return np.asarray(self.mark & ~np.append(self.joined[1:], False))
+        return np.asarray(self.is_mark & ~np.append(self.joined[1:], False))
+
+    @property
+    def any_on(self) -> Bools:
+        """The laser of some channel is commanded on."""
+        return np.asarray(np.logical_or.reduce(self.on))
+
+    def on_alone(self, channel: int) -> Bools:
+        """The laser of this channel is commanded on, no other one is."""
+        others = [on for number, on in enumerate(self.on) if number != channel]
+        return np.asarray(self.on[channel] & ~np.logical_or.reduce(others))
+
+    def speed_columns(self, at: Indices) -> dict[str, Any]:
+        """Make the columns of rows that move at the velocity of marks, if these are not those of the marks' rows."""
+        if self.as_written:
+            return {}
+        return {"vel": self.vel[at], "acc": self.acc[at], "vel_in_mm": False, "acc_in_mm": False}
 
 
-def marks_of(state: Plan, number: Indices, settings: tuple[SkyWriting, ...]) -> Marks:
-    path, timed, laid = state.path, state.timed, state.segments
-    assert laid is not None
-    job_rows = timed if state.origin is None else state.origin[timed]
-    view = view_of(state.job, state.machine)
-    lit = (view.lit(0)[0][job_rows], view.lit(1)[0][job_rows])
+def find_marks(quantized: QuantizedPath, number: Indices, settings: tuple[SkyWriting, ...]) -> Marks:
+    """Find the marks that are sky-written.
+
+    Args:
+        number: For each row of the job's path the number of the settings in force, -1 for none.
+        settings: The settings.
+    """
+    path, timed = quantized.path, quantized.timed
+    job_rows = quantized.origin[timed]
+    modal = modal_state(quantized.job)
+    on = tuple(modal.laser(channel).on[job_rows] for channel in CHANNELS)
     sky = number[job_rows]
     op = path.op[timed]
-    mark = (sky >= 0) & (lit[0] | lit[1]) & (op != Op.JUMP) & (op != Op.DWELL)
+    is_mark = (sky >= 0) & np.logical_or.reduce(on) & (op != Op.JUMP) & (op != Op.DWELL)
 
-    def of(name: str) -> Floats:
+    def setting(name: str) -> Floats:
         # Rows without sky writing read the 0 at the end.
         return np.array([*(float(getattr(s, name)) for s in settings), 0.0])[sky]
 
-    mode = of("mode")
-    stage = np.searchsorted([s.first for s in state.stages], timed, side="right") - 1
-    together = mark[1:] & mark[:-1] & (stage[1:] == stage[:-1]) & (sky[1:] == sky[:-1])
-    # The pieces of an arc that became lines are one mark.
+    mode = setting("mode")
+    stage = quantized.stage_of_timed
+    together = is_mark[1:] & is_mark[:-1] & (stage[1:] == stage[:-1]) & (sky[1:] == sky[:-1])
+    # The chords of an arc are one mark.
     line, provenance = path.line[timed], path.provenance[timed]
-    pieces = (line[1:] == line[:-1]) & (provenance[1:] == provenance[:-1])
-    pieces &= op[1:] == Op.LINE
+    chords = (line[1:] == line[:-1]) & (provenance[1:] == provenance[:-1]) & (op[1:] == Op.LINE)
     flat = np.zeros(len(together), dtype=np.bool_)
-    asked = np.flatnonzero(together & (mode[1:] == 3))
-    flat[asked] = _cosines(state, laid, asked) >= of("limit")[asked + 1] - _SAME_CORNER
-    bent = np.concatenate([[False], together & pieces])[: len(mark)]
-    vel = path_velocity(state, corner_jump(state))
+    corners = np.flatnonzero(together & (mode[1:] == 3))
+    flat[corners] = _cosines(quantized, corners) >= setting("limit")[corners + 1] - _SAME_CORNER
+    is_chord = np.concatenate([[False], together & chords])[: len(is_mark)]
+    vel = path_velocity(quantized, corner_jump(quantized))
     return Marks(
-        mark=mark,
-        joined=np.concatenate([[False], together & (pieces | flat)])[: len(mark)],
-        bent=bent,
-        lit=lit,
+        is_mark=is_mark,
+        joined=np.concatenate([[False], together & (chords | flat)])[: len(is_mark)],
+        is_chord=is_chord,
+        on=on,
         stage=stage,
         mode=mode,
-        lag_us=of("lag_us"),
-        on_us=of("on_us"),
-        run_in_us=of("run_in_us"),
-        run_out_us=of("run_out_us"),
-        vel=_slowed_where_bent(state, vel, bent) if bent.any() else vel,
-        acc=state.acc,
+        lag_us=setting("lag_us"),
+        on_us=setting("on_us"),
+        run_in_us=setting("run_in_us"),
+        run_out_us=setting("run_out_us"),
+        vel=_slowed_on_chords(quantized, vel, is_chord) if is_chord.any() else vel,
+        acc=quantized.acc,
+        as_written=quantized.machine.equal_axes and not len(quantized.segments.arc_at),
     )
 
 
-def _cosines(state: Plan, laid: Segments, at: Indices) -> Floats:
+def _cosines(quantized: QuantizedPath, at: Indices) -> Floats:
     """Cosine of the angle, on the part, by which the path turns behind timed rows."""
-    px, py = state.machine.pulses_per_mm
-    out_x, out_y, in_x, in_y = (
-        laid.end_x[at] / px,
-        laid.end_y[at] / py,
-        laid.start_x[at + 1] / px,
-        laid.start_y[at + 1] / py,
-    )
+    px, py = quantized.machine.pulses_per_mm
+    segments = quantized.segments
+    out_x, out_y = segments.end_x[at] / px, segments.end_y[at] / py
+    in_x, in_y = segments.start_x[at + 1] / px, segments.start_y[at + 1] / py
     return np.asarray((out_x * in_x + out_y * in_y) / (np.hypot(out_x, out_y) * np.hypot(in_x, in_y)))
 
 
-def _slowed_where_bent(state: Plan, vel: Floats, bent: Bools) -> Floats:
-    """Arcs that became lines stay within the machine's acceleration as arcs do: all of one are slowed alike.
+def _slowed_on_chords(quantized: QuantizedPath, vel: Floats, is_chord: Bools) -> Floats:
+    """Slow the chords of arcs as arcs are: within the machine's acceleration, all chords of one arc alike.
 
-    A chord of length L that turns by an angle phi is a piece of a circle of radius L/phi; v^2/r stays.
+    A chord of length L that turns by an angle phi belongs to a circle of radius L/phi; v^2/r is limited.
     """
-    laid = state.segments
-    assert laid is not None
-    turn = np.hypot(laid.start_x[1:] - laid.end_x[:-1], laid.start_y[1:] - laid.end_y[:-1])
+    segments = quantized.segments
+    turn = np.hypot(segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1])
     radius = np.full(len(vel), np.inf)
-    radius[1:][bent[1:]] = (laid.length[1:] / np.maximum(turn, 1e-12))[bent[1:]]
-    most = np.sqrt(state.machine.max_acceleration_pulse_per_ms2 * radius)
-    begins = np.flatnonzero(~bent)
-    share = np.minimum.reduceat(np.minimum(most / np.maximum(vel, 1e-12), 1.0), begins)
+    radius[1:][is_chord[1:]] = (segments.length[1:] / np.maximum(turn, 1e-12))[is_chord[1:]]
+    fastest = np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * radius)
+    begins = np.flatnonzero(~is_chord)
+    share = np.minimum.reduceat(np.minimum(fastest / np.maximum(vel, 1e-12), 1.0), begins)
     return np.asarray(vel * np.repeat(share, np.diff([*begins.tolist(), len(vel)])))

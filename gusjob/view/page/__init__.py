@@ -1,1 +1,1 @@
-"""The report as one page for a browser: everything is in it, nothing is loaded from elsewhere."""
+"""The report as one self-contained HTML page; it loads nothing from elsewhere."""

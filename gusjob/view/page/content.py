@@ -1,4 +1,4 @@
-"""What a page shows of a run: the report's rows and marks, the path in strokes, and the facts about them."""
+"""The content of a run's page: rows and marks of the report, the path in strokes, and facts about them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.rows import Report, SegmentKind
 from gusjob.version import __version__
 from gusjob.view.page.render import Page
-from gusjob.view.strokes import Light, Strokes, left_out
+from gusjob.view.strokes import EmissionStrokes, Strokes, undrawn_emission
 
 PAGE_SCHEMA = "gusjob-page/1"
 MAX_SEGMENTS = 2_000_000
-"""A browser still holds so many."""
+"""Maximum number of segments that a browser can show."""
 
 Table = dict[str, npt.NDArray[Any]]
 
@@ -26,7 +26,7 @@ Table = dict[str, npt.NDArray[Any]]
 def page_of(
     report: Report, strokes: Strokes, machine: Machine, diagnostics: list[dict[str, Any]], watched: str = ""
 ) -> Page:
-    """The page of a run. `diagnostics` as in the JSON, each with its line's text as `source`."""
+    """Make the page of a run. `diagnostics`: as in the JSON, each with the text of its line as `source`."""
     tables = {"rows": report.columns, "strokes": _strokes_table(strokes)}
     if report.marks:
         tables["marks"] = {**report.marks, "row": _rows_of_marks(report)}
@@ -40,10 +40,10 @@ def page_of(
         "field_mm": {"x": list(machine.field_x_mm), "y": list(machine.field_y_mm)},
         "start_mm": _start(strokes.path.x0, strokes.path.y0),
         "kinds": [kind.word for kind in SegmentKind],
-        "channels": [_channel_facts(light) for light in strokes.lights],
+        "channels": [_channel_facts(emission) for emission in strokes.emissions],
         "exact": strokes.exact,
         "units_per_mm": _units_per_mm(strokes, machine),
-        "remarks": [text for light in strokes.lights for text in left_out(report, strokes, light)],
+        "remarks": [text for emission in strokes.emissions for text in undrawn_emission(report, strokes, emission)],
     }
     if strokes.beam is not None:
         facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
@@ -51,14 +51,16 @@ def page_of(
 
 
 def page_without_run(job: str, diagnostics: list[dict[str, Any]], watched: str = "", reason: str = "") -> Page:
-    """The page of a job that was not run, or of which nothing can be shown for a reason."""
+    """Make the page of a job that was not run, or that can't be shown for a reason."""
     facts = {"schema": PAGE_SCHEMA, "job": job, "version": __version__, "reason": reason}
     return Page(facts=facts, tables={}, diagnostics=diagnostics, marking=None, watched=watched)
 
 
 def _units_per_mm(strokes: Strokes, machine: Machine) -> float:
-    """Units of the coordinates: as fine as 32 bits allow, since energy per mm hangs on lengths below a um; in long
-    runs, which end at pulses, as fine as a pulse."""
+    """Return the units of the coordinates, as fine as 32 bits allow: energy per mm depends on lengths below 1 um.
+
+    The strokes of long runs end at whole pulses; a unit of a pulse is fine enough there.
+    """
     lines = [strokes.path] if strokes.beam is None else [strokes.path, strokes.beam]
     ends = [np.abs(end).max(initial=1.0) for line in lines for end in (line.x0, line.y0, line.x1, line.y1)]
     finest = floor(log10(np.iinfo(np.int32).max / max(ends)))
@@ -77,23 +79,23 @@ def _strokes_table(strokes: Strokes) -> Table:
     }
     if strokes.beam is not None:
         table |= {"beam_x_mm": strokes.beam.x1, "beam_y_mm": strokes.beam.y1}
-    for light in strokes.lights:
-        name = f"ch{light.channel}_"
-        table |= {f"{name}on": light.on.astype(np.int8), f"{name}power": light.power}
-        if len(light.units) > 1:
-            table[f"{name}unit"] = light.unit
+    for emission in strokes.emissions:
+        name = f"ch{emission.channel}_"
+        table |= {f"{name}on": emission.on.astype(np.int8), f"{name}power": emission.power}
+        if len(emission.units) > 1:
+            table[f"{name}unit"] = emission.unit
     return table
 
 
-def _channel_facts(light: Light) -> dict[str, Any]:
-    watts = np.unique(light.joules_per_unit_ms) * MS_PER_S
+def _channel_facts(emission: EmissionStrokes) -> dict[str, Any]:
+    watts = np.unique(emission.joules_per_unit_ms) * MS_PER_S
     facts: dict[str, Any] = {
-        "channel": light.channel,
-        "unit": light.units[0],
+        "channel": emission.channel,
+        "unit": emission.units[0],
         "watts_per_unit": float(watts[0]) if len(watts) == 1 and not np.isnan(watts[0]) else None,
     }
-    if len(light.units) > 1:
-        facts["units"] = list(light.units)
+    if len(emission.units) > 1:
+        facts["units"] = list(emission.units)
     return facts
 
 
@@ -102,7 +104,7 @@ def _start(x: Floats, y: Floats) -> list[float]:
 
 
 def _rows_of_marks(report: Report) -> npt.NDArray[np.int32]:
-    """The segment in which each mark begins."""
+    """Return the segment in which each mark begins."""
     assert report.marks is not None
     row = np.searchsorted(report.columns["start_ms"], report.marks["start_ms"], side="right") - 1
     return np.asarray(np.clip(row, 0, max(len(report) - 1, 0)), dtype=np.int32)

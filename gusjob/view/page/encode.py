@@ -1,4 +1,4 @@
-"""Columns of figures as a short text: shuffled bytes, one gzip stream, base64. static/data.js reads it back."""
+"""Encoding of columns as text: shuffled bytes, one gzip stream, base64. static/data.js decodes it."""
 
 from __future__ import annotations
 
@@ -18,36 +18,45 @@ Tables = Mapping[str, Mapping[str, Column]]
 
 COORDINATES = ("x_mm", "y_mm", "beam_x_mm", "beam_y_mm")
 UNITS_PER_MM = 10_000.0
-"""Coordinates are stored in whole units, whose differences pack well: of 0.1 um, if nothing else is said."""
+"""Coordinates are stored as integers in units of (by default) 0.1 um: their differences compress well."""
 DELTA = ("line", "row", "stage")
-"""Whole numbers that mostly grow by little from one row to the next."""
+"""Integer columns that are stored as differences, which are mostly small."""
 DROPPED = ("start_ms",)
-"""Of rows: the page adds up the durations instead, in double precision."""
+"""Columns of rows that are not stored: the page sums the durations in double precision."""
 MANTISSA_BITS = (23, 16, 12, 8)
-"""What is kept of a float32, from all to least."""
+"""Bits of a float32's mantissa that are kept, in order of preference."""
 TIME_BITS = 16
-"""Durations keep at least so much, for they are added up."""
+"""Durations keep at least so many bits, since they are summed."""
 _DIGITS = {23: 6, 16: 5, 12: 4, 8: 3}
 _LEVEL = 6
-_PIECE = 3 << 18
-"""Bytes in a piece of base64; a multiple of three, so that the pieces' texts join without a gap."""
+_CHUNK = 3 << 18
+"""Bytes per piece of base64; a multiple of three, so that the pieces can be concatenated."""
 _SAMPLED = 1 << 21
-"""Bytes; of more the size is first estimated from parts, since packing all takes seconds."""
+"""Bytes; the size of more is first estimated from samples, since compressing all takes seconds."""
 _PARTS = 16
 _SLACK = 0.97
-"""A sample's size is off by a few per cent: so much of the budget it may take."""
+"""Share of the budget that an estimate may take: it is off by a few per cent."""
 
 
-_ALIKE = 2e-6
-"""A computed column may differ by so much of a figure: less than the sixth digit."""
+_RELATIVE_ERROR = 2e-6
+"""Relative error that is allowed in a computed column: less than the sixth digit."""
 
 
-class Entry(TypedDict):
-    """One column in the directory. `same`: the place of the entry whose stored bytes are this column's too, or -1.
+class ColumnEntry(TypedDict):
+    """One column in the directory.
 
-    `delta`: differences are stored; `scale`: stored is value times scale, 0 for figures stored as they are.
-    `how`: "" for a stored column; a "quotient" or "product" of the columns `of` the same table, times `factor`, is not
-    stored: the page computes it.
+    Attributes:
+        table: Name of the table.
+        name: Name of the column.
+        type: Kind and bits: "f32", "i8", "i16" or "i32".
+        count: Number of values.
+        delta: Whether differences are stored.
+        scale: Factor from values to stored integers; 0 if values are stored as they are.
+        same: Index of an entry with the same bytes, which are stored once; else -1.
+        how: "" for a stored column; "quotient" or "product" for a column that the page computes from the columns `of`
+            of the same table, times `factor`.
+        of: See `how`.
+        factor: See `how`.
     """
 
     table: str
@@ -64,9 +73,9 @@ class Entry(TypedDict):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encoded:
-    """`packed`: the gzip stream in pieces, in the directory's order. `digits`: how many of each figure are right."""
+    """Encoded columns. `packed`: the gzip stream in pieces. `digits`: number of correct digits of the values."""
 
-    directory: list[Entry]
+    directory: list[ColumnEntry]
     packed: list[bytes]
     bits: int
     digits: int
@@ -77,25 +86,28 @@ class Encoded:
         return (sum(map(len, self.packed)) + 2) // 3 * 4
 
     def text(self) -> Iterator[bytes]:
-        """The base64 text in pieces: what is not yet written need not be there twice."""
+        """Yield the base64 text in pieces, to save memory."""
         left = b""
         for piece in self.packed:
             left += piece
-            whole = len(left) // _PIECE * _PIECE
-            for first in range(0, whole, _PIECE):
-                yield base64.b64encode(left[first : first + _PIECE])
+            whole = len(left) // _CHUNK * _CHUNK
+            for first in range(0, whole, _CHUNK):
+                yield base64.b64encode(left[first : first + _CHUNK])
             left = left[whole:]
         if left:
             yield base64.b64encode(left)
 
 
 def encode(tables: Tables, budget_bytes: int, units_per_mm: float = UNITS_PER_MM) -> Encoded:
-    """Columns of tables in at most `budget_bytes` of base64, if 8 bits of mantissa can do that; else the least.
+    """Encode tables, with as many bits of mantissa as fit into a budget.
 
-    `units_per_mm`: of coordinates, which must fit into 32 bits.
+    Args:
+        tables: Columns by table and name.
+        budget_bytes: Limit of the base64 text; 8 bits of mantissa may exceed it.
+        units_per_mm: Units of coordinates, which must fit into 32 bits.
     """
-    rules = _rules(tables)
-    bits = _enough(tables, budget_bytes, rules, units_per_mm)
+    rules = _computed_columns(tables)
+    bits = _choose_bits(tables, budget_bytes, rules, units_per_mm)
     while True:
         found = _encode(tables, bits, rules, units_per_mm)
         lower = [b for b in MANTISSA_BITS if b < bits]
@@ -105,7 +117,7 @@ def encode(tables: Tables, budget_bytes: int, units_per_mm: float = UNITS_PER_MM
 
 
 def stored(table: str, name: str, column: Column, bits: int, units_per_mm: float) -> tuple[Column, float]:
-    """A column's values as they are stored, before differences are taken, and their scale."""
+    """Return a column's stored values, before differences are taken, and their scale."""
     if name in COORDINATES and table in ("rows", "strokes"):
         return _in_units(column, units_per_mm), units_per_mm
     if column.dtype.kind == "f":
@@ -116,14 +128,14 @@ def stored(table: str, name: str, column: Column, bits: int, units_per_mm: float
 
 
 def _kept(name: str, bits: int) -> int:
-    """Bits for a column: times keep more, for they are added up or are large beside their differences."""
+    """Return the bits for a column: times keep more, since they are summed, or large beside their differences."""
     if name == "start_ms":
         return MANTISSA_BITS[0]
     return max(bits, TIME_BITS) if name == "duration_ms" else bits
 
 
 def rounded(column: Column, bits: int) -> npt.NDArray[np.float32]:
-    """float32 with so many bits of mantissa: the nearest such number, ties to even."""
+    """Round to float32 with so many bits of mantissa, ties to even."""
     most = float(np.finfo(np.float32).max)
     values = np.ascontiguousarray(np.where(np.isinf(column), np.nan, np.clip(column, -most, most)), dtype="<f4")
     drop = MANTISSA_BITS[0] - bits
@@ -133,7 +145,7 @@ def rounded(column: Column, bits: int) -> npt.NDArray[np.float32]:
     half = np.uint32((1 << (drop - 1)) - 1)
     up = raw + half + ((raw >> np.uint32(drop)) & np.uint32(1))
     kept = up >> np.uint32(drop) << np.uint32(drop)
-    # A figure at the very end of the range must not become infinite, and NaN must stay NaN.
+    # A value at the end of the range must not become infinite, and NaN must stay NaN.
     kept = np.where(np.isnan(values) | np.isinf(kept.view("<f4")), raw, kept)
     return kept.view("<f4")
 
@@ -145,7 +157,7 @@ def _in_units(column: Column, units_per_mm: float) -> npt.NDArray[np.int32]:
 
 
 def _whole(column: Column) -> Column:
-    """int8, int16 or int32 as they come; what is wider or unsigned becomes the narrowest that holds it."""
+    """Keep int8, int16 and int32; convert wider or unsigned integers to the narrowest of them that fits."""
     if column.dtype.kind == "i" and column.dtype.itemsize <= 4:
         return column.astype(column.dtype.newbyteorder("<"), copy=False)
     low, high = (int(column.min()), int(column.max())) if len(column) else (0, 0)
@@ -157,7 +169,7 @@ def _whole(column: Column) -> Column:
 
 
 def _bytes_of(values: Column, *, delta: bool) -> bytes:
-    """All first bytes, all second ones, ...: alike bytes side by side pack better."""
+    """Return all first bytes, then all second ones, and so on: similar bytes side by side compress better."""
     if delta and len(values):
         raw = values.view(np.dtype(f"<u{values.dtype.itemsize}"))
         values = np.concatenate([raw[:1], raw[1:] - raw[:-1]])
@@ -172,15 +184,15 @@ def _all_columns(tables: Tables) -> Iterator[tuple[str, str, Column]]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Rule:
-    """How a column follows from columns of its table. `factor`: 0 if it is yet to be found."""
+class _ComputedColumn:
+    """A rule that computes a column from others of its table. `factor`: 0 if it is yet to be found."""
 
     how: str
     of: tuple[str, ...]
     factor: float = 1.0
 
     def values(self, columns: Mapping[str, Column]) -> Floats:
-        """The column; where nothing times unknown is asked for (power while the light is off), nothing."""
+        """Compute the column. A product with 0 is 0, even of NaN (the power while the laser is off)."""
         first, *others = (columns[name].astype(np.float64) for name in self.of)
         with np.errstate(divide="ignore", invalid="ignore"):
             for other in others:
@@ -189,13 +201,13 @@ class _Rule:
         return found
 
 
-def _rule_of(columns: Mapping[str, Column], name: str) -> _Rule | None:
-    """How a column of rows can be computed; None: not at all, or not so that it is the same."""
+def _computed_column(columns: Mapping[str, Column], name: str) -> _ComputedColumn | None:
+    """Return the rule for a column of rows; None if there is none, or its result differs."""
     head = name.partition("_")[0]
     rules = {
-        "vel_mean_mm_s": _Rule(how="quotient", of=("length_mm", "duration_ms"), factor=1e3),
-        f"{head}_power_ms": _Rule(how="product", of=(f"{head}_power_mean", f"{head}_emission_ms")),
-        f"{head}_joules": _Rule(how="product", of=(f"{head}_power_ms",), factor=0.0),
+        "vel_mean_mm_s": _ComputedColumn(how="quotient", of=("length_mm", "duration_ms"), factor=1e3),
+        f"{head}_power_ms": _ComputedColumn(how="product", of=(f"{head}_power_mean", f"{head}_emission_ms")),
+        f"{head}_joules": _ComputedColumn(how="product", of=(f"{head}_power_ms",), factor=0.0),
     }
     rule = rules.get(name)
     if rule is None or not all(part in columns for part in rule.of) or not len(columns[name]):
@@ -206,18 +218,20 @@ def _rule_of(columns: Mapping[str, Column], name: str) -> _Rule | None:
         largest = int(np.argmax(power))
         if not power[largest] > 0 or np.isnan(column[largest]):
             return None
-        rule = _Rule(how=rule.how, of=rule.of, factor=float(column[largest] / power[largest]))
-    return rule if np.allclose(rule.values(columns), column, rtol=_ALIKE, atol=0, equal_nan=True) else None
+        rule = _ComputedColumn(how=rule.how, of=rule.of, factor=float(column[largest] / power[largest]))
+    return rule if np.allclose(rule.values(columns), column, rtol=_RELATIVE_ERROR, atol=0, equal_nan=True) else None
 
 
-def _rules(tables: Tables) -> dict[tuple[str, str], _Rule]:
+def _computed_columns(tables: Tables) -> dict[tuple[str, str], _ComputedColumn]:
     rows = tables.get("rows", {})
-    found = {("rows", name): _rule_of(rows, name) for name in rows if name not in DROPPED}
+    found = {("rows", name): _computed_column(rows, name) for name in rows if name not in DROPPED}
     return {place: rule for place, rule in found.items() if rule is not None}
 
 
-def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> Encoded:
-    directory: list[Entry] = []
+def _encode(
+    tables: Tables, bits: int, rules: Mapping[tuple[str, str], _ComputedColumn], units_per_mm: float
+) -> Encoded:
+    directory: list[ColumnEntry] = []
     packed: list[bytes] = []
     seen: dict[int, list[int]] = {}
     kept: dict[int, tuple[str, str]] = {}
@@ -225,12 +239,12 @@ def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], u
     for table, name, column in _all_columns(tables):
         rule = rules.get((table, name))
         if rule is not None:
-            directory.append(_computed(table, name, len(column), rule))
+            directory.append(_computed_entry(table, name, len(column), rule))
             continue
         values, scale = stored(table, name, column, bits, units_per_mm)
         entry = _entry(table, name, values, scale)
         data = _bytes_of(values, delta=entry["delta"])
-        # The packer sees 32 KiB back only; equal columns (a constant power's least and highest) it would store twice.
+        # gzip looks back 32 KiB only, and would store equal columns (minimum and maximum of a constant power) twice.
         mark = zlib.crc32(data)
         for place in seen.get(mark, ()):
             other = directory[place]
@@ -248,8 +262,8 @@ def _encode(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], u
     return Encoded(directory=directory, packed=[p for p in packed if p], bits=bits, digits=_DIGITS[bits])
 
 
-def _entry(table: str, name: str, values: Column, scale: float) -> Entry:
-    return Entry(
+def _entry(table: str, name: str, values: Column, scale: float) -> ColumnEntry:
+    return ColumnEntry(
         table=table,
         name=name,
         type=f"{values.dtype.kind}{values.dtype.itemsize * 8}",
@@ -263,15 +277,25 @@ def _entry(table: str, name: str, values: Column, scale: float) -> Entry:
     )
 
 
-def _computed(table: str, name: str, count: int, rule: _Rule) -> Entry:
-    return Entry(
-        table=table, name=name, type="f32", count=count, delta=False, scale=0, same=-1,
-        how=rule.how, of=list(rule.of), factor=rule.factor,
-    )  # fmt: skip
+def _computed_entry(table: str, name: str, count: int, rule: _ComputedColumn) -> ColumnEntry:
+    return ColumnEntry(
+        table=table,
+        name=name,
+        type="f32",
+        count=count,
+        delta=False,
+        scale=0,
+        same=-1,
+        how=rule.how,
+        of=list(rule.of),
+        factor=rule.factor,
+    )
 
 
-def _enough(tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> int:
-    """The most bits with which a sample of the columns says that all fit."""
+def _choose_bits(
+    tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _ComputedColumn], units_per_mm: float
+) -> int:
+    """Return the most bits with which the columns fit, as estimated from samples."""
     raw = sum(column.nbytes for _, _, column in _all_columns(tables))
     if raw <= _SAMPLED:
         return MANTISSA_BITS[0]
@@ -281,8 +305,10 @@ def _enough(tables: Tables, budget_bytes: int, rules: Mapping[tuple[str, str], _
     return MANTISSA_BITS[-1]
 
 
-def _estimate(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule], units_per_mm: float) -> float:
-    """Length of the base64 text, by parts of each column."""
+def _estimate(
+    tables: Tables, bits: int, rules: Mapping[tuple[str, str], _ComputedColumn], units_per_mm: float
+) -> float:
+    """Estimate the length of the base64 text from samples of each column."""
     total, seen = 0.0, set()
     for table, name, column in _all_columns(tables):
         if (table, name) in rules:
@@ -297,22 +323,22 @@ def _estimate(tables: Tables, bits: int, rules: Mapping[tuple[str, str], _Rule],
 
 
 def _sample(column: Column) -> Column:
-    """Runs of a column from all over it, some 6 % of all."""
+    """Return samples from all over a column, about 6 % of it."""
     run = len(column) // (_PARTS * _PARTS)
     if run < 64:
         return column
     return np.concatenate([column[i * len(column) // _PARTS :][:run] for i in range(_PARTS)])
 
 
-def decode(directory: list[Entry], packed: bytes) -> dict[str, dict[str, Column]]:
-    """The columns as the page will have them; scaled ones as mm. For tests, and as the format's plainest statement."""
+def decode(directory: list[ColumnEntry], packed: bytes) -> dict[str, dict[str, Column]]:
+    """Decode the columns; scaled ones in mm. Used by tests, and the reference of the format."""
     data = memoryview(zlib.decompress(packed, 16 + zlib.MAX_WBITS))
     tables: dict[str, dict[str, Column]] = {}
     raws: list[Column] = []
     at = 0
     for entry in directory:
         if entry["how"]:
-            rule = _Rule(how=entry["how"], of=tuple(entry["of"]), factor=entry["factor"])
+            rule = _ComputedColumn(how=entry["how"], of=tuple(entry["of"]), factor=entry["factor"])
             raw = rule.values(tables[entry["table"]]).astype(np.float32)
         elif entry["same"] >= 0:
             raw = raws[entry["same"]]

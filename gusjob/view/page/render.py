@@ -1,4 +1,4 @@
-"""One page of HTML: the figures written out, the columns packed for the browser, scripts that their hashes allow."""
+"""The HTML page: totals as text, columns packed for the browser, scripts allowed by their hashes."""
 
 from __future__ import annotations
 
@@ -21,38 +21,40 @@ from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 from gusjob.view.page.encode import UNITS_PER_MM, Encoded, encode
-from gusjob.view.page.words import page_language, script_words, template_text
+from gusjob.view.page.texts import page_language, script_texts, template_text
 
 MAX_BYTES = 30_000_000
-"""A page may be as large: a browser opens it in seconds, and most mail servers' shares still take it."""
+"""Size limit of a page: a browser opens it in seconds, and most mail servers accept it."""
 
 _VENDORED = ("leaflet.js", "flatbush.js", "uPlot.iife.min.js", "ag-grid-community.min.noStyle.js")
 _OURS = ("data.js", "colors.js", "tiles.js", "path.js", "time.js", "table.js", "page.js")
 _ALONE = ("data.js", "colors.js", "page.js")
-"""Scripts of a page without columns: the choice of colours, and following the job where it is watched."""
+"""Scripts of a page without columns: the color theme, and updates of a watched job."""
 _STYLES = ("vendor/leaflet.css", "vendor/uPlot.min.css", "page.css")
 _COLUMNS = Markup("<gusjob-columns>")
-"""Stands for the columns until they are written; a text of the job has its `<` escaped and can't say this."""
+"""Placeholder of the columns. Texts of the job can't contain it, since their `<` is escaped."""
 _SHOWN = 50
-"""So many diagnostics are open, the rest is behind a click."""
+"""Number of diagnostics that are visible without a click."""
 _DIRECTORY_BYTES = 32_768
 _CUT = 240
-"""Characters of a source line: of a longer one what is around the diagnostic."""
+"""Number of characters that are shown of a source line, around the diagnostic."""
 _DIGITS = 6
 
 Figure = tuple[str, str, str]
-"""Name, value, unit."""
+"""Name, value and unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """What the page shows.
+    """The content of a page. Its texts are untrusted. Phrases are localized when the page is rendered.
 
-    `facts`: job, version, totals and what the columns mean. `tables`: equally long columns each: "rows" (a segment
-    each), "strokes", "marks" where they were judged; {} where the job was not run. `diagnostics` as in the JSON, each
-    with its line's text as `source`. `marking` as in the totals. `watched`: path of a stream of events that tells when
-    the page is to be loaded anew, "" if there is none. The texts in all of them are the user's: untrusted. Phrases
-    among them are said in the language that is spoken when the page is made; messages of diagnostics are said already.
+    Attributes:
+        facts: Job, version, totals, and the meaning of the columns.
+        tables: Columns of "rows" (one row per segment), "strokes" and, if they were computed, "marks"; {} if the job
+            was not run.
+        diagnostics: As in the JSON but with localized messages, each with the text of its line as `source`.
+        marking: As in the totals.
+        watched: Path of the event stream that announces a new page; "" if there is none.
     """
 
     facts: dict[str, Any]
@@ -63,7 +65,7 @@ class Page:
 
 
 def render(page: Page) -> Iterator[bytes]:
-    """The page in pieces, UTF-8; at most MAX_BYTES, as far as rounding the figures can do that."""
+    """Yield the page in pieces, UTF-8. Values are rounded as far as needed to stay within MAX_BYTES."""
     shell = _shell(page, None)
     if not _interactive(page):
         yield shell.encode("utf-8", "replace")
@@ -81,14 +83,14 @@ def render(page: Page) -> Iterator[bytes]:
 
 
 def _interactive(page: Page) -> bool:
-    """Whether there is anything to draw."""
+    """Return whether there is anything to draw."""
     rows = page.tables.get("rows", {})
     strokes = page.tables.get("strokes", {})
     return bool(rows and strokes and len(rows["line"]) and len(strokes["row"]))
 
 
 def _shell(page: Page, found: Encoded | None) -> str:
-    """All but the columns."""
+    """Render the page without the columns."""
     interactive = _interactive(page)
     names = [*(f"vendor/{name}" for name in _VENDORED), *_OURS] if interactive else [*_ALONE]
     scripts = [_script(name) for name in names]
@@ -96,7 +98,7 @@ def _shell(page: Page, found: Encoded | None) -> str:
     versions = json.loads(_read("vendor/versions.json"))
     return _template().render(
         language=page_language(),
-        words=_json(script_words()),
+        texts=_json(script_texts()),
         job=printable(str(page.facts.get("job", ""))),
         version=str(page.facts.get("version", "")),
         policy=_policy(scripts, watched=bool(page.watched)),
@@ -108,7 +110,7 @@ def _shell(page: Page, found: Encoded | None) -> str:
         watched=bool(page.watched),
         has_marks="marks" in page.tables and bool(page.tables["marks"]),
         summary=_summary(page.facts, totals) if totals else [],
-        channels=[_channel(entry) for entry in totals["channels"]] if totals else [],
+        channels=[_channel_summary(entry) for entry in totals["channels"]] if totals else [],
         readings=_readings(page.facts),
         remarks=_remarks(page.facts, found),
         why_no_report=localized(page.facts.get("reason") or _why_no_report(page.diagnostics)),
@@ -116,7 +118,7 @@ def _shell(page: Page, found: Encoded | None) -> str:
         counts=_counts(page.diagnostics),
         shown=_SHOWN,
         marking=_marking(page.marking or []),
-        not_judged=bool(totals) and page.marking is None,
+        no_marking=bool(totals) and page.marking is None,
         libraries=_libraries(versions),
         licences=[(v["name"], _read(f"vendor/{v['file']}")) for v in versions if v["file"].endswith("LICENSE.txt")],
     )
@@ -131,7 +133,7 @@ def _template() -> jinja2.Template:
 
 
 def _libraries(versions: Sequence[Mapping[str, str]]) -> str:
-    """Whose libraries a page holds, each once."""
+    """Return the libraries of the page, with version and licence."""
     known = dict.fromkeys((v["name"], v["version"], v["licence"]) for v in versions)
     return localized(
         all_of(Phrase("{name} {version} ({licence})", name=n, version=v, licence=of) for n, v, of in known)
@@ -139,23 +141,23 @@ def _libraries(versions: Sequence[Mapping[str, str]]) -> str:
 
 
 def _read(name: str) -> str:
-    """A file of static/, with the line ends that a browser makes of it before it takes a script's hash."""
+    """Read a file of static/, with the line ends from which a browser computes a script's hash."""
     data = files("gusjob.view.page").joinpath("static", *name.split("/")).read_bytes()
     return data.decode("utf-8").replace("\r\n", "\n")
 
 
 def _script(name: str) -> str:
-    """A script without the pointer to its source map, which is not there."""
+    """Return a script without the reference to its source map, which is not included."""
     return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", _read(name))
 
 
 def _style(name: str) -> str:
-    """A style sheet without pointers to pictures, which are not there."""
+    """Return a style sheet without references to images, which are not included."""
     return re.sub(r"url\([^)]*\)", "none", _read(name))
 
 
 def _policy(scripts: Sequence[str], *, watched: bool) -> str:
-    """Nothing may be loaded or sent, and of scripts only these may run."""
+    """Return the content security policy: nothing is loaded or sent, and only the given scripts run."""
     hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
     return "; ".join(
         [
@@ -180,13 +182,13 @@ def _facts(page: Page, found: Encoded | None) -> dict[str, Any]:
 
 
 def _json(value: object) -> Markup:
-    """JSON that can stand in a script: nothing in it ends the script or opens a comment."""
+    """Encode JSON for a script element: nothing in it ends the element or opens a comment."""
     text = json.dumps(_plain(value), separators=(",", ":"), allow_nan=False)
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
 
 
 def _plain(value: object) -> object:
-    """Without what JSON has not: NaN and infinity are null."""
+    """Convert values to JSON types; NaN and infinity become null."""
     if isinstance(value, Mapping):
         return {str(key): _plain(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
@@ -202,7 +204,7 @@ def _plain(value: object) -> object:
 
 
 def _figure(head: Phrase, value: float | None) -> Figure:
-    """A figure below a head that ends in its unit."""
+    """Return a figure from a head that ends with its unit."""
     name, _, unit = localized(head).rpartition(" ")
     return name, figure(value), unit
 
@@ -227,7 +229,7 @@ def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Channel:
+class _ChannelSummary:
     name: str
     figures: list[Figure]
     lit_at_end: bool
@@ -240,8 +242,8 @@ _OFF_OUTPUT = {
 }
 
 
-def _channel(entry: Mapping[str, Any]) -> _Channel:
-    """The figures of a channel and power unit."""
+def _channel_summary(entry: Mapping[str, Any]) -> _ChannelSummary:
+    """Return the figures of a channel and power unit."""
     unit = printable(str(entry["unit"]))
     found = [
         _figure(Phrase("on ms"), entry["emission_ms"]),
@@ -251,13 +253,13 @@ def _channel(entry: Mapping[str, Any]) -> _Channel:
     if entry["joules"] is not None:
         found.append(_figure(Phrase("joules J"), entry["joules"]))
     if entry["clamped_ms"]:
-        found.append(_figure(Phrase("held by a limit ms"), entry["clamped_ms"]))
+        found.append(_figure(Phrase("clamped ms"), entry["clamped_ms"]))
     if entry.get("before_motion_power_ms"):
         before = localized(Phrase("before the first motion"))
         found.append((before, figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
     found += [_figure(_OFF_OUTPUT[name], value) for name, value in (entry["off_output"] or {}).items()]
     name = localized(Phrase("Channel {channel}", channel=entry["channel"]))
-    return _Channel(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
+    return _ChannelSummary(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
 
 
 def _readings(facts: Mapping[str, Any]) -> list[str]:
@@ -277,22 +279,24 @@ def _readings(facts: Mapping[str, Any]) -> list[str]:
 def _remarks(facts: Mapping[str, Any], found: Encoded | None) -> list[str]:
     remarks: list[str] = []
     if facts.get("exact") is False:
-        remarks.append(Phrase("So many segments: the curves show each segment's highest velocity and mean power."))
+        remarks.append(
+            Phrase("The job has many segments: the curves show each segment's highest velocity and mean power.")
+        )
     if found is not None and found.digits < _DIGITS:
         remarks.append(
             Phrase(
-                "Figures in drawings and tables are rounded to about {digits} digits so that the page stays small.",
+                "Values in drawings and tables are rounded to about {digits} digits to keep the page small.",
                 digits=found.digits,
             )
         )
     remarks += facts.get("remarks", [])
     if facts.get("marks_left_out"):
-        remarks.append(Phrase("The table of marks is left out so that the page stays small; the JSON report has it."))
+        remarks.append(Phrase("The table of marks is left out to keep the page small; it is in the JSON report."))
     return [localized(remark) for remark in remarks]
 
 
 def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Worst and typical of each figure that is not 0."""
+    """Return worst and typical value of each mark quality measure that is not 0."""
     return [
         {
             "channel": str(entry["channel"]),
@@ -313,14 +317,14 @@ def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
 
 def _why_no_report(diagnostics: Sequence[Mapping[str, Any]]) -> Phrase:
     if any(d["severity"] == "error" for d in diagnostics):
-        return Phrase("The job was not run, for it has errors.")
+        return Phrase("The job was not run because it has errors.")
     return Phrase("There is no report.")
 
 
 def _counts(diagnostics: Sequence[Mapping[str, Any]]) -> str:
     counted = Counter(str(d["severity"]) for d in diagnostics)
     errors, warnings, notes = (counted[severity.value] for severity in Severity)
-    said_of_each = (
+    counted_phrases = (
         (errors, plural(errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors))),
         (
             warnings,
@@ -328,23 +332,23 @@ def _counts(diagnostics: Sequence[Mapping[str, Any]]) -> str:
         ),
         (notes, plural(notes, Phrase("{count} note", count=notes), Phrase("{count} notes", count=notes))),
     )
-    return localized(all_of(phrase for count, phrase in said_of_each if count))
+    return localized(all_of(phrase for count, phrase in counted_phrases if count))
 
 
 def _diagnostic(diagnostic: Mapping[str, Any]) -> dict[str, Any]:
-    """A diagnostic with its source line in three parts: before the diagnostic, the diagnostic, behind it."""
+    """Return a diagnostic with its source line in three parts: before, in and after its span."""
     severity = Severity(diagnostic["severity"])
     return {
-        **_placed(diagnostic),
+        **_diagnostic_location(diagnostic),
         "severity": severity.value,
         "word": severity.localized,
         "code": printable(str(diagnostic["code"])),
         "count": int(diagnostic.get("count", 1)),
-        "notes": [_placed(note) for note in diagnostic.get("notes", ())],
+        "notes": [_diagnostic_location(note) for note in diagnostic.get("notes", ())],
     }
 
 
-def _placed(place: Mapping[str, Any]) -> dict[str, Any]:
+def _diagnostic_location(place: Mapping[str, Any]) -> dict[str, Any]:
     source = printable(str(place.get("source") or "").rstrip("\r\n"))
     start = min(max(int(place["column"]) - 1, 0), len(source))
     end = int(place["end_column"]) - 1 if place["end_line"] == place["line"] else len(source)

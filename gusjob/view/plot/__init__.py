@@ -1,1 +1,1 @@
-"""Trace to what is drawn: the path in strokes, and pictures of it."""
+"""Pictures of the path, drawn with matplotlib."""

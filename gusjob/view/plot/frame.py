@@ -1,4 +1,4 @@
-"""The frame of a picture: where everything has its place, axes in mm, colour bars and scale bars."""
+"""The frame of a picture: positions of its parts, axes in mm, color bars and scale bars."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
 from gusjob.i18n.phrases import figure as figure_text
-from gusjob.view.plot.lettering import FAINT, INK, line_in, put, width_in
-from gusjob.view.plot.pens import PT_PER_INCH, Sight, colours, norm
-from gusjob.view.plot.shades import Shade
+from gusjob.view.plot.color_scale import ColoredPath
+from gusjob.view.plot.lines import PT_PER_INCH, Viewport, color_map, norm
+from gusjob.view.plot.text import FAINT, INK, line_in, put_text, width_in
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.8, 0.25, 0.12, 0.12
 _BAR = 1.1
-"""Room for a colour bar with its figures."""
+"""Width of a color bar with its labels."""
 _HEADING = 0.26
 _TICKS = 0.52
-"""Below the axes: figures, then the axis' name and the scale bar."""
+"""Height below the axes: tick labels, then the axis' name and the scale bar."""
 _LEGEND_ROW = 0.21
 _LEAST = 0.4
 _UM_BELOW_MM = 1.1
-"""With its margin."""
+"""Paths up to this size, with their margin, are labelled in um."""
 _EDGE, _GRID = "#8c959f", "#e6e8eb"
 _DISTINCT = 8
-"""So many values are told one by one on a colour bar."""
-_LOOKED_AT = 10_000
+"""Up to so many values are labelled individually on a color bar."""
+_MAX_SAMPLES = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
-    """Where a panel's axes stand, inches from the lower left corner; `right_in`: where its room ends.
+class PanelBox:
+    """Position of a panel's axes, inches from the lower left corner of the picture.
 
-    `fits`: whether there is room for it at all.
+    `right_in`: right end of the panel, with its color bar. `fits`: whether the picture is large enough for it.
     """
 
     x_in: float
@@ -50,7 +50,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Places in inches from the lower left corner."""
+    """Positions of all parts of a picture, inches from the lower left corner."""
 
     size_in: tuple[float, float]
     panels: int
@@ -63,21 +63,21 @@ class Layout:
 
     @property
     def left_in(self) -> float:
-        """Where texts begin."""
+        """Left edge of texts."""
         return 0.25
 
     @property
     def text_in(self) -> float:
-        """How long lines of text may be."""
+        """Maximum width of a line of text."""
         return self.size_in[0] - self.left_in - _RIGHT
 
     @property
     def notes_in(self) -> float:
-        """Upper edge of the sentences."""
+        """Upper edge of the notes."""
         return _BOTTOM + len(self.notes) * line_in(8)
 
-    def cells(self) -> list[Cell]:
-        """The panels, row by row."""
+    def panel_boxes(self) -> list[PanelBox]:
+        """Return the panels, row by row."""
         rows = -(-self.panels // self.columns)
         below = self.notes_in + 0.08 + len(self._legend_rows()) * _LEGEND_ROW
         above = _TOP + line_in(12) + len(self.head) * line_in(8.5) + 0.1
@@ -89,7 +89,7 @@ class Layout:
             row, column = divmod(number, self.columns)
             bottom = below + (rows - 1 - row) * height + _TICKS
             found.append(
-                Cell(
+                PanelBox(
                     x_in=column * width + _LEFT,
                     y_in=bottom,
                     width_in=max(width - _LEFT - (_BAR if self.bars else 0.0) - _RIGHT, _LEAST),
@@ -100,14 +100,14 @@ class Layout:
             )
         return found
 
-    def sight(self, box: tuple[float, float, float, float], dpi: int) -> Sight:
-        """What axes of this layout show so that a box is in sight, mm."""
-        cell = self.cells()[0]
+    def viewport(self, box: tuple[float, float, float, float], dpi: int) -> Viewport:
+        """Return the viewport of the axes that shows a box, mm."""
+        panel = self.panel_boxes()[0]
         x0, y0, x1, y1 = box
-        in_per_mm = min(cell.width_in / (x1 - x0), cell.height_in / (y1 - y0))
+        in_per_mm = min(panel.width_in / (x1 - x0), panel.height_in / (y1 - y0))
         x, y = (x0 + x1) / 2, (y0 + y1) / 2
-        wide, high = cell.width_in / in_per_mm / 2, cell.height_in / in_per_mm / 2
-        return Sight(
+        wide, high = panel.width_in / in_per_mm / 2, panel.height_in / in_per_mm / 2
+        return Viewport(
             x0=x - wide,
             y0=y - high,
             x1=x + wide,
@@ -118,12 +118,12 @@ class Layout:
         )
 
     def fitted(self, box: tuple[float, float, float, float]) -> Layout:
-        """With so many panels side by side that a box is seen largest in them."""
-        ways = [replace(self, columns=count) for count in range(1, self.panels + 1)]
-        return max(ways, key=lambda way: way.sight(box, 1).pt_per_mm)
+        """Return the layout with the number of panels side by side that shows a box largest."""
+        layouts = [replace(self, columns=count) for count in range(1, self.panels + 1)]
+        return max(layouts, key=lambda layout: layout.viewport(box, 1).pt_per_mm)
 
-    def legend_places(self) -> list[tuple[str, tuple[float, float]]]:
-        """Entries of the legend and where they begin."""
+    def legend_positions(self) -> list[tuple[str, tuple[float, float]]]:
+        """Return the entries of the legend with their positions."""
         rows = self._legend_rows()
         top = self.notes_in + 0.08 + len(rows) * _LEGEND_ROW
         return [
@@ -133,7 +133,7 @@ class Layout:
         ]
 
     def _legend_rows(self) -> list[list[tuple[str, float]]]:
-        """Entries with where they begin, in rows that fit."""
+        """Return the entries of the legend with their x positions, in rows that fit."""
         rows: list[list[tuple[str, float]]] = []
         x = math.inf
         for word in self.legend:
@@ -146,75 +146,84 @@ class Layout:
         return rows
 
 
-def set_axes(figure: Figure, cell: Cell, sight: Sight, size_in: tuple[float, float]) -> Axes:
-    """Axes in mm, or in um where less than one mm is in sight."""
+def set_axes(figure: Figure, panel: PanelBox, viewport: Viewport, size_in: tuple[float, float]) -> Axes:
+    """Add axes in mm, or in um for a path below one mm."""
     wide, high = size_in
-    axes = figure.add_axes((cell.x_in / wide, cell.y_in / high, cell.width_in / wide, cell.height_in / high))
-    axes.set_xlim(sight.x0, sight.x1)
-    axes.set_ylim(sight.y0, sight.y1)
+    axes = figure.add_axes((panel.x_in / wide, panel.y_in / high, panel.width_in / wide, panel.height_in / high))
+    axes.set_xlim(viewport.x0, viewport.x1)
+    axes.set_ylim(viewport.y0, viewport.y1)
     axes.set_autoscale_on(False)
-    factor, unit = (1000.0, "um") if sight.small else (1.0, "mm")
+    factor, unit = (1000.0, "um") if viewport.small else (1.0, "mm")
     axes.set_axisbelow(True)
     axes.grid(color=_GRID, linewidth=0.6)
     for spine in axes.spines.values():
         spine.set(edgecolor=_EDGE, linewidth=0.8, zorder=3.9)
     axes.tick_params(color=_EDGE, labelcolor=FAINT, labelsize=8, length=3)
-    for axis, inches in ((axes.xaxis, cell.width_in / 0.9), (axes.yaxis, cell.height_in / 0.45)):
+    for axis, inches in ((axes.xaxis, panel.width_in / 0.9), (axes.yaxis, panel.height_in / 0.45)):
         axis.set_major_locator(MaxNLocator(nbins=max(min(int(inches), 12), 2), steps=[1, 2, 5, 10]))
         axis.set_major_formatter(FuncFormatter(lambda value, _: figure_text(round(value * factor, 9), 10)))
-    put(figure, cell.x_in, cell.y_in - 0.42, f"X, {unit}", 8.5, color=INK)
-    put(figure, cell.x_in - 0.6, cell.y_in + cell.height_in / 2, f"Y, {unit}", 8.5, color=INK, rotation=90, va="center")
-    _scale_bar(figure, cell, sight, factor, unit)
+    put_text(figure, panel.x_in, panel.y_in - 0.42, f"X, {unit}", 8.5, color=INK)
+    put_text(
+        figure,
+        panel.x_in - 0.6,
+        panel.y_in + panel.height_in / 2,
+        f"Y, {unit}",
+        8.5,
+        color=INK,
+        rotation=90,
+        va="center",
+    )
+    _scale_bar(figure, panel, viewport, factor, unit)
     return axes
 
 
-def _scale_bar(figure: Figure, cell: Cell, sight: Sight, factor: float, unit: str) -> None:
-    """A bar of a round length below the axes, on the right."""
-    most = cell.width_in / 4 * PT_PER_INCH / sight.pt_per_mm * factor
+def _scale_bar(figure: Figure, panel: PanelBox, viewport: Viewport, factor: float, unit: str) -> None:
+    """Draw a scale bar of a round length below the axes, on the right."""
+    most = panel.width_in / 4 * PT_PER_INCH / viewport.pt_per_mm * factor
     power = 10.0 ** math.floor(math.log10(most))
     length = next(power * step for step in (5, 2, 1) if power * step <= most)
-    right, y = cell.x_in + cell.width_in, cell.y_in - 0.37
-    left = right - length / factor * sight.pt_per_mm / PT_PER_INCH
+    right, y = panel.x_in + panel.width_in, panel.y_in - 0.37
+    left = right - length / factor * viewport.pt_per_mm / PT_PER_INCH
     bar = Line2D([left, left, left, right, right, right], [y + 0.04, y - 0.04, y, y, y - 0.04, y + 0.04])
     bar.set(transform=figure.dpi_scale_trans, color=INK, linewidth=1.2, solid_capstyle="butt", gid="scale-bar")
     figure.add_artist(bar)
-    put(figure, left - 0.08, y - 0.04, f"{figure_text(length)} {unit}", 8, color=INK, ha="right")
+    put_text(figure, left - 0.08, y - 0.04, f"{figure_text(length)} {unit}", 8, color=INK, ha="right")
 
 
-def colour_bar(figure: Figure, cell: Cell, shade: Shade, size_in: tuple[float, float]) -> None:
-    """The range of the colours, its ends in figures; an arrow where there is more."""
-    if shade.high != shade.high:
+def color_bar(figure: Figure, panel: PanelBox, colored: ColoredPath, size_in: tuple[float, float]) -> None:
+    """Add a color bar with labelled ends; an arrow means that there are higher values."""
+    if colored.high != colored.high:
         return
     wide, high = size_in
-    place = (cell.x_in + cell.width_in + 0.14, cell.y_in, 0.15, cell.height_in)
+    place = (panel.x_in + panel.width_in + 0.14, panel.y_in, 0.15, panel.height_in)
     axes = figure.add_axes((place[0] / wide, place[1] / high, place[2] / wide, place[3] / high), label="colours")
-    mappable = ScalarMappable(norm(shade), colours(shade))
-    bar = figure.colorbar(mappable, cax=axes, extend="max" if shade.beyond else "neither", extendfrac=0.05)
+    mappable = ScalarMappable(norm(colored), color_map(colored))
+    bar = figure.colorbar(mappable, cax=axes, extend="max" if colored.exceeds_range else "neither", extendfrac=0.05)
     if bar.solids is not None:
         bar.solids.set_edgecolor("face")
         bar.solids.set_rasterized(False)
     bar.outline.set(edgecolor=_EDGE, linewidth=0.8)
-    ticks = _bar_ticks(shade, cell.height_in)
+    ticks = _bar_ticks(colored, panel.height_in)
     bar.ax.yaxis.set_major_locator(FixedLocator(ticks))
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: figure_text(value, 4)))
     bar.ax.minorticks_off()
     bar.ax.tick_params(color=_EDGE, labelcolor=FAINT, labelsize=8, length=3)
     beside = place[0] + 0.15 + 0.18 + max(width_in(figure_text(tick, 4), 8) for tick in ticks)
-    label = f"{shade.word}, {shade.unit}"
-    if width_in(label, 8.5) > cell.height_in + _TICKS:
-        label = f"{shade.word},\n{shade.unit}"
-    middle = cell.y_in + cell.height_in / 2
-    put(figure, beside, middle, label, 8.5, color=INK, rotation=90, va="center", multialignment="center")
+    label = f"{colored.label}, {colored.unit}"
+    if width_in(label, 8.5) > panel.height_in + _TICKS:
+        label = f"{colored.label},\n{colored.unit}"
+    middle = panel.y_in + panel.height_in / 2
+    put_text(figure, beside, middle, label, 8.5, color=INK, rotation=90, va="center", multialignment="center")
 
 
-def _bar_ticks(shade: Shade, height_in: float) -> list[float]:
-    """Both ends, and round values between them; or all values if they are few."""
-    if shade.single:
-        return [shade.high]
-    room = (shade.high - shade.low) * 0.22 / height_in
-    values = np.unique(shade.value[:: max(len(shade.value) // _LOOKED_AT, 1)]).tolist()
+def _bar_ticks(colored: ColoredPath, height_in: float) -> list[float]:
+    """Return the ticks of a color bar: both ends, and round values between them, or all values if they are few."""
+    if colored.is_constant:
+        return [colored.high]
+    room = (colored.high - colored.low) * 0.22 / height_in
+    values = np.unique(colored.value[:: max(len(colored.value) // _MAX_SAMPLES, 1)]).tolist()
     if len(values) > _DISTINCT or min(np.diff(values), default=0.0) < room:
         count = max(min(int(height_in / 0.5), 10), 2)
-        values = list(MaxNLocator(nbins=count, steps=[1, 2, 5, 10]).tick_values(shade.low, shade.high))
-    between = [v for v in values if shade.low + room < v < shade.high - room]
-    return [shade.low, *between, shade.high]
+        values = list(MaxNLocator(nbins=count, steps=[1, 2, 5, 10]).tick_values(colored.low, colored.high))
+    between = [v for v in values if colored.low + room < v < colored.high - room]
+    return [colored.low, *between, colored.high]

@@ -54,11 +54,9 @@ def test_places_are_right_however_far_or_fine(scale: float, field: float, x: flo
     assert ends(found)[0][-1] == pytest.approx(x, abs=max(0.51 / scale, 1e-3 if field > 1000 else 0))
 
 
-def test_light_that_is_not_drawn_is_told() -> None:
+def test_emission_that_is_not_drawn_is_noted() -> None:
     """30 ms of off delay at 40 % behind the motion."""
     text = "LASER MODE DUTY CARRIER 20\nLASER DELAY ON 0 OFF 30ms\nVEL 500\nACC 50000\nLASER POWER 40\nLASER ON\n"
     found = page(text + "LINE X 1\nLASER OFF\n")
-    assert found.facts["remarks"] == [
-        "Not drawn: 1200 %*ms of light of channel 0 before the motion or behind the end of a stage."
-    ]
+    assert found.facts["remarks"] == ["Emission while standing still is not drawn (channel 0: 1200 %*ms)."]
     assert page(text.replace("OFF 30ms", "OFF 0") + "LINE X 1\nLASER OFF\n").facts["remarks"] == []

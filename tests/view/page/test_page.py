@@ -1,531 +1,48 @@
-"""The report page: its figures, its drawings, what a user can do with it, and that a hostile job does nothing in it."""
+"""The report page in a browser: its drawings, what a user can do with it, and that a hostile job does nothing in it."""
 
 from __future__ import annotations
 
-import base64
 import csv
-import hashlib
-import json
 import re
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 pytest.importorskip("jinja2", reason="jinja2 is not installed")
 
 from support.browser import Chromium, Tab, chromium, rest
-from support.tools import ROOT
+from support.page_actions import click_path, click_time, order, pixel, pixels, selected
+from support.pages import (
+    DWELL,
+    HOSTILE,
+    IMAGE,
+    JUMP,
+    MARK,
+    SCRIPT,
+    columns_of,
+    diagnostics,
+    field_of_marks,
+    hostile_page,
+    page_of,
+    rich_page,
+    round_trip,
+    square,
+    written,
+)
 
 from gusjob.i18n.phrases import number as as_text
-from gusjob.simulate.quality.marks import MARKING_WORDS
-from gusjob.view.page.encode import MANTISSA_BITS, UNITS_PER_MM, Encoded, decode, encode, rounded
 from gusjob.view.page.render import MAX_BYTES, Page, render
 
 __all__ = ["chromium"]
 """A fixture of this module."""
 
-Columns = dict[str, npt.NDArray[Any]]
-KINDS = ["mark", "jump", "run_in", "run_out", "dwell"]
-MARK, JUMP, RUN_IN, RUN_OUT, DWELL = range(5)
-NAN = float("nan")
-
-
-# Jobs made by hand: every figure is known without the interpreter.
-
-
-def columns_of(steps: list[dict[str, Any]], channels: int = 1, *, beam: bool = False) -> dict[str, Columns]:
-    """Rows and strokes of steps: line, kind, x, y, vel, ms; p0, p1: power (None: off); `cut`: how many strokes."""
-    rows: dict[str, list[float]] = {}
-    strokes: dict[str, list[float]] = {}
-
-    def add(to: dict[str, list[float]], **values: float) -> None:
-        for name, value in values.items():
-            to.setdefault(name, []).append(value)
-
-    at, start = (0.0, 0.0), 0.0
-    for number, s in enumerate(steps):
-        end = (s.get("x", at[0]), s.get("y", at[1]))
-        cut = s.get("cut", 1)
-        way = s.get("way") or [
-            (at[0] + (end[0] - at[0]) * (k + 1) / cut, at[1] + (end[1] - at[1]) * (k + 1) / cut) for k in range(cut)
-        ]
-        length = float(sum(np.hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip([at, *way], way, strict=False)))
-        ms = s.get("ms") or length / s["vel"] * 1e3
-        add(rows, line=s["line"], kind=s["kind"], stage=s.get("stage", 1), x_mm=end[0], y_mm=end[1], length_mm=length,
-            start_ms=start, duration_ms=ms, vel_mean_mm_s=length / ms * 1e3,
-            vel_max_mm_s=s.get("vel", 0.0))  # fmt: skip
-        if "file" in s:
-            add(rows, file=s["file"])
-        for c in range(channels):
-            p = s.get(f"p{c}")
-            on = p is not None
-            add(rows, **{f"ch{c}_emission_ms": ms * on, f"ch{c}_power_min": p if on else NAN,
-                         f"ch{c}_power_mean": p if on else NAN, f"ch{c}_power_max": p if on else NAN,
-                         f"ch{c}_power_ms": ms * p if on else 0.0, f"ch{c}_joules": NAN,
-                         f"ch{c}_clamped_ms": 0.0})  # fmt: skip
-        for x, y in way:
-            add(strokes, row=number, duration_ms=ms / len(way), x_mm=x, y_mm=y, vel0=s.get("vel", 0.0),
-                vel1=s.get("vel", 0.0))  # fmt: skip
-            if beam:
-                add(strokes, beam_x_mm=x - 0.3, beam_y_mm=y)
-            for c in range(channels):
-                p = s.get(f"p{c}")
-                add(strokes, **{f"ch{c}_on": float(p is not None), f"ch{c}_power": p or 0.0})
-        at, start = end, start + ms
-    kinds = {"line": np.int32, "kind": np.int8, "stage": np.int32, "file": np.int16, "row": np.int32}
-
-    def made(found: dict[str, list[float]]) -> Columns:
-        return {
-            n: np.array(v, dtype=np.int8 if n.endswith("_on") else kinds.get(n, np.float64)) for n, v in found.items()
-        }
-
-    return {"rows": made(rows), "strokes": made(strokes)}
-
-
-def page_of(tables: dict[str, Columns], *, units: Iterable[str] = ("%",), **more: Any) -> Page:
-    """A page of these columns, whose totals are summed up here."""
-    rows = tables["rows"]
-    kind = rows["kind"]
-    channels = []
-    for number, unit in enumerate(units):
-        power = rows[f"ch{number}_power_max"]
-        known = ~np.isnan(power)
-        channels.append(
-            {
-                "channel": number, "unit": unit, "emission_ms": float(rows[f"ch{number}_emission_ms"].sum()),
-                "power_ms": float(rows[f"ch{number}_power_ms"].sum()),
-                "power_max": float(power[known].max()) if known.any() else None, "joules": None, "clamped_ms": 0.0,
-                "before_motion_power_ms": 0.0, "off_output": None, "lit_at_end": False,
-            }
-        )  # fmt: skip
-    facts: dict[str, Any] = {
-        "schema": "gusjob-page/1", "job": "square.job", "version": "0.1.0", "period_us": 250.0,
-        "totals": {
-            "segments": len(kind), "stages": 1, "duration_ms": float(rows["duration_ms"].sum()),
-            "mark_mm": float(rows["length_mm"][kind == MARK].sum()),
-            "jump_mm": float(rows["length_mm"][kind == JUMP].sum()), "run_in_mm": 0.0, "run_out_mm": 0.0,
-            "channels": channels, "marking": None,
-        },
-        "notes": {"scanner": None, "readings": []}, "field_mm": {"x": [-150, 150], "y": [-150, 150]},
-        "start_mm": [0.0, 0.0], "kinds": KINDS, "exact": True,
-        "channels": [{"channel": n, "unit": u, "watts_per_unit": None} for n, u in enumerate(units)],
-    }  # fmt: skip
-    facts.update(more.pop("facts", {}))
-    return Page(
-        facts=facts, tables=tables, diagnostics=more.pop("diagnostics", []), marking=more.pop("marking", None), **more
-    )
-
-
-def square() -> list[dict[str, Any]]:
-    """Two jumps, and a square of 20 mm whose sides get 10, 20, 30, 40 %."""
-    return [
-        {"line": 3, "kind": JUMP, "x": 40.0, "y": 0.0, "vel": 1000.0},
-        {"line": 5, "kind": MARK, "x": 60.0, "y": 0.0, "vel": 100.0, "p0": 10.0},
-        {"line": 6, "kind": MARK, "x": 60.0, "y": 20.0, "vel": 100.0, "p0": 20.0},
-        {"line": 7, "kind": MARK, "x": 40.0, "y": 20.0, "vel": 200.0, "p0": 30.0},
-        {"line": 8, "kind": MARK, "x": 40.0, "y": 0.0, "vel": 200.0, "p0": 40.0, "cut": 4},
-        {"line": 10, "kind": JUMP, "x": 0.0, "y": 20.0, "vel": float(np.hypot(40, 20)) / 0.04},
-        {"line": 12, "kind": DWELL, "ms": 5.0},
-    ]
-
-
-def written(page: Page, tmp_path: Path, name: str = "page.html") -> Path:
-    path = tmp_path / name
-    with path.open("wb") as out:
-        out.writelines(render(page))
-    return path
-
-
-def field_of_marks(count: int) -> dict[str, Columns]:
-    """So many segments, half of them jumps: a raster of short marks in 1000 columns; power and velocity wander."""
-    number = np.arange(count)
-    mark = number % 2 == 1
-    random = np.random.default_rng(7)
-    line, place = np.divmod(number // 2, 1000)
-    x = place * 0.2 - 100 + np.where(mark, 0.1, 0.0) + random.normal(0, 2e-3, count)
-    y = line * (200 / max(count / 2000, 1)) - 100 + random.normal(0, 2e-3, count)
-    length = np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0))
-    velocity = np.where(mark, 500 + 300 * np.sin(number / 5000) + random.normal(0, 5, count), 4000.0)
-    power = np.where(mark, 40 + 30 * np.cos(number / 9000) + random.normal(0, 1, count), NAN)
-    ms = length / velocity * 1e3
-    zero, on = np.zeros(count), mark.astype(np.int8)
-    rows = {
-        "line": (number % 2000 + 1).astype(np.int32), "kind": np.where(mark, MARK, JUMP).astype(np.int8),
-        "stage": (number // 4096 + 1).astype(np.int32), "x_mm": x, "y_mm": y, "length_mm": length,
-        "start_ms": np.cumsum(ms) - ms, "duration_ms": ms, "vel_mean_mm_s": velocity, "vel_max_mm_s": velocity * 1.01,
-        "ch0_emission_ms": np.where(mark, ms, 0.0), "ch0_power_min": power, "ch0_power_mean": power,
-        "ch0_power_max": power, "ch0_power_ms": np.where(mark, power * ms, 0.0), "ch0_joules": np.full(count, NAN),
-        "ch0_clamped_ms": zero,
-    }  # fmt: skip
-    strokes = {
-        "row": number.astype(np.int32), "duration_ms": ms, "x_mm": x, "y_mm": y, "vel0": velocity * 1.01,
-        "vel1": velocity * 1.01, "ch0_on": on, "ch0_power": np.where(mark, power, 0.0),
-    }  # fmt: skip
-    return {"rows": rows, "strokes": strokes}
-
-
-def arc(x: float, y: float, radius: float, pieces: int) -> list[tuple[float, float]]:
-    """Ends of the strokes of a full circle that starts on its right."""
-    angles = np.linspace(0, 2 * np.pi, pieces + 1)[1:]
-    return [(x + radius * float(np.cos(a)), y + radius * float(np.sin(a))) for a in angles]
-
-
-def rich_steps() -> list[dict[str, Any]]:
-    """Both channels, all kinds, two files, an arc of 180 strokes."""
-    steps: list[dict[str, Any]] = []
-    for k in range(6):
-        y = 6.0 * k
-        steps += [
-            {"line": 10, "kind": JUMP, "x": -32.0, "y": y, "vel": 2000.0, "file": 0},
-            {"line": 11, "kind": RUN_IN, "x": -30.0, "y": y, "vel": 800.0, "file": 0},
-            {"line": 12, "kind": MARK, "x": 0.0, "y": y, "vel": 800.0, "p0": 10.0 + 10 * k, "cut": 5, "file": 0},
-            {"line": 13, "kind": RUN_OUT, "x": 2.0, "y": y, "vel": 800.0, "file": 0},
-        ]
-    steps += [
-        {"line": 2, "kind": JUMP, "x": 45.0, "y": 15.0, "vel": 2000.0, "file": 1, "stage": 2},
-        {"line": 3, "kind": MARK, "x": 45.0, "y": 15.0, "vel": 400.0, "p0": 35.0, "p1": 4.5, "file": 1, "stage": 2,
-         "way": arc(30.0, 15.0, 15.0, 180)},
-        {"line": 4, "kind": DWELL, "ms": 8.0, "p1": 2.0, "file": 1, "stage": 2},
-    ]  # fmt: skip
-    return steps
-
-
-def marks_columns(rows: Columns) -> Columns:
-    """A mark for each row of light: errors grow from mark to mark."""
-    lit = np.flatnonzero(rows["kind"] == MARK)
-    count = len(lit)
-    grow = np.arange(count, dtype=np.float64)
-    return {
-        "line": rows["line"][lit], "channel": np.zeros(count, dtype=np.int8), "start_ms": rows["start_ms"][lit],
-        "length_mm": rows["length_mm"][lit], "on_error_um": grow * 2, "off_error_um": -grow, "on_miss_um": grow * 2,
-        "off_miss_um": grow, "outside_power_ms": grow * 0, "power_per_mm_mid": 50 + grow,
-        "power_per_mm_peak": 70 + grow,
-        "power_per_mm_rms_pct": grow / 7, "corner_miss_um": np.full(count, NAN), "row": lit.astype(np.int32),
-    }  # fmt: skip
-
-
-def marking_of(marks: Columns) -> list[dict[str, Any]]:
-    worst = {n: float(np.nanmax(np.abs(marks[n]))) if not np.isnan(marks[n]).all() else None for n in MARKING_WORDS}
-    typical = {n: float(np.median(np.abs(marks[n]))) if not np.isnan(marks[n]).all() else None for n in MARKING_WORDS}
-    return [{"channel": 0, "unit": "%", "marks": len(marks["line"]), "worst": worst, "typical": typical}]
-
-
-SCRIPT = "</script><script>alert(1)</script>"
-IMAGE = '"><img src=x onerror=alert(1)>'
-HOSTILE = f"{SCRIPT} {IMAGE} {{{{7*7}}}} \u2028 \u202e \u2066 <!--"
-
-
-def diagnostics() -> list[dict[str, Any]]:
-    return [
-        {"path": "part.job", "line": 12, "column": 10, "end_line": 12, "end_column": 15, "severity": "warning",
-         "code": "GJ503", "message": "X 180 mm is outside the machine's field -150..150 mm", "count": 3,
-         "source": "  LINE X (n*w) ; far",
-         "notes": [{"path": "part.job", "line": 2, "column": 1, "end_line": 2, "end_column": 11,
-                    "message": "w is set here"}]},
-        {"path": "part.job", "line": 14, "column": 1, "end_line": 14, "end_column": 4, "severity": "note",
-         "code": "GJ304", "message": "the laser is switched on for 0.2 ms only", "source": "LASER ON"},
-    ]  # fmt: skip
-
-
-def rich_page() -> Page:
-    tables = columns_of(rich_steps(), 2, beam=True)
-    tables["marks"] = marks_columns(tables["rows"])
-    page = page_of(
-        tables,
-        units=("%", "V"),
-        diagnostics=diagnostics(),
-        marking=marking_of(tables["marks"]),
-        facts={
-            "job": "part.job",
-            "notes": {
-                "scanner": {"model": "first-order", "tracking_error_us": 250.0}, "files": ["part.job", "ring.job"],
-                "readings": [{"line": 4, "channel": 0, "value": 1}],
-            },
-            "beam_start_mm": [0.0, 0.0],
-        },
-    )  # fmt: skip
-    page.facts["totals"]["channels"][0] |= {
-        "joules": 12.5,
-        "clamped_ms": 3.0,
-        "off_output": {"standby_khz": 5.0, "standby_pct": 1.0},
-    }
-    page.facts["totals"]["channels"][1]["lit_at_end"] = True
-    return page
-
-
-# The format.
-
-
-def round_trip(tables: dict[str, Columns], budget: int = MAX_BYTES) -> tuple[Encoded, dict[str, Columns]]:
-    found = encode(tables, budget)
-    text = b"".join(found.text())
-    assert len(text) == found.size
-    return found, decode(found.directory, base64.b64decode(text, validate=True))
-
-
-def test_columns_come_back() -> None:
-    random = np.random.default_rng(1)
-    count = 5000
-    rows: Columns = {
-        "line": random.integers(-(2**31), 2**31 - 1, count, dtype=np.int32), "kind": np.arange(count).astype(np.int8),
-        "file": random.integers(-300, 300, count).astype(np.int16), "x_mm": random.normal(0, 100, count),
-        "duration_ms": random.random(count), "ch0_power_max": np.where(random.random(count) < 0.2, NAN, 7.3),
-        "start_ms": np.arange(count, dtype=np.float64),
-    }  # fmt: skip
-    found, back = round_trip({"rows": rows})
-    assert found.bits == 23 and found.digits == 6
-    assert "start_ms" not in back["rows"], "the page adds up the durations"
-    for name in ("line", "kind", "file"):
-        assert np.array_equal(back["rows"][name], rows[name]) and back["rows"][name].dtype == rows[name].dtype
-    for name in ("duration_ms", "ch0_power_max"):
-        assert np.array_equal(back["rows"][name], rows[name].astype(np.float32), equal_nan=True)
-    assert np.abs(back["rows"]["x_mm"] - rows["x_mm"]).max() <= 0.5 / UNITS_PER_MM + 1e-12
-
-
-def test_rounding_does_not_add_up_along_a_path() -> None:
-    x = np.cumsum(np.full(100_000, 0.01234567))
-    _, back = round_trip({"strokes": {"row": np.arange(100_000, dtype=np.int32), "x_mm": x}})
-    assert np.abs(back["strokes"]["x_mm"] - x).max() <= 0.5 / UNITS_PER_MM + 1e-9
-
-
-@pytest.mark.parametrize("bits", MANTISSA_BITS)
-def test_mantissa_is_rounded_to_nearest(bits: int) -> None:
-    random = np.random.default_rng(2)
-    values = random.normal(0, 1, 10_000) * 10.0 ** random.integers(-20, 20, 10_000)
-    found = rounded(values, bits).astype(np.float64)
-    assert (np.abs(found - values) <= np.abs(values) * 2.0 ** -(bits + 1) * (1 + 1e-6)).all()
-    assert np.array_equal(rounded(found, bits), found), "a second rounding changes nothing"
-    assert not (rounded(values, bits).view(np.uint32) & ((1 << (23 - bits)) - 1)).any()
-
-
-def test_rounding_at_the_ends() -> None:
-    most = float(np.finfo(np.float32).max)
-    for bits in MANTISSA_BITS:
-        found = rounded(np.array([0.0, -0.0, NAN, np.inf, most, -most, 1e300, 12.5, -40.0, 1e-45]), bits)
-        assert np.isnan(found[[2, 3]]).all()
-        assert np.isfinite(np.delete(found, [2, 3])).all()
-        assert found[0] == 0 and found[7] == 12.5 and found[8] == -40.0
-
-
-def test_figures_are_rounded_only_as_far_as_needed() -> None:
-    random = np.random.default_rng(3)
-    tables: dict[str, Columns] = {"rows": {f"c{n}": random.random(200_000) for n in range(8)}}
-    sizes = []
-    for budget in (10_000_000, 7_000_000, 5_200_000, 3_900_000):
-        found, back = round_trip(tables, budget)
-        assert found.size <= budget
-        sizes.append(found.bits)
-        error = np.abs(back["rows"]["c0"] - tables["rows"]["c0"]) / tables["rows"]["c0"]
-        assert error.max() <= 2.0 ** -(found.bits + 1) * 1.01
-    assert sizes == list(MANTISSA_BITS)
-    assert round_trip(tables, 1000)[0].bits == 8, "the least there is, though it does not fit"
-
-
-def test_equal_columns_are_stored_once() -> None:
-    column = np.random.default_rng(4).random(50_000)
-    one = encode({"rows": {"a": column}}, MAX_BYTES)
-    three = encode({"rows": {"a": column, "b": column.copy()}, "strokes": {"c": column}}, MAX_BYTES)
-    assert three.size == one.size and [e["same"] for e in three.directory] == [-1, 0, 0]
-    assert encode({"rows": {"a": column, "b": column[::-1]}}, MAX_BYTES).size > 1.9 * one.size
-
-
-def power_columns(count: int) -> Columns:
-    """Columns of which some follow from others; a third of the segments is dark, one takes no time."""
-    random = np.random.default_rng(8)
-    on = np.arange(count) % 3 > 0
-    mean, ms = np.where(on, random.uniform(5, 95, count), NAN), random.uniform(1, 2, count)
-    power_ms = np.where(on, mean * ms, 0.0)
-    length = random.random(count)
-    return {
-        "length_mm": length, "duration_ms": ms, "vel_mean_mm_s": length / ms * 1e3, "ch0_power_mean": mean,
-        "ch0_emission_ms": np.where(on, ms, 0.0), "ch0_power_ms": power_ms, "ch0_joules": power_ms * 30 / 1e5,
-        "ch1_power_mean": mean, "ch1_emission_ms": np.where(on, ms, 0.0), "ch1_power_ms": power_ms * 1.001,
-        "ch1_joules": np.where(np.arange(count) < count / 2, NAN, power_ms),
-    }  # fmt: skip
-
-
-def test_columns_that_follow_from_others_are_not_stored() -> None:
-    rows = power_columns(3000)
-    found, back = round_trip({"rows": rows})
-    assert {e["name"] for e in found.directory if e["how"]} == {"vel_mean_mm_s", "ch0_power_ms", "ch0_joules"}
-    for name, column in rows.items():
-        assert np.allclose(back["rows"][name], column, rtol=5e-7, atol=0, equal_nan=True), name
-
-
-def test_marks_are_left_out_of_a_page_that_can_not_hold_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    tables = field_of_marks(2000)
-    limit = len(html(page_of(tables))) + 100_000
-    random = np.random.default_rng(9)
-    count = 50_000
-    tables["marks"] = {name: random.normal(0, 1, count) for name in MARKING_WORDS}
-    tables["marks"] |= {"line": np.ones(count, dtype=np.int32), "row": np.zeros(count, dtype=np.int32)}
-    assert 'id="tab-marks"' in html(page_of(tables, marking=[]))
-    monkeypatch.setattr("gusjob.view.page.render.MAX_BYTES", limit)
-    text = html(page_of(tables, marking=[]))
-    assert "The table of marks is left out" in text and 'id="tab-marks"' not in text
-    assert len(text.encode()) <= limit and "rounded to" not in text
-
-
-def test_a_column_that_does_not_fit_is_refused() -> None:
-    with pytest.raises(OverflowError):
-        encode({"rows": {"line": np.array([2**40])}}, MAX_BYTES)
-    with pytest.raises(TypeError):
-        encode({"rows": {"line": np.array(["a"])}}, MAX_BYTES)
-
-
-# The page as text.
-
-
-def html(page: Page) -> str:
-    return b"".join(render(page)).decode()
-
-
-def test_only_the_pages_own_scripts_may_run() -> None:
-    text = html(page_of(columns_of(square())))
-    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', text)
-    assert policy is not None
-    rules = policy[1].replace("&#39;", "'")
-    scripts = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
-    hashes = [base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts]
-    assert re.findall(r"'sha256-([^']*)'", rules) == hashes and len(hashes) > 5
-    for rule in ("default-src 'none'", "connect-src 'none'", "base-uri 'none'", "form-action 'none'"):
-        assert rule in rules
-    assert "unsafe-eval" not in rules and "script-src 'unsafe-inline'" not in rules
-    assert "connect-src 'self'" in html(page_of(columns_of(square()), watched="/events")).replace("&#39;", "'")
-
-
-def test_nothing_in_the_static_files_ends_its_element() -> None:
-    for path in (ROOT / "gusjob" / "view" / "page" / "static").rglob("*.*"):
-        text = path.read_text(encoding="utf-8").lower()
-        if path.suffix in (".js", ".css"):
-            assert ("</style" if path.suffix == ".css" else "</script") not in text and "<!--" not in text, path
-            assert "innerhtml" not in text or "vendor" in path.parts, path
-
-
-def test_vendored_files_are_what_versions_json_says() -> None:
-    folder = ROOT / "gusjob" / "view" / "page" / "static" / "vendor"
-    known = json.loads((folder / "versions.json").read_text(encoding="utf-8"))
-    for entry in known:
-        assert hashlib.sha256((folder / entry["file"]).read_bytes()).hexdigest() == entry["sha256"], entry["file"]
-    assert {e["file"] for e in known} | {"versions.json"} == {p.name for p in folder.iterdir()}
-    with_licence = {e["name"] for e in known if e["file"].endswith("LICENSE.txt")}
-    assert with_licence == {e["name"] for e in known}
-
-
-def test_a_page_of_a_job_with_errors_has_its_diagnostics() -> None:
-    diagnostic = diagnostics()[0] | {"severity": "error"}
-    text = html(Page(facts={"job": "a.job", "version": "1"}, tables={}, diagnostics=[diagnostic], marking=None))
-    assert "has errors" in text and "GJ503" in text and "<mark>(n*w)</mark>" in text
-    assert "agGrid" not in text, "libraries that are not used are left out"
-
-
-def test_many_diagnostics_are_folded() -> None:
-    text = html(page_of(columns_of(square()), diagnostics=[diagnostics()[1]] * 70))
-    assert "<summary>20 more</summary>" in text and "70 notes" in text
-
-
-def test_the_fault_is_marked_in_its_line() -> None:
-    def marked(**more: Any) -> tuple[str, str]:
-        diagnostic = diagnostics()[1] | more
-        text = html(Page(facts={"job": "a", "version": "1"}, tables={}, diagnostics=[diagnostic], marking=None))
-        found = re.search(r"</span>([^<]*)<mark>([^<]*)</mark>([^<]*)</pre>", text)
-        assert found is not None
-        return found[2], found[1] + found[2] + found[3]
-
-    assert marked(source="LINE X 1", column=6, end_column=7) == ("X", "LINE X 1")
-    assert marked(source="LINE X 1", column=6, end_line=15, end_column=1) == ("X 1", "LINE X 1")
-    assert marked(source="LINE", column=9, end_column=10) == (" ", "LINE ")
-    assert marked(source="a\tb", column=3, end_column=4) == ("b", "a b")
-    part, line = marked(source="x" * 5000 + "!" + "y" * 5000, column=5001, end_column=5002)
-    assert part == "!" and len(line) < 300 and line.startswith("...") and line.endswith("...")
-
-
-def test_figures_of_the_header() -> None:
-    text = re.sub(r"<[^>]*>", " ", html(rich_page()).split("<main")[1].split('id="diagnostics"')[0])
-    words = " ".join(text.split())
-    for said in (
-        "segments 27",
-        "duration 623.691 ms",
-        "marks 274.243 mm",
-        "scanner first-order 250 us",
-        "joules 12.5 J",
-        "held by a limit 3 ms",
-        "Channel 1 is left ON",
-        "while off: standby 5 kHz",
-    ):
-        assert said in words, said
-
-
-# In the browser.
-
-PIXEL = """([x, y]) => {
-  const { map, layer } = gusjob.path.view;
-  const at = map.project([y, x], map.getZoom());
-  const tile = Object.values(layer._tiles).find((t) => t.coords.z === map.getZoom()
-    && t.coords.x === Math.floor(at.x / 256) && t.coords.y === Math.floor(at.y / 256));
-  if (!tile) return [0, 0, 0, 0];
-  const k = tile.el.width / 256;
-  const px = Math.floor((at.x - tile.coords.x * 256) * k), py = Math.floor((at.y - tile.coords.y * 256) * k);
-  const copy = document.createElement("canvas");
-  copy.width = copy.height = 3;
-  copy.getContext("2d").drawImage(tile.el, px - 1, py - 1, 3, 3, 0, 0, 3, 3);
-  const data = copy.getContext("2d").getImageData(0, 0, 3, 3).data;
-  let best = [0, 0, 0, 0];
-  for (let i = 0; i < data.length; i += 4) if (data[i + 3] > best[3]) best = [...data.slice(i, i + 4)];
-  return best;
-}"""
-
-
-def pixel(tab: Tab, x: float, y: float) -> list[int]:
-    """The strongest colour within a pixel of a place in mm."""
-    found: list[int] = tab.page.evaluate(PIXEL, [x, y])
-    return found
-
-
-def click_path(tab: Tab, x: float, y: float) -> None:
-    """Click at a place in mm, when the map has come to rest: on its way the place is somewhere else."""
-    tab.page.locator("#map").scroll_into_view_if_needed()
-    tab.drawn()
-    at = tab.page.evaluate(
-        """([x, y]) => { const m = gusjob.path.view.map, p = m.latLngToContainerPoint([y, x]);
-        const r = m.getContainer().getBoundingClientRect(); return [r.left + p.x, r.top + p.y]; }""",
-        [x, y],
-    )
-    tab.page.mouse.click(*at)
-    rest(tab.page, 100)
-
-
-def click_time(tab: Tab, ms: float) -> None:
-    tab.page.locator("#time").scroll_into_view_if_needed()
-    at = tab.page.evaluate(
-        """(t) => { const p = gusjob.time.view.plot, r = p.over.getBoundingClientRect();
-        return [r.left + p.valToPos(t, "x"), r.top + 40]; }""",
-        ms,
-    )
-    tab.page.mouse.click(*at)
-    rest(tab.page, 100)
-
-
-def selected(tab: Tab) -> dict[str, Any]:
-    """What each view says is selected."""
-    rest(tab.page, 150)
-    found: dict[str, Any] = tab.page.evaluate(
-        """() => ({ row: gusjob.selected, hash: location.hash,
-        grid: gusjob.table.grids.segments.api.getSelectedRows().map((r) => r.row),
-        shown: [...document.querySelectorAll("#segments-grid .ag-row-selected")]
-          .map((e) => Number(e.getAttribute("row-id")))[0],
-        title: document.getElementById("details-title").textContent,
-        marker: gusjob.time.view.marker.hidden ? null : Number(gusjob.time.view.marker.dataset.row),
-        line: !!document.querySelector("#map .chosen-line") })"""
-    )
-    return found
+pytestmark = pytest.mark.browser
 
 
 def all_select(row: int) -> dict[str, Any]:
@@ -539,32 +56,52 @@ def check_selected(tab: Tab, row: int) -> None:
     assert title.startswith(f"Segment {row + 1} of ")
 
 
-@pytest.fixture
-def square_tab(chromium: Chromium, tmp_path: Path) -> Iterator[Tab]:
-    with chromium.open(written(page_of(columns_of(square())), tmp_path)) as tab:
-        yield tab.ready()
-        assert tab.complaints == [] and tab.requests == []
+@pytest.fixture(scope="module")
+def open_square(chromium: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    with chromium.open(written(page_of(columns_of(square())), tmp_path_factory.mktemp("square"))) as tab:
+        yield tab.ready().keep_state()
+
+
+@pytest.fixture(scope="module")
+def open_rich(chromium: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    with chromium.open(written(rich_page(), tmp_path_factory.mktemp("rich"))) as tab:
+        yield tab.ready().keep_state()
 
 
 @pytest.fixture
-def rich_tab(chromium: Chromium, tmp_path: Path) -> Iterator[Tab]:
+def square_tab(open_square: Tab) -> Iterator[Tab]:
+    """The page of a square as it was opened: opening it for each test would take a second."""
+    yield open_square.reset()
+    assert open_square.complaints == [] and open_square.requests == []
+
+
+@pytest.fixture
+def rich_tab(open_rich: Tab) -> Iterator[Tab]:
+    """The page with both channels, all kinds and marks as it was opened."""
+    yield open_rich.reset()
+    assert open_rich.complaints == [] and open_rich.requests == []
+
+
+@pytest.fixture
+def fresh_tab(chromium: Chromium, tmp_path: Path) -> Iterator[Tab]:
+    """The same page, opened anew: the browser remembers where Tab went."""
     with chromium.open(written(rich_page(), tmp_path)) as tab:
         yield tab.ready()
         assert tab.complaints == [] and tab.requests == []
 
 
-def test_light_is_drawn_where_it_was(square_tab: Tab) -> None:
+def test_emission_is_drawn_where_it_was(square_tab: Tab) -> None:
     sides = {10: (50, 0), 20: (60, 10), 30: (50, 20), 40: (40, 10)}
-    seen = {power: tuple(pixel(square_tab, *at)) for power, at in sides.items()}
+    seen = dict(zip(sides, map(tuple, pixels(square_tab, sides.values())), strict=True))
     assert all(color[3] > 200 for color in seen.values()) and len(set(seen.values())) == 4
     darkness = [sum(color[:3]) for color in seen.values()]
     assert darkness == sorted(darkness, reverse=True), "on white the highest power is the darkest"
     assert pixel(square_tab, 50, 10)[3] == 0 and pixel(square_tab, 20, 5)[3] == 0
-    jump = [pixel(square_tab, x, 0) for x in np.arange(5, 35, 0.25)]
+    jump = pixels(square_tab, [(x, 0) for x in np.arange(5, 35, 0.25)])
     assert {color[3] > 0 for color in jump} == {True, False}, "a jump is dashed"
     square_tab.page.uncheck("#show-jumps")
     square_tab.drawn()
-    assert all(pixel(square_tab, x, 0)[3] == 0 for x in np.arange(5, 35, 0.5))
+    assert all(color[3] == 0 for color in pixels(square_tab, [(x, 0) for x in np.arange(5, 35, 0.5)]))
     assert pixel(square_tab, 50, 0)[3] > 200
 
 
@@ -719,20 +256,6 @@ def test_a_selection_out_of_sight_is_brought_into_it(square_tab: Tab) -> None:
     assert selected(square_tab)["marker"] == 3
 
 
-def order(tab: Tab, sort: list[tuple[str, str]], filters: dict[str, Any]) -> list[int]:
-    """Rows that the grid has after its order and filters are set."""
-    tab.page.evaluate(
-        """([sort, filters]) => { const { api } = gusjob.table.grids.segments;
-        const state = sort.map(([colId, way], sortIndex) => ({ colId, sort: way, sortIndex }));
-        api.applyColumnState({ state, defaultState: { sort: null } });
-        api.setFilterModel(filters); }""",
-        [sort, filters],
-    )
-    rest(tab.page, 300)
-    found: list[int] = tab.page.evaluate("[...gusjob.table.grids.segments.order]")
-    return found
-
-
 def test_order_and_filters_give_the_rows_that_numpy_gives(chromium: Chromium, tmp_path: Path) -> None:
     tables = field_of_marks(3000)
     rows = tables["rows"]
@@ -776,7 +299,7 @@ def test_order_and_filters_give_the_rows_that_numpy_gives(chromium: Chromium, tm
         assert order(tab, [("length_mm", "desc")], words) == marks[np.argsort(-length[marks], kind="stable")].tolist()
         assert tab.page.inner_text("#segments-count") == "1,500 of 3,000 rows"
         tab.page.evaluate("gusjob.select(0, 'hash')")
-        assert "leaves the selected segment out" in tab.page.inner_text("#segments-panel")
+        assert "hides the selected segment" in tab.page.inner_text("#segments-panel")
         tab.page.click("#segments-clear")
         rest(tab.page, 300)
         assert tab.page.inner_text("#segments-count") == "3,000 of 3,000 rows"
@@ -825,7 +348,7 @@ def test_a_mark_selects_its_first_segment(rich_tab: Tab) -> None:
     assert rich_tab.page.is_visible("#segments-grid") and rich_tab.page.is_hidden("#marks-grid")
 
 
-def test_light_is_drawn_where_the_beam_is(rich_tab: Tab) -> None:
+def test_emission_is_drawn_where_the_beam_is(rich_tab: Tab) -> None:
     page = rich_tab.page
     page.evaluate("gusjob.path.view.map.setView([15, 15], 20, { animate: false })")
     rich_tab.drawn()
@@ -839,7 +362,7 @@ def test_light_is_drawn_where_the_beam_is(rich_tab: Tab) -> None:
     assert selected(rich_tab)["row"] == 25
 
 
-def test_channels_switches_and_kinds_are_told_apart(rich_tab: Tab) -> None:
+def test_channels_switches_and_kinds_look_different(rich_tab: Tab) -> None:
     page = rich_tab.page
     ring, line = (30 - 15 - 0.3, 15.0), (-15.0, 0.0)
     first = pixel(rich_tab, *line)
@@ -850,10 +373,10 @@ def test_channels_switches_and_kinds_are_told_apart(rich_tab: Tab) -> None:
     assert other[3] > 200 and other != first and pixel(rich_tab, *ring)[3] > 200
     at = (-30.3, 12.0)
     around = [(at[0] + dx, at[1] + dy) for dx in np.arange(-1, 1, 0.1) for dy in np.arange(-1, 1, 0.1)]
-    before = sum(pixel(rich_tab, *p)[3] > 0 for p in around)
+    before = sum(color[3] > 0 for color in pixels(rich_tab, around))
     page.check("#show-switches")
     rich_tab.drawn()
-    assert sum(pixel(rich_tab, *p)[3] > 0 for p in around) > before, "a circle where the light comes on"
+    assert sum(color[3] > 0 for color in pixels(rich_tab, around)) > before, "a circle where emission begins"
     keys = page.inner_text(".legend").split()
     assert {"jump", "run-in", "run-out", "command", "on", "off"} <= set(keys)
 
@@ -878,7 +401,7 @@ def test_zoom_by_keyboard_and_buttons(square_tab: Tab) -> None:
     assert page.evaluate(zoom) == before
 
 
-def test_hover_tells_line_kind_power_and_velocity(square_tab: Tab) -> None:
+def test_hover_shows_line_kind_power_and_velocity(square_tab: Tab) -> None:
     page = square_tab.page
     page.locator("#map").scroll_into_view_if_needed()
     at = page.evaluate(
@@ -930,8 +453,8 @@ def test_no_horizontal_scrolling(chromium: Chromium, tmp_path: Path, width: int)
         assert tab.complaints == []
 
 
-def test_all_can_be_reached_by_keyboard(rich_tab: Tab) -> None:
-    page = rich_tab.page
+def test_all_can_be_reached_by_keyboard(fresh_tab: Tab) -> None:
+    page = fresh_tab.page
     page.evaluate("document.body.focus()")
     seen: list[str] = []
     for _ in range(150):
@@ -957,31 +480,8 @@ def test_all_can_be_reached_by_keyboard(rich_tab: Tab) -> None:
     for _ in range(4):
         page.keyboard.press("ArrowDown")
     rest(page, 200)
-    assert selected(rich_tab)["row"] is not None, "down from the head into the rows, without a mouse"
+    assert selected(fresh_tab)["row"] is not None, "down from the head into the rows, without a mouse"
     assert page.get_attribute("#details-title", "aria-live") == "polite"
-
-
-def hostile_page() -> Page:
-    """Every text of a job, as bad as it gets."""
-    page = rich_page()
-    page.facts["job"] = HOSTILE
-    page.facts["notes"]["files"] = [HOSTILE, IMAGE]
-    page.facts["notes"]["scanner"]["model"] = HOSTILE
-    page.facts["channels"][0]["unit"] = page.facts["totals"]["channels"][0]["unit"] = HOSTILE
-    assert page.marking is not None
-    page.marking[0]["unit"] = HOSTILE
-    for diagnostic in page.diagnostics:
-        diagnostic |= {
-            "path": HOSTILE,
-            "message": HOSTILE,
-            "source": HOSTILE,
-            "code": HOSTILE,
-            "column": 5,
-            "end_column": 20,
-        }
-        for note in diagnostic.get("notes", ()):
-            note |= {"path": HOSTILE, "message": HOSTILE, "source": HOSTILE}
-    return page
 
 
 def test_hostile_texts_are_shown_and_do_nothing(chromium: Chromium, tmp_path: Path) -> None:
@@ -1042,12 +542,12 @@ def test_a_page_without_tables(chromium: Chromium, tmp_path: Path) -> None:
         assert tab.complaints == [] and tab.requests == []
 
 
-def test_without_light(chromium: Chromium, tmp_path: Path) -> None:
+def test_without_emission(chromium: Chromium, tmp_path: Path) -> None:
     steps = [{"line": 1, "kind": JUMP, "x": 5.0, "vel": 10.0}, {"line": 2, "kind": DWELL, "ms": 3.0}]
     for channels in (0, 1):
         page_ = page_of(columns_of(steps, channels), units=("%",)[:channels])
         with chromium.open(written(page_, tmp_path)) as tab:
-            assert tab.ready().page.inner_text("#legend-name") == "no light"
+            assert tab.ready().page.inner_text("#legend-name") == "no emission"
             click_path(tab, 2.5, 0)
             check_selected(tab, 0)
             assert tab.complaints == []
@@ -1071,13 +571,13 @@ def test_a_channel_whose_unit_changes(chromium: Chromium, tmp_path: Path) -> Non
 
 def test_without_scripts_the_figures_are_there(chromium: Chromium, tmp_path: Path) -> None:
     with chromium.open(written(rich_page(), tmp_path), scripts=False) as tab:
-        said = tab.page.inner_text("main")
+        text = tab.page.inner_text("main")
         for words in ("Without JavaScript", "274.243", "GJ503", "is left ON", "Marking quality", "on error"):
-            assert words in said, words
+            assert words in text, words
         assert tab.page.is_hidden("#map") and tab.page.is_hidden("#theme")
 
 
-def test_an_old_browser_is_told_what_it_lacks(chromium: Chromium, tmp_path: Path) -> None:
+def test_an_old_browser_shows_what_it_lacks(chromium: Chromium, tmp_path: Path) -> None:
     with chromium.open(written(rich_page(), tmp_path), before="delete window.DecompressionStream") as tab:
         assert "DecompressionStream" in tab.page.inner_text("#status") and tab.complaints == []
 
@@ -1121,7 +621,7 @@ def test_figures_read_alike_on_both_sides(square_tab: Tab) -> None:
     ]  # fmt: skip
 
 
-def test_rounding_is_told(chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounding_is_noted(chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page_ = page_of(field_of_marks(60_000))
     whole = len(b"".join(render(page_)))
     monkeypatch.setattr("gusjob.view.page.render.MAX_BYTES", whole - 400_000)
@@ -1186,7 +686,7 @@ class Watched(BaseHTTPRequestHandler):
         return
 
 
-def test_a_watched_page_is_loaded_anew_and_stays_where_it_was(chromium: Chromium) -> None:
+def test_a_watched_page_is_reloaded_and_keeps_its_view(chromium: Chromium) -> None:
     Watched.page = b"".join(render(page_of(columns_of(square()), watched="/events")))
     server = ThreadingHTTPServer(("127.0.0.1", 0), Watched)
     server.daemon_threads = True
@@ -1194,7 +694,7 @@ def test_a_watched_page_is_loaded_anew_and_stays_where_it_was(chromium: Chromium
     try:
         with chromium.open(f"http://127.0.0.1:{server.server_port}/") as tab:
             page = tab.ready().page
-            page.wait_for_function("document.getElementById('watched').textContent === 'follows the job'")
+            page.wait_for_function("document.getElementById('watched').textContent === 'updates with the job'")
             page.evaluate("gusjob.path.view.map.setView([10, 50], 22, { animate: false })")
             page.evaluate("gusjob.time.zoomTo(100, 300)")
             page.select_option("#color-by", "velocity")

@@ -14,27 +14,24 @@ import pytest
 pytest.importorskip("jinja2", reason="jinja2 is not installed")
 
 from click.testing import CliRunner
-from i18n.test_chinese import CHINESE
 from support.browser import Chromium, Tab, chromium, rest
-from support.tools import ROOT
-from view.page.test_page import (
+from support.chinese import CHINESE
+from support.page_actions import click_path, click_time, order, selected
+from support.pages import (
     IMAGE,
     JUMP,
     SCRIPT,
-    click_path,
-    click_time,
     columns_of,
     diagnostics,
     field_of_marks,
     hostile_page,
     html,
-    order,
     page_of,
     rich_page,
-    selected,
     square,
     written,
 )
+from support.tools import ROOT
 
 from gusjob.cli import cli
 from gusjob.cli.page import too_long
@@ -42,11 +39,13 @@ from gusjob.cli.serve import PageServer
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized
 from gusjob.report.rows import SegmentKind
-from gusjob.view.page import words
+from gusjob.view.page import texts as page_texts
 from gusjob.view.page.render import Page
 
 __all__ = ["chromium"]
 """A fixture of this module."""
+
+pytestmark = pytest.mark.browser
 
 STATIC = ROOT / "gusjob" / "view" / "page" / "static"
 
@@ -125,9 +124,18 @@ def rich() -> Page:
     return page
 
 
+@pytest.fixture(scope="module")
+def rich_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    set_language("zh")
+    try:
+        return written(rich(), tmp_path_factory.mktemp("rich"))
+    finally:
+        set_language("en")
+
+
 @pytest.fixture(name="tab")
-def _tab(chromium: Chromium, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Tab]:
-    with chromium.open(written(rich(), tmp_path), width=getattr(request, "param", 1280), before=DRAWN) as tab:
+def _tab(chromium: Chromium, rich_path: Path) -> Iterator[Tab]:
+    with chromium.open(rich_path, before=DRAWN) as tab:
         yield tab.ready()
         assert tab.complaints == [] and tab.requests == []
 
@@ -259,8 +267,12 @@ def test_no_english_word_is_left_in_other_pages(
     error = diagnostics()[0] | {"severity": "error", "message": "此处有误", "notes": []}
     remarks = [
         Phrase("Channel {channel} is left ON.", channel=0),
-        Phrase("Not drawn: {power} {unit}*ms of light of channel {channel} before the motion or behind the end of a "
-               "stage.", power="3", unit="%", channel=1),
+        Phrase(
+            "Emission while standing still is not drawn (channel {channel}: {power} {unit}*ms).",
+            power="3",
+            unit="%",
+            channel=1,
+        ),
     ]  # fmt: skip
     told = page_of(columns_of(square()), facts={"exact": False, "remarks": remarks, "marks_left_out": True})
     told.facts["totals"] |= {"run_in_mm": 1.0, "run_out_mm": 2.0}
@@ -306,8 +318,8 @@ def test_data_that_are_cut_off(chromium: Chromium, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [360, 1280])
-def test_nothing_overflows(chromium: Chromium, tmp_path: Path, width: int) -> None:
-    with chromium.open(written(rich(), tmp_path), width=width, height=740, fragment="#s=2") as tab:
+def test_nothing_overflows(chromium: Chromium, rich_path: Path, width: int) -> None:
+    with chromium.open(rich_path, width=width, height=740, fragment="#s=2") as tab:
         page = tab.ready().page
         for name in ("segments", "marks"):
             page.click(f"#tab-{name}")
@@ -444,11 +456,11 @@ def test_hostile_texts_do_nothing(chromium: Chromium, tmp_path: Path) -> None:
 def test_the_scripts_say_what_the_table_has() -> None:
     used = set()
     for path in STATIC.glob("*.js"):
-        for call in re.findall(r'\bsaid\(("\w[^{)]*)', path.read_text(encoding="utf-8")):
+        for call in re.findall(r'\blocalized\(("\w[^{)]*)', path.read_text(encoding="utf-8")):
             script, *names = re.findall(r'"([\w-]+)"', call)
             assert names, call
             used |= {(script, name) for name in names}
-    table = {(script, name) for script, phrases in words._SCRIPTS.items() for name in phrases}
+    table = {(script, name) for script, phrases in page_texts._SCRIPTS.items() for name in phrases}
     assert table - used == {("kinds", kind.word) for kind in SegmentKind}
     assert used < table
 
@@ -456,18 +468,18 @@ def test_the_scripts_say_what_the_table_has() -> None:
 @pytest.mark.parametrize("language", ["en", "zh"])
 def test_scripts_fill_in_fields_as_phrases_do(tab: Tab, language: str) -> None:
     set_language(language)
-    tab.page.evaluate("(words) => { gusjob.words = words; }", words.script_words())
-    for script, phrases in words._SCRIPTS.items():
+    tab.page.evaluate("(texts) => { gusjob.texts = texts; }", page_texts.script_texts())
+    for script, phrases in page_texts._SCRIPTS.items():
         for name, phrase in phrases.items():
             for values in (["a", "b", "c", "d"], ["中文", "b", "中 c", "d"], ["a", "文", "c 中", "文"]):
                 fields = dict(zip(phrase.fields, values, strict=False))
-                shown = tab.page.evaluate("(asked) => gusjob.said(...asked)", [script, name, fields])
+                shown = tab.page.evaluate("(call) => gusjob.localized(...call)", [script, name, fields])
                 assert shown == localized(Phrase(phrase.template, **fields)), (script, name)
 
 
 def test_the_grids_words_are_its_own() -> None:
     source = (STATIC / "vendor" / "ag-grid-community.min.noStyle.js").read_text(encoding="utf-8")
-    for name, phrase in words._GRID.items():
+    for name, phrase in page_texts._GRID.items():
         assert re.search(rf"\b{name}\b", source), name
         if name not in ("ariaRowSelect", "ariaRowDeselect"):  # Made of parts.
             assert phrase.partition("$")[0] in source, name
@@ -478,7 +490,7 @@ def test_english_is_what_it_was() -> None:
     chinese = html(rich())
     set_language("en")
     first = html(rich())
-    assert words.script_words()["grid"] == {} and '<html lang="en">' in first and '"grid":{}' in first
+    assert page_texts.script_texts()["grid"] == {} and '<html lang="en">' in first and '"grid":{}' in first
     set_language("zh")
     assert html(rich()) == chinese != first
     set_language("en")

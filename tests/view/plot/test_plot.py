@@ -31,7 +31,7 @@ from gusjob.cli.plot_command import _COLOURS
 from gusjob.config.machine import Laser, Machine, parse_scanner
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.simulate import Trace
-from gusjob.view.plot.picture import Colour, View, figure_of, picture
+from gusjob.view.plot.picture import ColorBy, PlotArea, figure_of, picture
 
 SVG = "{http://www.w3.org/2000/svg}"
 HREF = "{http://www.w3.org/1999/xlink}href"
@@ -78,7 +78,7 @@ def rgb(text: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def shade(bin_number: int) -> tuple[int, int, int]:
+def color_of(bin_number: int) -> tuple[int, int, int]:
     """The colour of one of 64 bins: viridis without its last 18 %."""
     red, green, blue, _ = matplotlib.colormaps["viridis"]((bin_number + 0.5) / 64 * 0.82, bytes=True)
     return int(red), int(green), int(blue)
@@ -134,7 +134,7 @@ def texts(drawn: Figure) -> list[str]:
     return ["".join(e.itertext()).strip() for e in svg_of(drawn).iter(f"{SVG}text")]
 
 
-def localized(drawn: Figure) -> str:
+def all_text(drawn: Figure) -> str:
     return " ".join(texts(drawn))
 
 
@@ -154,7 +154,7 @@ def job(tmp_path: Path, text: str = ONE, name: str = "a.job") -> Path:
 def test_powers_have_their_colours() -> None:
     seen = shot(STEPS)
     for y, number in ((0, 0), (4, 32), (8, 63)):
-        assert near(seen.at(3.3, y), shade(number)), y
+        assert near(seen.at(3.3, y), color_of(number)), y
     assert seen.at(3.3, 1.1) == seen.at(7.7, 6.9) == WHITE
 
 
@@ -162,49 +162,49 @@ def test_the_highest_lies_on_top() -> None:
     """Drawn last, but lower: the crossing keeps the higher power's colour."""
     text = MARK + "LASER POWER 80\nJUMP X -5 Y 0\nLASER ON\nLINE X 5\nLASER OFF\nJUMP X 0 Y -5\nLASER POWER 20\n"
     seen = shot(text + "LASER ON\nLINE Y 5\nLASER OFF\n")
-    assert near(seen.at(0, 0), shade(63))
-    assert near(seen.at(0, 2.5), shade(0))
+    assert near(seen.at(0, 0), color_of(63))
+    assert near(seen.at(0, 2.5), color_of(0))
 
 
 def test_velocity_along_a_ramp() -> None:
     """From rest with 10000 mm/s2 to 100 mm/s in 0.5 mm, in eight pieces of equal time."""
-    seen = shot(FLAT, by=Colour.VELOCITY, view=View(box_mm=(0, -0.2, 0.6, 0.2)))
+    seen = shot(FLAT, by=ColorBy.VELOCITY, area=PlotArea(box_mm=(0, -0.2, 0.6, 0.2)))
     low, high = 100 / 16, 100.0
     for piece in (3, 5, 7):
         place = ((piece + 0.5) / 8) ** 2 * 0.5
         value = (piece + 0.5) / 8 * 100
-        assert near(seen.at(place, 0), shade(int((value - low) / (high - low) * 64))), piece
-    assert near(seen.at(0.55, 0), shade(63))
+        assert near(seen.at(place, 0), color_of(int((value - low) / (high - low) * 64))), piece
+    assert near(seen.at(0.55, 0), color_of(63))
     assert {"velocity, mm/s", "6.25", "100"} <= set(texts(seen.figure))
 
 
 def test_time() -> None:
     """At constant speed the colour goes with the way; the mark takes 110 ms, of which 10 ms are ramps."""
-    seen = shot(FLAT, by=Colour.ORDER)
+    seen = shot(FLAT, by=ColorBy.ORDER)
     for x in (2.6, 5.1, 7.4):
         number = (x / 100 * 1e3 + 5) / 110 * 64
-        assert any(near(seen.at(x, 0), shade(int(number) + off)) for off in (-1, 0, 1)), x
+        assert any(near(seen.at(x, 0), color_of(int(number) + off)) for off in (-1, 0, 1)), x
     assert "time, ms" in texts(seen.figure)
 
 
 def test_energy_per_mm_ends_where_few_is_above() -> None:
     """40 % at 100 mm/s are 400 %*ms/mm; the ramps' first pieces are above what 99 % of the length have."""
-    seen = shot(FLAT, by=Colour.ENERGY)
-    assert near(seen.at(5.2, 0), shade(0))
-    words = localized(seen.figure)
+    seen = shot(FLAT, by=ColorBy.ENERGY)
+    assert near(seen.at(5.2, 0), color_of(0))
+    words = all_text(seen.figure)
     assert "energy per mm, %*ms/mm" in words
     # In the first eighth of a ramp's 10 ms the way is a 64th of its 0.5 mm.
-    assert f"comes to {40 * 1.25 / (0.5 / 64):.4g} %*ms/mm" in words
+    assert f"reaches {40 * 1.25 / (0.5 / 64):.4g} %*ms/mm" in words
     assert "400" in texts(seen.figure)
-    close = shot(FLAT, by=Colour.ENERGY, view=View(box_mm=(-0.005, -0.01, 0.015, 0.01)))
+    close = shot(FLAT, by=ColorBy.ENERGY, area=PlotArea(box_mm=(-0.005, -0.01, 0.015, 0.01)))
     assert near(close.at(0.006, 0), rgb(OVER))
 
 
 def test_energy_in_joules() -> None:
     """30 W * 40 % / 100 mm/s = 120 mJ/mm."""
     machine = replace(MACHINE, lasers=(Laser(channel=0, rated_w=30.0),))
-    drawn = figure(ONE, machine, by=Colour.ENERGY)
-    assert "energy per mm, mJ/mm" in localized(drawn)
+    drawn = figure(ONE, machine, by=ColorBy.ENERGY)
+    assert "energy per mm, mJ/mm" in all_text(drawn)
     assert "120" in texts(drawn)
 
 
@@ -225,7 +225,7 @@ def test_the_bar_tells_unit_and_range() -> None:
     assert {"power, %", "20", "50", "80"} <= set(found)
 
 
-# What is not light.
+# Motion without emission.
 
 
 def test_jumps_are_grey_and_dashed() -> None:
@@ -261,16 +261,16 @@ def test_switch_points() -> None:
     assert near(seen.at(10, 5), rgb(INK), 60)
     ring = [near(pixel, rgb(INK), 60) for pixel in seen.about(10, 5, 2.75)]
     assert np.mean(ring) < 0.5
-    assert {"light on", "light off"} <= set(texts(seen.figure))
+    assert {"laser on", "laser off"} <= set(texts(seen.figure))
 
 
 def test_switch_points_too_close_are_counted() -> None:
     row = "REPEAT 300 AS k\nJUMP X 0 Y (k * 0.1)\nLASER ON\nLINE X 10\nLASER OFF\nEND\n"
     found = texts(figure(MARK + "LASER POWER 40\n" + row))
-    assert "light on" not in found
-    assert any(text.startswith("600 switch points are left out") for text in found)
-    near_by = texts(figure(MARK + "LASER POWER 40\n" + row, view=View(box_mm=(0, 0, 3, 2))))
-    assert "light on" in near_by and "left out" not in " ".join(near_by)
+    assert "laser on" not in found
+    assert any(text.startswith("600 switch points are not drawn") for text in found)
+    near_by = texts(figure(MARK + "LASER POWER 40\n" + row, area=PlotArea(box_mm=(0, 0, 3, 2))))
+    assert "laser on" in near_by and "not drawn" not in " ".join(near_by)
 
 
 def test_too_many_switch_points_are_counted() -> None:
@@ -279,17 +279,17 @@ def test_too_many_switch_points_are_counted() -> None:
         "REPEAT 20 AS i\nREPEAT 21 AS k\nJUMP X (k * 7) Y (i * 5)\nLASER ON\nLINE X (k * 7 + 4)\nLASER OFF\nEND\nEND\n"
     )
     found = texts(figure(MARK + "LASER POWER 40\n" + rows))
-    assert any(text.startswith("840 switch points are left out") for text in found)
+    assert any(text.startswith("840 switch points are not drawn") for text in found)
     fewer = texts(figure(MARK + "LASER POWER 40\n" + rows.replace("REPEAT 20", "REPEAT 18")))
-    assert "light on" in fewer and "left out" not in " ".join(fewer)
+    assert "laser on" in fewer and "not drawn" not in " ".join(fewer)
 
 
-def test_light_at_rest_is_a_dot() -> None:
+def test_emission_at_rest_is_a_dot() -> None:
     seen = shot(MARK + "LASER POWER 40\nJUMP X 3 Y 2\nLASER ON\nDWELL 20ms\nLASER OFF\nJUMP X 0 Y 0\n", dpi=300)
     full = matplotlib.colormaps["viridis"](0.3, bytes=True)
     colour = int(full[0]), int(full[1]), int(full[2])
     assert np.mean([near(pixel, colour) for pixel in seen.about(3, 2, 3.6)]) > 0.9
-    assert "light at rest" in texts(seen.figure)
+    assert "emission at rest" in texts(seen.figure)
 
 
 # The frame.
@@ -319,7 +319,7 @@ def test_small_paths_are_read_in_um() -> None:
 
 
 def test_the_field() -> None:
-    seen = shot(ONE, view=View(field=True), dpi=200)
+    seen = shot(ONE, area=PlotArea(field=True), dpi=200)
     for start, end in (((-150, -140), (-150, 140)), ((-140, 150), (140, 150))):
         dark = [near(pixel, rgb(INK), 90) for pixel in seen.along(start, end)]
         assert 0.3 < np.mean(dark) < 0.95
@@ -328,12 +328,12 @@ def test_the_field() -> None:
 
 
 def test_zoom() -> None:
-    drawn = figure(STEPS, view=View(box_mm=(2, 3, 4, 5)))
+    drawn = figure(STEPS, area=PlotArea(box_mm=(2, 3, 4, 5)))
     (x0, x1), (y0, y1) = drawn.axes[0].get_xlim(), drawn.axes[0].get_ylim()
     assert ((x0 + x1) / 2, (y0 + y1) / 2) == pytest.approx((3, 4))
     assert min(x1 - x0, y1 - y0) == pytest.approx(2)
-    seen = shot(STEPS, view=View(box_mm=(2, 3, 4, 5)))
-    assert near(seen.at(3.1, 4), shade(32))
+    seen = shot(STEPS, area=PlotArea(box_mm=(2, 3, 4, 5)))
+    assert near(seen.at(3.1, 4), color_of(32))
 
 
 def test_size_and_dpi() -> None:
@@ -342,16 +342,16 @@ def test_size_and_dpi() -> None:
     assert float(svg_of(figure(ONE, size_in=(6.0, 5.0))).attrib["width"].removesuffix("pt")) == 432
 
 
-def test_what_has_no_room_is_told() -> None:
-    """Two panels with energies above the range, and light behind the end, on a picture of 5 x 3.4 inches."""
+def test_notes_that_do_not_fit_are_counted() -> None:
+    """Two panels with energies above the range, and emission after the end, on a picture of 5 x 3.4 inches."""
     text = TWO.replace("VEL 100", "LASER DELAY ON 0us OFF 2000us CHANNEL 1\nVEL 100")
-    found = texts(figure(text, by=Colour.ENERGY, size_in=(5.0, 3.4)))
-    assert any(re.fullmatch(r"\d remarks on this picture: make it larger\.", line) for line in found)
-    assert "make it larger" not in localized(figure(text, by=Colour.ENERGY))
+    found = texts(figure(text, by=ColorBy.ENERGY, size_in=(5.0, 3.4)))
+    assert any(re.fullmatch(r"\d remarks do not fit: make the picture larger\.", line) for line in found)
+    assert "make the picture larger" not in all_text(figure(text, by=ColorBy.ENERGY))
 
 
 def test_totals() -> None:
-    words = localized(figure(FLAT))
+    words = all_text(figure(FLAT))
     assert "1 segment, 110 ms; marks 10 mm" in words
     assert "channel 0: highest 40 %, on 110 ms" in words
 
@@ -359,22 +359,22 @@ def test_totals() -> None:
 # Scanner, channels, units.
 
 
-def test_light_falls_where_the_beam_is() -> None:
-    """The beam is 250 us late: when light goes off it still has a*t*t/2 to go, and light begins at rest."""
+def test_emission_is_drawn_at_the_beam() -> None:
+    """The beam is 250 us late: when emission ends it still has a*t*t/2 to go, and emission begins at rest."""
     scanner = parse_scanner(f"delay:{DELAY_US}us")
     assert not isinstance(scanner, str)
     machine = replace(MACHINE, scanner=scanner)
     text = "LASER MODE DUTY CARRIER 20\nVEL 1000\nACC 1000000\n" + ONE.removeprefix(MARK)
     left_mm = 1e6 * (DELAY_US * 1e-6) ** 2 / 2
-    seen = shot(text, machine, view=View(box_mm=(9.9, 4.95, 10.01, 5.05)), dpi=300)
+    seen = shot(text, machine, area=PlotArea(box_mm=(9.9, 4.95, 10.01, 5.05)), dpi=300)
     full = matplotlib.colormaps["viridis"](0.3, bytes=True)
     colour = int(full[0]), int(full[1]), int(full[2])
     assert near(seen.at(10 - left_mm - 0.006, 5), colour)
     assert near(seen.at(10 - left_mm, 5), rgb(INK), 60)
     assert near(seen.at(10 - left_mm + 0.01, 5), rgb(JUMP), 60)
     assert "commanded path" in texts(seen.figure)
-    assert "scanner delay 250 us" in localized(seen.figure)
-    exact = shot(text, view=View(box_mm=(9.9, 4.95, 10.01, 5.05)))
+    assert "scanner delay 250 us" in all_text(seen.figure)
+    exact = shot(text, area=PlotArea(box_mm=(9.9, 4.95, 10.01, 5.05)))
     assert near(exact.at(10 - left_mm + 0.01, 5), colour)
 
 
@@ -401,19 +401,19 @@ def test_two_channels_are_two_panels() -> None:
     assert any(text.startswith("channel 1: highest 3 V") for text in found)
     colour = seen.at(5.2, 2, 0)
     assert colour == seen.at(5.2, 2, 1) == seen.at(10, 5.2, 1) != WHITE
-    assert near(seen.at(10, 5.2, 0), rgb("#c4cad1"), 4) and "other light" in found
+    assert near(seen.at(10, 5.2, 0), rgb("#c4cad1"), 4) and "other emission" in found
     one = texts(figure(TWO, channel=1))
     assert "power, V" in one and "power, %" not in one
-    assert "On channel 1 there is no light on this path." in texts(figure(ONE, channel=1))
+    assert "No emission of channel 1 on this path." in texts(figure(ONE, channel=1))
 
 
 def test_a_panel_for_each_unit() -> None:
     text = ONE + "WAIT\nLASER MODE ANALOG\nLASER POWER 6\nJUMP X 0 Y 8\nLASER ON\nLINE X 10\nLASER OFF\n"
     found = texts(figure(text))
     assert {"power, %", "power, V"} <= set(found)
-    assert texts(figure(text, by=Colour.VELOCITY)).count("velocity, mm/s") == 1
+    assert texts(figure(text, by=ColorBy.VELOCITY)).count("velocity, mm/s") == 1
     machine = replace(MACHINE, lasers=(Laser(channel=0, rated_w=10.0),))
-    assert texts(figure(text, machine, by=Colour.ENERGY)).count("energy per mm, mJ/mm") == 1
+    assert texts(figure(text, machine, by=ColorBy.ENERGY)).count("energy per mm, mJ/mm") == 1
 
 
 # Texts.
@@ -474,7 +474,7 @@ def test_chinese_names(chinese_font: None) -> None:
 
 
 def test_what_no_font_has_is_written_as_its_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gusjob.view.plot.lettering._OTHERS", ())
+    monkeypatch.setattr("gusjob.view.plot.text._OTHERS", ())
     assert "\\u4e2d\\u6587.job" in named("中文.job")
 
 
@@ -500,24 +500,24 @@ def test_nothing_moves() -> None:
     assert len(drawn.axes) == 1
 
 
-def test_no_light() -> None:
+def test_no_emission() -> None:
     drawn = figure(MARK + "JUMP X 5\n")
-    assert "There is no light on this path." in texts(drawn)
+    assert "No emission on this path." in texts(drawn)
 
 
-@pytest.mark.parametrize("by", list(Colour))
-def test_light_at_rest_alone(by: Colour) -> None:
+@pytest.mark.parametrize("by", list(ColorBy))
+def test_emission_at_rest_only(by: ColorBy) -> None:
     drawn = figure("LASER MODE DUTY CARRIER 10\nLASER POWER 25 NOW\nLASER ON NOW\nDWELL 1s\nLASER OFF NOW\n", by=by)
     found = texts(drawn)
-    assert "light at rest" in found
-    assert ("The beam stands wherever there is light: energy per mm has no value." in found) is (by is Colour.ENERGY)
+    assert "emission at rest" in found
+    assert ("The beam stands still during all emission: energy per mm has no value." in found) is (by is ColorBy.ENERGY)
 
 
-def test_light_behind_the_end_is_told() -> None:
+def test_emission_after_the_end_is_noted() -> None:
     """LASER OFF comes 2 ms late, when all motion is over: 40 % * 2 ms."""
     drawn = figure(ONE.replace("VEL 100", "LASER DELAY ON 0us OFF 2000us\nVEL 100"))
-    assert "Not drawn: 80 %*ms of light of channel 0 before the motion or behind the end of a stage." in texts(drawn)
-    assert "Not drawn" not in localized(figure(ONE))
+    assert "Emission while standing still is not drawn (channel 0: 80 %*ms)." in texts(drawn)
+    assert "not drawn" not in all_text(figure(ONE))
 
 
 BANDS = """LASER MODE DUTY CARRIER 10
@@ -541,13 +541,13 @@ def test_many_strokes_are_pixels_in_every_format() -> None:
     data = picture(drawn, "svg")
     assert len(data) < 500_000
     root = ElementTree.fromstring(data)
-    assert re.search(r"The path is made of pixels, in SVG and PDF too: (199,999|200,000) strokes\.", localized(drawn))
+    assert re.search(r"The path is rasterized, in SVG and PDF too: (199,999|200,000) strokes\.", all_text(drawn))
     images = list(root.iter(f"{SVG}image"))
     assert len(images) == 1
     packed = base64.b64decode(images[0].attrib[HREF].partition(",")[2])
     colours = np.unique(np.asarray(Image.open(io.BytesIO(packed)).convert("RGB")).reshape(-1, 3), axis=0)
     for number in (0, 16, 32, 48, 63):
-        assert np.abs(colours.astype(int) - shade(number)).max(axis=1).min() <= 2, number
+        assert np.abs(colours.astype(int) - color_of(number)).max(axis=1).min() <= 2, number
 
 
 def test_few_strokes_are_lines() -> None:
@@ -687,4 +687,4 @@ def test_help_needs_no_matplotlib() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    assert tuple(Colour) == _COLOURS
+    assert tuple(ColorBy) == _COLOURS

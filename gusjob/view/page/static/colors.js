@@ -1,4 +1,4 @@
-/* Colour scales for the path view: perceptual, and the highest value always stands out most from the background. */
+/* Color scales of the path view: perceptual; the highest value has most contrast with the background. */
 (function () {
   "use strict";
   const gusjob = window.gusjob;
@@ -15,7 +15,7 @@
     return VIRIDIS[low].map((v, c) => Math.round(v + (VIRIDIS[low + 1][c] - v) * (at - low)));
   }
 
-  // On black the scale ends in yellow, on white in purple; the end that the background would swallow is left out.
+  // The scale ends in yellow on black, in purple on white, without the end that is like the background.
   const scaleAt = (share, dark) => stopAt(dark ? 0.22 + 0.78 * share : 0.8 - 0.8 * share);
 
   function palette(dark) {
@@ -24,7 +24,7 @@
 
   const css = (rgb) => `rgb(${rgb[0]}, ${rgb[1]}, ${rgb[2]})`;
 
-  // The stylesheet's colour as the browser resolves it (it may differ between light and dark).
+  // A color of the style sheet as the browser resolves it (it may depend on the theme).
   function resolved(name) {
     const probe = gusjob.element("span", { hidden: "" });
     probe.style.color = `var(${name})`;
@@ -39,22 +39,22 @@
     return set ? set === "dark" : window.matchMedia("(prefers-color-scheme: dark)").matches;
   }
 
-  // What strokes can be coloured by: value(i) of a lit stroke; NaN where there is none.
-  function measures(strokes, light) {
+  // The quantities of the color scale: value(i) of a stroke with emission; NaN if it has none.
+  function measures(strokes, emission) {
     const beam = strokes.beam || strokes;
     const lengthMm = (i) => Math.hypot(beam.x[i + 1] - beam.x[i], beam.y[i + 1] - beam.y[i]) / gusjob.UNITS_PER_MM;
     return {
-      power: { word: gusjob.said("measures", "power"), unit: light.unit, value: (i) => light.power[i] },
+      power: { word: gusjob.localized("measures", "power"), unit: emission.unit, value: (i) => emission.power[i] },
       energy: {
-        word: gusjob.said("measures", "energy"), unit: `${light.unit}*ms/mm`,
-        value: (i) => { const mm = lengthMm(i); return mm > 0 ? (light.power[i] * strokes.duration[i]) / mm : NaN; },
+        word: gusjob.localized("measures", "energy"), unit: `${emission.unit}*ms/mm`,
+        value: (i) => { const mm = lengthMm(i); return mm > 0 ? (emission.power[i] * strokes.duration[i]) / mm : NaN; },
       },
-      velocity: { word: gusjob.said("measures", "velocity"), unit: "mm/s", value: (i) => (strokes.vel0[i] + strokes.vel1[i]) / 2 },
-      order: { word: gusjob.said("measures", "order"), unit: "ms", value: (i) => strokes.start[i] },
+      velocity: { word: gusjob.localized("measures", "velocity"), unit: "mm/s", value: (i) => (strokes.vel0[i] + strokes.vel1[i]) / 2 },
+      order: { word: gusjob.localized("measures", "order"), unit: "ms", value: (i) => strokes.start[i] },
     };
   }
 
-  // Lowest and highest; of energy per mm without the few extremes that starts from rest give.
+  // Range of values; of energy per mm without the few extreme values at starts from rest.
   function rangeOf(values, trimmed) {
     let low = Infinity, high = -Infinity;
     for (const v of values) {
@@ -71,25 +71,25 @@
     return range;
   }
 
-  // Of each stroke: 0 dark, 255 lit by another channel only, else 1 + its colour.
-  function binsOf(strokes, lights, light, name) {
+  // Of each stroke: 0 without emission, 255 with emission of another channel only, else 1 + its color.
+  function binsOf(strokes, emissions, emission, name) {
     const bins = new Uint8Array(strokes.count);
-    if (!light) return { bins, range: null, measure: null };
-    const measure = measures(strokes, light)[name];
+    if (!emission) return { bins, range: null, measure: null };
+    const measure = measures(strokes, emission)[name];
     const values = new Float64Array(strokes.count);
     let count = 0;
     for (let i = 0; i < strokes.count; i++) {
-      if (!gusjob.isLit(light, i)) continue;
+      if (!gusjob.isEmitting(emission, i)) continue;
       const v = measure.value(i);
       if (!Number.isNaN(v)) values[count++] = v;
     }
     const range = rangeOf(values.subarray(0, count), name === "energy");
     const k = range && range.high > range.low ? (BINS - 1) / (range.high - range.low) : 0;
     for (let i = 0; i < strokes.count; i++) {
-      if (gusjob.isLit(light, i)) {
+      if (gusjob.isEmitting(emission, i)) {
         const v = measure.value(i);
         bins[i] = 1 + (Number.isNaN(v) || !k ? BINS - 1 : Math.max(0, Math.min(BINS - 1, Math.round((v - range.low) * k))));
-      } else if (lights.some((other) => gusjob.isLit(other, i))) bins[i] = 255;
+      } else if (emissions.some((other) => gusjob.isEmitting(other, i))) bins[i] = 255;
     }
     return { bins, range, measure };
   }

@@ -1,4 +1,4 @@
-/* The data: facts, columns out of their packed text, figures as people read them, order and filters of rows. */
+/* The data: facts, decoded columns, number formats, sorting and filtering of rows. */
 (function () {
   "use strict";
   const gusjob = (window.gusjob = window.gusjob || {});
@@ -11,13 +11,13 @@
   }
 
   gusjob.facts = readJson("gusjob-facts");
-  gusjob.words = readJson("gusjob-words") || {};
+  gusjob.texts = readJson("gusjob-texts") || {};
   const UNITS_PER_MM = (gusjob.facts || {}).units_per_mm || 10000;
 
   const WIDE = /[\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60]/;
   const isWide = (text, at) => WIDE.test(text.charAt(at));
 
-  // A text with its fields filled in; between Chinese and a Chinese field no blank stays.
+  // Fills the fields of a text; there is no space between Chinese text and a Chinese field.
   function filled(text, fields) {
     return text.replace(/( ?)\{(\w+)\}( ?)/g, (_, before, name, behind, from) => {
       const value = String(fields[name]);
@@ -28,11 +28,11 @@
     });
   }
 
-  // A word of the page in its reader's language: by script and name.
-  const said = (script, name, fields) => filled(gusjob.words[script][name], fields || {});
+  // A text of the page in the user's language, by script and key.
+  const localized = (script, name, fields) => filled(gusjob.texts[script][name], fields || {});
 
-  // Lets the browser paint and answer between long steps.
-  function breathe() {
+  // Lets the browser paint and respond between long steps.
+  function yieldToBrowser() {
     return new Promise((done) => setTimeout(done, 0));
   }
 
@@ -44,7 +44,7 @@
     return bytes;
   }
 
-  // Reads exactly so many bytes of a stream at a time.
+  // Returns a function that reads exactly `count` bytes of a stream.
   function byteReader(stream) {
     const reader = stream.getReader();
     let left = new Uint8Array(0);
@@ -54,7 +54,7 @@
       while (at < count) {
         if (!left.length) {
           const next = await reader.read();
-          if (next.done) throw new Error(said("data", "cut-off"));
+          if (next.done) throw new Error(localized("data", "cut-off"));
           left = next.value;
         }
         const some = left.subarray(0, count - at);
@@ -77,7 +77,7 @@
     return new Type(out.buffer);
   }
 
-  // A column that follows from others; nothing times unknown (power while the light is off) is nothing.
+  // A column that is computed from others; 0 times NaN (the power while the laser is off) is 0.
   function computed(entry, table) {
     const [a, b] = entry.of.map((name) => table[name].values);
     const out = new Float32Array(entry.count);
@@ -89,13 +89,13 @@
     return out;
   }
 
-  async function unpack(text, directory, told) {
+  async function unpack(text, directory, onProgress) {
     const gunzip = new DecompressionStream("gzip");
     const writer = gunzip.writable.getWriter();
     const fed = (async () => {
       for (let at = 0; at < text.length; at += PIECE) {
         await writer.write(fromBase64(text.slice(at, at + PIECE)));
-        told(Math.min(1, (at + PIECE) / text.length));
+        onProgress(Math.min(1, (at + PIECE) / text.length));
       }
       await writer.close();
     })();
@@ -120,7 +120,7 @@
 
   const at = (column, i) => (column.scale ? column.values[i] / column.scale : column.values[i]);
 
-  // Starts of segments: added up in double precision, since float32 would lose them in a long job.
+  // Starts of segments, summed in double precision: float32 is too coarse for a long job.
   function startsOf(durations) {
     const starts = new Float64Array(durations.length + 1);
     for (let i = 0; i < durations.length; i++) starts[i + 1] = starts[i] + durations[i];
@@ -134,7 +134,7 @@
     return nodes;
   }
 
-  // Strokes as arrays: node i is where stroke i starts, node i + 1 where it ends, in units.
+  // Strokes as arrays: stroke i goes from node i to node i + 1, in units.
   function strokesOf(facts, rows, found, count) {
     const values = (name) => found[name] && found[name].values;
     const row = values("row");
@@ -147,7 +147,7 @@
     const start = new Float64Array(row.length + 1);
     const duration = values("duration_ms");
     for (let i = 0; i < row.length; i++) {
-      // Of each segment anew, so that rounding of the strokes does not add up.
+      // Restarts at each segment, so that rounding errors of the strokes do not add up.
       const from = first[row[i]] === i ? rows.starts[row[i]] : start[i];
       start[i] = from;
       start[i + 1] = from + duration[i];
@@ -165,9 +165,9 @@
     return strokes;
   }
 
-  // What can be seen of the lasers: one entry a channel and power unit.
-  function lightsOf(facts, strokes) {
-    const lights = [];
+  // Emission of the lasers: one entry per channel and power unit.
+  function emissionsOf(facts, strokes) {
+    const emissions = [];
     for (const one of facts.channels || []) {
       const name = `ch${one.channel}`;
       const on = strokes.values(`${name}_on`);
@@ -176,32 +176,32 @@
       const units = one.units || [one.unit];
       const unitOf = strokes.values(`${name}_unit`);
       units.forEach((unit, index) => {
-        lights.push({ channel: one.channel, unit, on, power, unitOf: unitOf && units.length > 1 ? unitOf : null, index });
+        emissions.push({ channel: one.channel, unit, on, power, unitOf: unitOf && units.length > 1 ? unitOf : null, index });
       });
     }
-    return lights;
+    return emissions;
   }
 
-  const isLit = (light, i) => light.on[i] !== 0 && (!light.unitOf || light.unitOf[i] === light.index);
+  const isEmitting = (emission, i) => emission.on[i] !== 0 && (!emission.unitOf || emission.unitOf[i] === emission.index);
 
-  async function load(told) {
+  async function load(onProgress) {
     const facts = gusjob.facts;
     const node = document.getElementById("gusjob-columns");
     const text = node.textContent;
-    node.remove(); // The text is large and not needed twice.
-    const tables = await unpack(text, facts.directory, told);
+    node.remove(); // The text is large, and no longer needed.
+    const tables = await unpack(text, facts.directory, onProgress);
     const rows = tables.rows;
     const count = rows.line.values.length;
     rows.starts = startsOf(rows.duration_ms.values);
     gusjob.tables = tables;
     gusjob.rows = rows;
     gusjob.count = count;
-    await breathe();
+    await yieldToBrowser();
     gusjob.strokes = strokesOf(facts, rows, tables.strokes, count);
-    gusjob.lights = lightsOf(facts, gusjob.strokes);
+    gusjob.emissions = emissionsOf(facts, gusjob.strokes);
   }
 
-  // Six digits are what people compare; fewer where the page had to round. Plain decimals, never an exponent.
+  // A number with six digits, or fewer if the page had to round; never with an exponent.
   function figure(value, digits) {
     if (value === null || value === undefined || Number.isNaN(value)) return "-";
     if (!Number.isFinite(value)) return String(value);
@@ -217,13 +217,13 @@
     return short.toFixed(Math.min(100, 5 - Math.floor(Math.log10(Math.abs(short))))).replace(/0+$/, "");
   }
 
-  // As on the other parts of the report: characters that steer the text (bidi controls, say) are shown as a mark.
+  // As in the other formats of the report: control characters (such as bidi controls) become U+FFFD.
   function printable(text) {
     return String(text).replace(/\t/g, " ").replace(/\p{C}|(?! )\p{Z}/gu, "\ufffd");
   }
 
   const kindOf = (row) => gusjob.facts.kinds[gusjob.rows.kind.values[row]];
-  const kindWord = (kind) => gusjob.words.kinds[kind] || "?";
+  const kindWord = (kind) => gusjob.texts.kinds[kind] || "?";
   const kindName = (kind) => (kind || "?").replace("_", "-"); // in files, whatever the language
   function fileOf(row) {
     const files = gusjob.facts.notes && gusjob.facts.notes.files;
@@ -233,12 +233,12 @@
   function placeOf(row) {
     const file = fileOf(row);
     const line = gusjob.rows.line.values[row];
-    return file ? said("data", "line-of-file", { line, file }) : said("data", "line", { line });
+    return file ? localized("data", "line-of-file", { line, file }) : localized("data", "line", { line });
   }
 
-  // [short head, what it is]
+  // [short head, description]
   function headOf(name) {
-    const { heads, headsOfChannel, ofChannel, unitOfChannel } = gusjob.words;
+    const { heads, headsOfChannel, ofChannel, unitOfChannel } = gusjob.texts;
     if (heads[name]) return heads[name];
     const [, number, what] = /^ch(\d+)_(.+)$/.exec(name) || [];
     if (what === "unit") return [filled(unitOfChannel, { channel: number }), filled(unitOfChannel, { channel: number })];
@@ -255,8 +255,8 @@
     return ((channel && channel.units) || []).map(printable);
   }
 
-  // A column of a table as the grid, the order and the CSV need it. `words` are written and ordered, `shown` is what
-  // people see of them and look for, where that is something else.
+  // A column of a table for the grid, sorting and CSV. `words`: texts of an index column, for CSV and sorting; `shown`: the
+  // texts for display and filters, if they differ.
   function columnOf(name, get, rest) {
     const [head, title] = headOf(name);
     return Object.assign({ name, head, title, get, words: null, shown: null, ascending: false, keep: false }, rest);
@@ -291,7 +291,7 @@
     return column.whole ? String(value) : figure(value);
   }
 
-  // Keys whose order as unsigned numbers is the values' order; what is not a number comes last, up or down.
+  // Keys that sort as unsigned integers like the values; NaN comes last in both directions.
   function keysOf(column, count, down) {
     const keys = new Uint32Array(count);
     const flip = down ? 0xffffffff : 0;
@@ -316,7 +316,7 @@
     return keys;
   }
 
-  // Stable radix sort, 11 bits at a time: a comparison sort of a million rows would take seconds.
+  // Stable radix sort, 11 bits at a time: a comparison sort of a million rows takes seconds.
   function sorted(order, keys) {
     let from = order;
     let to = new Uint32Array(order.length);
@@ -330,7 +330,7 @@
     return from;
   }
 
-  // "Equal" means that it reads the same: nobody can type a float32.
+  // "Equal" means an equal displayed text: a user can't type a float32.
   function sameFigure(column, value, wanted) {
     if (column.whole) return value === wanted;
     if (Math.abs(value - wanted) > 1e-2 * Math.abs(wanted)) return false;
@@ -372,7 +372,7 @@
     return model.operator === "OR" ? (v) => tests.some((t) => t(v)) : (v) => tests.every((t) => t(v));
   }
 
-  // Rows in the order and of the choice that the grid's models say.
+  // Rows that pass the grid's filters, in the order of its sort model.
   function chosen(columns, count, sortModel, filterModel) {
     const byName = new Map(columns.map((column) => [column.name, column]));
     const tests = Object.entries(filterModel || {}).filter(([name]) => byName.has(name))
@@ -394,7 +394,7 @@
     const value = column.get(i);
     if (!column.words) return Number.isNaN(value) ? "" : column.whole ? String(value) : figure(value, 9);
     const word = column.words[value] || "";
-    // A spreadsheet would run a name that begins so as a formula.
+    // A spreadsheet would run such a text as a formula.
     const safe = /^[=+\-@\t\r]/.test(word) ? `'${word}` : word;
     return /[",\r\n]/.test(safe) ? `"${safe.replace(/"/g, '""')}"` : safe;
   }
@@ -407,7 +407,7 @@
         lines.push(columns.map((c) => csvText(c, order[i])).join(","));
       }
       parts.push(lines.join("\r\n") + "\r\n");
-      await breathe();
+      await yieldToBrowser();
     }
     return new Blob(parts, { type: "text/csv" });
   }
@@ -415,12 +415,12 @@
   function element(tag, attributes, ...children) {
     const node = document.createElement(tag);
     for (const [name, value] of Object.entries(attributes || {})) node.setAttribute(name, value);
-    node.append(...children); // Strings become text nodes: no markup in a job's text can act.
+    node.append(...children); // Strings become text nodes, so that markup in a job's text has no effect.
     return node;
   }
 
   Object.assign(gusjob, {
-    UNITS_PER_MM, breathe, load, figure, printable, kindOf, kindWord, fileOf, placeOf, headOf, columnsOf, shown, chosen,
-    csvOf, element, isLit, said,
+    UNITS_PER_MM, yieldToBrowser, load, figure, printable, kindOf, kindWord, fileOf, placeOf, headOf, columnsOf, shown, chosen,
+    csvOf, element, isEmitting, localized,
   });
 })();

@@ -1,19 +1,19 @@
-/* The page: selection, details, theme, start, and reloading where a watching gusjob serves it. */
+/* The page: selection, details, theme, start, and reloading of a watched job's page. */
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const { element, said } = gusjob;
+  const { element, localized } = gusjob;
   const byId = (id) => document.getElementById(id);
   gusjob.selected = null;
 
-  /* Theme: what the system says, or what was chosen here. */
+  /* Theme: the system's, or the user's choice. */
 
   function kept(store, name, value) {
-    try { // Storage may be forbidden on a page from a file.
+    try { // Storage may be unavailable on a page from a file.
       if (value === undefined) return store().getItem(name);
       if (value === null) store().removeItem(name);
       else store().setItem(name, value);
-    } catch (_) { /* Then it is not kept. */ }
+    } catch (_) { /* Then nothing is stored. */ }
     return null;
   }
   const local = () => window.localStorage, session = () => window.sessionStorage;
@@ -58,18 +58,18 @@
     return list;
   }
 
-  function tell(row) {
+  function showDetails(row) {
     const title = byId("details-title"), body = byId("details-body");
-    // Not really disabled: a button that is would lose the keyboard's focus at the last segment.
+    // Not `disabled`, since a disabled button loses the keyboard focus at the last segment.
     byId("previous").setAttribute("aria-disabled", String(row === 0));
     byId("next").setAttribute("aria-disabled", String(row === gusjob.count - 1));
     if (row === null) {
-      title.textContent = said("page", "none-selected");
+      title.textContent = localized("page", "none-selected");
       body.replaceChildren();
       return;
     }
     const kind = gusjob.kindWord(gusjob.kindOf(row));
-    title.textContent = said("page", "segment", { segment: row + 1, count: gusjob.count, kind, place: gusjob.placeOf(row) });
+    title.textContent = localized("page", "segment", { segment: row + 1, count: gusjob.count, kind, place: gusjob.placeOf(row) });
     body.replaceChildren(detailsOf(row));
     byId("line").value = gusjob.rows.line.values[row];
   }
@@ -77,14 +77,14 @@
   function select(row, source) {
     if (row === gusjob.selected || row < 0 || row >= gusjob.count) return;
     gusjob.selected = row;
-    tell(row);
+    showDetails(row);
     gusjob.path.show(row);
     gusjob.time.show(row);
     gusjob.table.show(row, source);
     const hash = `#s=${row}`;
     if (source !== "hash" && location.hash !== hash) {
       try {
-        history.replaceState(null, "", hash); // Not a step back for every segment looked at.
+        history.replaceState(null, "", hash); // No history entry for each selected segment.
       } catch (_) {
         location.hash = hash;
       }
@@ -96,7 +96,7 @@
     if (found) select(Number(found[1]), "hash");
   }
 
-  // The first segment of a line, else of the next line that has one. Lines come again in loops: the next after the selected.
+  // Selects the first segment of a line, else of the next line that has one. In a loop: the next one after the selected.
   function toLine() {
     const wanted = Number(byId("line").value);
     const lines = gusjob.rows.line.values;
@@ -107,8 +107,8 @@
       if (lines[i] === wanted) { best = i; break; }
       if (lines[i] > wanted && (best < 0 || lines[i] < lines[best] || (lines[i] === lines[best] && i < best))) best = i;
     }
-    byId("line-none").textContent = best < 0 ? said("page", "no-line", { line: wanted })
-      : lines[best] === wanted ? "" : said("page", "next-line", { line: wanted, next: lines[best] });
+    byId("line-none").textContent = best < 0 ? localized("page", "no-line", { line: wanted })
+      : lines[best] === wanted ? "" : localized("page", "next-line", { line: wanted, next: lines[best] });
     if (best >= 0) select(best, "line");
   }
 
@@ -122,10 +122,10 @@
     byId("go").addEventListener("click", toLine);
     byId("line").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); toLine(); } });
     window.addEventListener("hashchange", fromHash);
-    tell(null);
+    showDetails(null);
   }
 
-  /* Watched: the page is made anew when the job changes, and goes on where it was. */
+  /* A watched job: the page is reloaded when the job changes, and keeps its view. */
 
   const KEPT = `gusjob-view:${location.pathname}`;
 
@@ -143,8 +143,8 @@
     };
     source.addEventListener("message", (event) => { if (event.data === "changed") changed(); });
     source.addEventListener("changed", changed);
-    source.addEventListener("open", () => { state.textContent = said("page", "follows"); });
-    source.addEventListener("error", () => { state.textContent = said("page", "follows-no-more"); });
+    source.addEventListener("open", () => { state.textContent = localized("page", "follows"); });
+    source.addEventListener("error", () => { state.textContent = localized("page", "follows-no-more"); });
   }
 
   function restore() {
@@ -157,7 +157,7 @@
       gusjob.time.restore(state.time);
       gusjob.table.restore(state.table);
       window.scrollTo(0, state.scroll);
-    } catch (_) { /* Of another version of the page: then it starts as a new one. */ }
+    } catch (_) { /* The state is of another version of the page: start with the defaults. */ }
   }
 
   /* Start. */
@@ -165,19 +165,19 @@
   async function start() {
     const status = byId("status");
     if (typeof DecompressionStream === "undefined") {
-      status.textContent = said("page", "old-browser");
+      status.textContent = localized("page", "old-browser");
       return;
     }
     const began = performance.now();
-    await gusjob.load((share) => { status.textContent = said("page", "reading", { share: Math.round(share * 100) }); });
-    status.textContent = said("page", "drawing");
-    await gusjob.breathe();
+    await gusjob.load((share) => { status.textContent = localized("page", "reading", { share: Math.round(share * 100) }); });
+    status.textContent = localized("page", "drawing");
+    await gusjob.yieldToBrowser();
     byId("views").hidden = false;
     gusjob.columnsShown = gusjob.columnsOf("rows");
     await gusjob.path.start();
-    await gusjob.breathe();
+    await gusjob.yieldToBrowser();
     gusjob.time.start();
-    await gusjob.breathe();
+    await gusjob.yieldToBrowser();
     gusjob.table.start();
     selection();
     gusjob.ready = true;
@@ -194,7 +194,7 @@
   watch();
   if (byId("gusjob-columns")) {
     start().catch((fault) => {
-      byId("status").textContent = said("page", "failed", { why: fault.message });
+      byId("status").textContent = localized("page", "failed", { why: fault.message });
       console.error(fault);
     });
   }

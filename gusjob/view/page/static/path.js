@@ -1,21 +1,21 @@
-/* The path view: a map in mm whose tiles are drawn from the strokes. */
+/* The path view: a map in mm with tiles that are drawn from the strokes. */
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const { element, figure, said } = gusjob;
+  const { element, figure, localized } = gusjob;
   const TILE = 256;
   const STEP = 4; // zoom levels for a factor of two
-  const MS_A_TURN = 24; // drawing time before the page may answer again
+  const MAX_TURN_MS = 24; // drawing time before the page responds to events
   const REACH = 8; // px within which a click finds a stroke
   const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const U = gusjob.UNITS_PER_MM;
 
   const view = {
-    show: { jumps: true, runs: true, switches: false, command: false }, by: "power", lightNumber: 0, measure: null,
+    show: { jumps: true, runs: true, switches: false, command: false }, by: "power", emissionNumber: 0, measure: null,
     bins: null, range: null, palette: null, ink: {},
   };
 
-  /* Data that the tiles draw. */
+  /* Data for the tiles. */
 
   function extentOf(nodes, found) {
     for (let i = 0; i < nodes.x.length; i++) {
@@ -46,16 +46,16 @@
     view.strokes = strokes;
     view.kind = gusjob.rows.kind.values;
     view.kinds = gusjob.facts.kinds;
-    view.lights = gusjob.lights;
-    view.light = strokes.beam || strokes; // Light is drawn where the beam is.
+    view.emissions = gusjob.emissions;
+    view.actual = strokes.beam || strokes; // Emission is drawn at the beam.
     view.index = indexOf(strokes);
     view.bounds = extentOf(strokes, [Infinity, Infinity, -Infinity, -Infinity]);
     if (strokes.beam) extentOf(strokes.beam, view.bounds);
   }
 
   function recolor() {
-    const light = view.lights[view.lightNumber] || null;
-    Object.assign(view, gusjob.colors.binsOf(view.strokes, view.lights, light, view.by));
+    const emission = view.emissions[view.emissionNumber] || null;
+    Object.assign(view, gusjob.colors.binsOf(view.strokes, view.emissions, emission, view.by));
     drawLegend();
   }
 
@@ -70,13 +70,13 @@
     if (view.layer) view.layer.redraw();
   }
 
-  /* Tiles are drawn one after another, so that a heavy view never blocks the page for long. */
+  /* Tiles are drawn one after another, so that a large view does not block the page. */
 
   const waiting = [];
   let working = false;
 
   function work() {
-    const until = performance.now() + MS_A_TURN;
+    const until = performance.now() + MAX_TURN_MS;
     while (waiting.length && performance.now() < until) {
       const [canvas, coords, done] = waiting.shift();
       if (canvas.dataset.gone) continue;
@@ -117,7 +117,7 @@
 
   const toLatLng = (nodes, i) => [nodes.y[i] / U, nodes.x[i] / U];
   function boundsMm(box) {
-    const least = 0.01; // mm: a path of one point still needs a view
+    const least = 0.01; // mm: the view of a path of one point
     const [x0, y0, x1, y1] = box;
     return [[y0 - least, x0 - least], [y1 + least, x1 + least]];
   }
@@ -139,7 +139,7 @@
       zoomAnimation: !calm, fadeAnimation: false, markerZoomAnimation: !calm, inertia: !calm, maxBoundsViscosity: 0,
     });
     view.map = map;
-    L.control.zoom({ zoomInTitle: said("path", "zoom-in"), zoomOutTitle: said("path", "zoom-out") }).addTo(map);
+    L.control.zoom({ zoomInTitle: localized("path", "zoom-in"), zoomOutTitle: localized("path", "zoom-out") }).addTo(map);
     const field = gusjob.facts.field_mm;
     wholePath();
     view.layer = tileLayer().addTo(map);
@@ -153,7 +153,7 @@
     drawScale();
   }
 
-  /* Which stroke is at a point: the nearest, a lit one before a dark one. */
+  /* The stroke at a point: the nearest one; strokes with emission are preferred. */
 
   function distance(nodes, i, x, y) {
     const x0 = nodes.x[i], y0 = nodes.y[i];
@@ -170,7 +170,7 @@
     let best = -1, least = Infinity;
     for (const i of view.index.search(x - reach, y - reach, x + reach, y + reach)) {
       if (!gusjob.tiles.isShown(view, i)) continue;
-      const d = distance(view.light, i, x, y);
+      const d = distance(view.actual, i, x, y);
       const cost = d + (view.bins[i] ? 0 : reach / 2);
       if (d <= reach && (cost < least || (cost === least && i < best))) {
         best = i;
@@ -180,18 +180,18 @@
     return best;
   }
 
-  // What a stroke is, in words: for the tooltips of both views.
-  function strokeWords(i) {
+  // Description of a stroke for the tooltips of both views.
+  function describeStroke(i) {
     const { strokes } = view;
     const row = strokes.row[i];
     const v0 = figure(strokes.vel0[i]), v1 = figure(strokes.vel1[i]);
-    const velocity = v0 === v1 ? v0 : said("path", "from-to", { low: v0, high: v1 });
-    const lit = gusjob.lights.filter((light) => gusjob.isLit(light, i))
-      .map((light) => `ch${light.channel} ${figure(light.power[i])} ${gusjob.printable(light.unit)}`);
-    const light = lit.length && lit.reduce((first, second) => said("data", "and", { first, second }));
+    const velocity = v0 === v1 ? v0 : localized("path", "from-to", { low: v0, high: v1 });
+    const emitted = gusjob.emissions.filter((emission) => gusjob.isEmitting(emission, i))
+      .map((emission) => `ch${emission.channel} ${figure(emission.power[i])} ${gusjob.printable(emission.unit)}`);
+    const emission = emitted.length && emitted.reduce((first, second) => localized("data", "and", { first, second }));
     return [
-      said("path", "place", { place: gusjob.placeOf(row), kind: gusjob.kindWord(gusjob.kindOf(row)), segment: row + 1 }),
-      light ? said("path", "lit", { velocity, light }) : said("path", "dark", { velocity }),
+      localized("path", "place", { place: gusjob.placeOf(row), kind: gusjob.kindWord(gusjob.kindOf(row)), segment: row + 1 }),
+      emission ? localized("path", "on", { velocity, emission }) : localized("path", "off", { velocity }),
     ];
   }
 
@@ -203,7 +203,7 @@
       const i = last ? pick(last) : -1;
       host.classList.toggle("over-stroke", i >= 0);
       if (i < 0) return void map.closeTooltip(tip);
-      const [first, second] = strokeWords(i);
+      const [first, second] = describeStroke(i);
       tip.setContent(element("div", {}, element("b", {}, first), element("br"), second)).setLatLng(last);
       map.openTooltip(tip);
     };
@@ -221,12 +221,12 @@
   const MOST_POINTS = 4000;
 
   function pointsOf(row) {
-    const { strokes, light } = view;
+    const { strokes, actual } = view;
     const from = strokes.first[row], to = strokes.first[row + 1];
     const step = Math.max(1, Math.ceil((to - from) / MOST_POINTS));
     const points = [];
-    for (let i = from; i < to; i += step) points.push(toLatLng(light, i));
-    points.push(toLatLng(light, to));
+    for (let i = from; i < to; i += step) points.push(toLatLng(actual, i));
+    points.push(toLatLng(actual, to));
     return points;
   }
 
@@ -243,7 +243,7 @@
       end(points[0], "chosen-start"), end(points[points.length - 1], "chosen-end"),
     ]).addTo(view.map);
     const box = L.latLngBounds(points);
-    // One whose middle is seen, or that goes across the view, needs no move.
+    // The map does not move if any part of the segment's box is visible.
     if (!view.map.getBounds().intersects(box)) view.map.panTo(box.getCenter(), { animate: !calm });
   }
 
@@ -257,15 +257,15 @@
     const { range, measure } = view;
     const one = !range || range.high === range.low;
     bar.style.background = one ? stops[12] : `linear-gradient(to right, ${stops.join(", ")})`;
-    const light = view.lights && view.lights[view.lightNumber];
+    const emission = view.emissions && view.emissions[view.emissionNumber];
     const unit = measure ? gusjob.printable(measure.unit) : "";
     const tell = (id, text) => { document.getElementById(id).textContent = text; };
-    const ofChannel = light && view.lights.length > 1 && (view.by === "power" || view.by === "energy");
-    const about = range && { what: measure.word, unit, channel: light.channel };
-    tell("legend-name", range ? said("path", ofChannel ? "legend-channel" : "legend", about) : said("path", "no-light"));
+    const ofChannel = emission && view.emissions.length > 1 && (view.by === "power" || view.by === "energy");
+    const about = range && { what: measure.word, unit, channel: emission.channel };
+    tell("legend-name", range ? localized("path", ofChannel ? "legend-channel" : "legend", about) : localized("path", "no-emission"));
     tell("legend-low", range && !one ? figure(range.low) : "");
     const high = range ? `${range.cut ? "\u2265 " : ""}${figure(range.high)}` : "";
-    tell("legend-high", range && one ? said("path", "everywhere", { value: high }) : high);
+    tell("legend-high", range && one ? localized("path", "everywhere", { value: high }) : high);
   }
 
   function drawScale() {
@@ -287,27 +287,27 @@
       box.checked = view.show[name];
       box.addEventListener("change", () => { view.show[name] = box.checked; view.layer.redraw(); });
     };
-    const has = (...words) => { // whether any segment is of these kinds
+    const has = (...words) => { // whether there are segments of these kinds
       const numbers = words.map((word) => view.kinds.indexOf(word));
       return view.kind.some((k) => numbers.includes(k));
     };
     bind("show-jumps", "jumps", true);
     bind("show-runs", "runs", has("run_in", "run_out"));
-    bind("show-switches", "switches", view.lights.length > 0);
+    bind("show-switches", "switches", view.emissions.length > 0);
     bind("show-command", "command", !!view.strokes.beam);
     for (const [id, words] of [["key-run-in", ["run_in"]], ["key-run-out", ["run_out"]]]) document.getElementById(id).hidden = !has(...words);
     document.getElementById("key-command").hidden = !view.strokes.beam;
-    document.getElementById("key-other").hidden = new Set(view.lights.map((l) => l.channel)).size < 2;
+    document.getElementById("key-other").hidden = new Set(view.emissions.map((l) => l.channel)).size < 2;
   }
 
   function selects() {
     const by = document.getElementById("color-by"), channel = document.getElementById("color-channel");
-    view.lights.forEach((light, n) => channel.append(element("option", { value: n }, said("path", "channel", { channel: light.channel, unit: gusjob.printable(light.unit) }))));
-    channel.closest("label").hidden = view.lights.length < 2;
-    by.closest("label").hidden = !view.lights.length;
+    view.emissions.forEach((emission, n) => channel.append(element("option", { value: n }, localized("path", "channel", { channel: emission.channel, unit: gusjob.printable(emission.unit) }))));
+    channel.closest("label").hidden = view.emissions.length < 2;
+    by.closest("label").hidden = !view.emissions.length;
     const changed = () => {
       view.by = by.value;
-      view.lightNumber = Number(channel.value || 0);
+      view.emissionNumber = Number(channel.value || 0);
       recolor();
       view.layer.redraw();
     };
@@ -317,7 +317,7 @@
 
   async function start() {
     takeData();
-    await gusjob.breathe();
+    await gusjob.yieldToBrowser();
     retheme();
     recolor();
     toggles();
@@ -331,7 +331,7 @@
 
   function state() {
     const at = view.map.getCenter();
-    return { at: [at.lat, at.lng], zoom: view.map.getZoom(), show: view.show, by: view.by, light: view.lightNumber };
+    return { at: [at.lat, at.lng], zoom: view.map.getZoom(), show: view.show, by: view.by, emission: view.emissionNumber };
   }
 
   function restore(kept) {
@@ -344,8 +344,8 @@
     };
     for (const [id, name] of [["show-jumps", "jumps"], ["show-runs", "runs"], ["show-switches", "switches"], ["show-command", "command"]]) set(id, kept.show[name]);
     set("color-by", kept.by);
-    if (kept.light < view.lights.length) set("color-channel", String(kept.light));
+    if (kept.emission < view.emissions.length) set("color-channel", String(kept.emission));
   }
 
-  gusjob.path = { start, show, retheme, strokeWords, state, restore, view, pick, isIdle: () => !working };
+  gusjob.path = { start, show, retheme, describeStroke, state, restore, view, pick, isIdle: () => !working };
 })();

@@ -1,4 +1,4 @@
-/* The tables: rows are made when they are seen; order and filters work on the columns. */
+/* The tables: rows are created when they become visible; sorting and filters work on the columns. */
 (function () {
   "use strict";
   const gusjob = window.gusjob;
@@ -8,9 +8,9 @@
   const WORD_FILTERS = ["contains", "notContains", "equals", "notEqual", "startsWith", "endsWith", ...EITHER];
   const grids = {}; // by table: {api, columns, count, order, name}
 
-  // Of two conditions the grid shows such an option's key and not its word, unless the option is our own.
+  // In the second condition of a filter the grid shows such an option's key instead of its text, unless it is a custom option.
   function option(name) {
-    const displayName = gusjob.words.grid[name];
+    const displayName = gusjob.texts.grid[name];
     return displayName ? { displayKey: name, displayName, numberOfInputs: 0, predicate: () => true } : name;
   }
 
@@ -43,37 +43,37 @@
   function datasourceOf(grid) {
     let known = null;
     return {
-      getRows(asked) {
-        const models = JSON.stringify([asked.sortModel, asked.filterModel]);
+      getRows(request) {
+        const models = JSON.stringify([request.sortModel, request.filterModel]);
         const fresh = models !== known;
         if (fresh) {
-          grid.order = gusjob.chosen(grid.columns, grid.count, asked.sortModel, asked.filterModel);
+          grid.order = gusjob.chosen(grid.columns, grid.count, request.sortModel, request.filterModel);
           known = models;
-          tellCount(grid);
+          showCount(grid);
         }
-        const rows = Array.from(grid.order.subarray(asked.startRow, asked.endRow), (row) => ({ row }));
-        asked.successCallback(rows, grid.order.length);
-        // The nodes of these rows have their data only afterwards; with a new order the selected row is elsewhere.
+        const rows = Array.from(grid.order.subarray(request.startRow, request.endRow), (row) => ({ row }));
+        request.successCallback(rows, grid.order.length);
+        // These rows get their data later; with a new order the selected row has moved.
         if (grid.wanted !== null) setTimeout(() => (fresh ? show(grid.wanted, "order") : markChosen(grid)), 0);
       },
     };
   }
 
-  const say = (n) => n.toLocaleString("en-US");
-  function tellCount(grid) {
+  const formatCount = (n) => n.toLocaleString("en-US");
+  function showCount(grid) {
     document.getElementById(`${grid.name}-count`).textContent =
-      gusjob.said("table", grid.count === 1 ? "one" : "many", { shown: say(grid.order.length), count: say(grid.count) });
+      gusjob.localized("table", grid.count === 1 ? "one" : "many", { shown: formatCount(grid.order.length), count: formatCount(grid.count) });
   }
 
   function optionsOf(grid, focused) {
     return {
-      theme: themeOf(), localeText: gusjob.words.grid, rowModelType: "infinite", datasource: datasourceOf(grid), cacheBlockSize: 200, maxBlocksInCache: 30,
+      theme: themeOf(), localeText: gusjob.texts.grid, rowModelType: "infinite", datasource: datasourceOf(grid), cacheBlockSize: 200, maxBlocksInCache: 30,
       infiniteInitialRowCount: grid.count, blockLoadDebounceMillis: 20, columnDefs: grid.columns.map(definition),
       defaultColDef: { sortable: true, resizable: true, floatingFilter: true, suppressHeaderMenuButton: true, sortingOrder: ["asc", "desc", null] },
       getRowId: (p) => String(p.data.row), rowSelection: { mode: "singleRow", checkboxes: false, enableClickSelection: false },
-      suppressRowTransform: true, // A transform is a float32: a million rows down, cells would be off by a pixel.
+      suppressRowTransform: true, // A transform is a float32, too coarse for a million rows.
       suppressDragLeaveHidesColumns: true, animateRows: false, suppressColumnMoveAnimation: true, tooltipShowDelay: 400,
-      tabToNextCell: () => false, // Out of the grid: arrows go from cell to cell, Tab through a million rows would be a trap.
+      tabToNextCell: () => false, // Tab leaves the grid; the arrow keys move between cells.
       onCellFocused: (event) => {
         const row = grid.order && event.rowIndex !== null ? grid.order[event.rowIndex] : undefined;
         if (row === undefined || grid.moving) return;
@@ -114,15 +114,15 @@
     node.setSelected(true, true);
   }
 
-  // Scrolls a row to where it is seen and selects it; a row that the filter leaves out is not there to be shown.
+  // Selects a row and scrolls to it, unless the filter hides it.
   function show(row, source) {
     const grid = grids.segments;
     if (!grid) return;
     grid.wanted = row;
-    if (!grid.order) return; // The grid has not asked for rows yet; when it does, this row is shown.
+    if (!grid.order) return; // The grid has not requested rows yet; it shows this row when it does.
     grid.api.deselectAll();
     if (row === null) return;
-    const place = grid.order.indexOf(row); // One look over a million numbers takes a millisecond.
+    const place = grid.order.indexOf(row); // One millisecond for a million numbers.
     document.getElementById("segments-hidden").hidden = place >= 0;
     if (place < 0) return;
     if (source !== "table") {

@@ -1,9 +1,9 @@
-/* One tile of the path view: few strokes as lines of a canvas, many as pixels, which is some hundred times faster. */
+/* A tile of the path view: few strokes as canvas lines, many as pixels, which is about a hundred times faster. */
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const FEW = 5000; // strokes a tile that a canvas draws in some 10 ms
-  const PAD = 10; // px: how far a line's width and a switch point reach out of their tile
+  const FEW = 5000; // strokes per tile that a canvas draws in about 10 ms
+  const PAD = 10; // px: margin for line widths and switch points of neighbouring tiles
   const DASHES = { jump: [5, 4], run_in: [8, 3, 2, 3], run_out: [2, 3], mark: [], dwell: [] };
   const SWITCHES = 3000; // more would hide the path
 
@@ -35,19 +35,19 @@
   function idsIn(view, frame) {
     const [x0, y0, x1, y1] = frame.box;
     const all = view.bounds;
-    if (x0 <= all[0] && y0 <= all[1] && x1 >= all[2] && y1 >= all[3]) return null; // All: no need to look them up.
+    if (x0 <= all[0] && y0 <= all[1] && x1 >= all[2] && y1 >= all[3]) return null; // All strokes: no search is necessary.
     return view.index.search(x0, y0, x1, y1);
   }
 
-  const darkKind = (view, i) => view.kinds[view.kind[view.strokes.row[i]]];
+  const offKind = (view, i) => view.kinds[view.kind[view.strokes.row[i]]];
   function isShown(view, i) {
     if (view.bins[i]) return true;
-    return darkKind(view, i) === "jump" ? view.show.jumps : view.show.runs;
+    return offKind(view, i) === "jump" ? view.show.jumps : view.show.runs;
   }
 
-  /* As pixels: each takes the highest level that goes over it, so that the highest value is never hidden. */
+  /* As pixels: each has the highest level of the strokes over it, so that the highest value is never hidden. */
 
-  const THICK = 30000; // up to so many strokes a tile are drawn two pixels wide
+  const THICK = 30000; // tiles with fewer strokes are drawn two pixels wide
 
   function raise(levels, at, level) {
     if (levels[at] < level) levels[at] = level;
@@ -69,16 +69,16 @@
     }
   }
 
-  const LEVELS = { command: 1, mark: 2, dwell: 2, jump: 3, run_in: 4, run_out: 5, other: 6, light: 7 };
+  const LEVELS = { command: 1, mark: 2, dwell: 2, jump: 3, run_in: 4, run_out: 5, other: 6, emission: 7 };
 
   function levelsOf(view, frame, ids, count) {
-    const { strokes, bins, light } = view;
+    const { strokes, bins, actual } = view;
     const levels = new Uint8Array(frame.side * frame.side);
     const side = frame.side;
     const thick = frame.usual < THICK || frame.ratio >= 1.5;
     const plot = (nodes, i, level) => {
       const line = clipped(frame.x(nodes.x[i]), frame.y(nodes.y[i]), frame.x(nodes.x[i + 1]), frame.y(nodes.y[i + 1]), -1, side, side);
-      if (line) markLine(levels, side, level, line, thick && level >= LEVELS.light);
+      if (line) markLine(levels, side, level, line, thick && level >= LEVELS.emission);
     };
     const command = view.show.command && strokes.beam;
     for (let n = 0; n < count; n++) {
@@ -86,7 +86,7 @@
       if (command) plot(strokes, i, LEVELS.command);
       const bin = bins[i];
       if (!bin && !isShown(view, i)) continue;
-      plot(light, i, bin === 255 ? LEVELS.other : bin ? LEVELS.light + bin - 1 : LEVELS[darkKind(view, i)]);
+      plot(actual, i, bin === 255 ? LEVELS.other : bin ? LEVELS.emission + bin - 1 : LEVELS[offKind(view, i)]);
     }
     return levels;
   }
@@ -95,8 +95,8 @@
     const levels = levelsOf(view, frame, ids, count);
     const colors = new Uint32Array(256);
     const pack = (rgb, alpha) => ((alpha << 24) | (rgb[2] << 16) | (rgb[1] << 8) | rgb[0]) >>> 0;
-    for (const [name, level] of Object.entries(LEVELS)) if (name !== "light") colors[level] = pack(view.ink[name], name === "jump" ? 120 : 200);
-    view.palette.forEach((rgb, bin) => { colors[LEVELS.light + bin] = pack(rgb, 255); });
+    for (const [name, level] of Object.entries(LEVELS)) if (name !== "emission") colors[level] = pack(view.ink[name], name === "jump" ? 120 : 200);
+    view.palette.forEach((rgb, bin) => { colors[LEVELS.emission + bin] = pack(rgb, 255); });
     const image = context.createImageData(frame.side, frame.side);
     const out = new Uint32Array(image.data.buffer);
     for (let i = 0; i < out.length; i++) out[i] = colors[levels[i]];
@@ -107,7 +107,7 @@
 
   function addLine(frame, context, nodes, i, reach) {
     const line = [frame.x(nodes.x[i]), frame.y(nodes.y[i]), frame.x(nodes.x[i + 1]), frame.y(nodes.y[i + 1])];
-    // Far outside a canvas loses precision; near by nothing is cut, so that dashes go on from tile to tile.
+    // Canvas loses precision far outside; near lines are not clipped, so that dashes continue from tile to tile.
     const near = line.every((v) => Math.abs(v) < reach);
     const part = near ? line : clipped(...line, -2 * PAD * frame.ratio, frame.side + 2 * PAD * frame.ratio, frame.side + 2 * PAD * frame.ratio);
     if (!part) return;
@@ -138,7 +138,7 @@
     for (const i of ids) {
       const bin = view.bins[i];
       if (!bin && !isShown(view, i)) continue;
-      const key = bin || darkKind(view, i);
+      const key = bin || offKind(view, i);
       if (!groups.has(key)) groups.set(key, []);
       groups.get(key).push(i);
     }
@@ -151,31 +151,31 @@
     context.lineCap = "butt";
     for (const kind of ["dwell", "mark", "jump", "run_in", "run_out"]) {
       const style = { width: 1, color: css(view.ink[kind]), dash: DASHES[kind] };
-      strokeGroup(frame, context, view.light, groups.get(kind) || [], style);
+      strokeGroup(frame, context, view.actual, groups.get(kind) || [], style);
     }
     context.lineCap = "round";
-    strokeGroup(frame, context, view.light, groups.get(255) || [], { width: 2, color: css(view.ink.other) });
-    const still = (i) => view.light.x[i] === view.light.x[i + 1] && view.light.y[i] === view.light.y[i + 1];
+    strokeGroup(frame, context, view.actual, groups.get(255) || [], { width: 2, color: css(view.ink.other) });
+    const still = (i) => view.actual.x[i] === view.actual.x[i + 1] && view.actual.y[i] === view.actual.y[i + 1];
     for (let bin = 1; bin <= view.palette.length; bin++) {
       const some = groups.get(bin);
       if (!some) continue;
       const color = css(view.palette[bin - 1]);
-      strokeGroup(frame, context, view.light, some, { width: 2.2, color });
-      for (const i of some) if (still(i)) dot(frame, context, view.light, i, 3, color);
+      strokeGroup(frame, context, view.actual, some, { width: 2.2, color });
+      for (const i of some) if (still(i)) dot(frame, context, view.actual, i, 3, color);
     }
     if (view.show.command && view.strokes.beam) {
       strokeGroup(frame, context, view.strokes, ids, { width: 1, color: css(view.ink.command) });
     }
   }
 
-  /* Switch points: a circle where the light comes on, a cross where it goes off. */
+  /* Switch points: a circle where emission begins, a cross where it ends. */
 
   function switchesOf(view, ids, count) {
     const found = [];
     for (let n = 0; n < count; n++) {
       const i = ids ? ids[n] : n;
-      for (const light of view.lights) {
-        const now = gusjob.isLit(light, i), before = i > 0 && gusjob.isLit(light, i - 1);
+      for (const emission of view.emissions) {
+        const now = gusjob.isEmitting(emission, i), before = i > 0 && gusjob.isEmitting(emission, i - 1);
         if (now !== before) found.push([i, now]);
         if (now && i === view.strokes.count - 1) found.push([i + 1, false]);
       }
@@ -190,7 +190,7 @@
     const r = 4 * frame.ratio;
     context.beginPath();
     for (const [node, on] of switchesOf(view, ids, count)) {
-      const x = frame.x(view.light.x[node]), y = frame.y(view.light.y[node]);
+      const x = frame.x(view.actual.x[node]), y = frame.y(view.actual.y[node]);
       if (on) {
         context.moveTo(x + r, y);
         context.arc(x, y, r, 0, 2 * Math.PI);

@@ -1,12 +1,12 @@
-/* The time view: velocity, power and switch over time; every stroke when few are seen, else least and highest a pixel. */
+/* The time view: velocity, power and laser on/off over time; each stroke, or minimum and maximum per pixel of many. */
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const { element, figure, said } = gusjob;
+  const { element, figure, localized } = gusjob;
   const FEW = 4000;
-  const BAND = 9; // px: height of a switch's band
+  const BAND = 9; // px: height of the on/off band
   const WHEEL = 1.25;
-  const CLICK = 4; // px that a click may move
+  const CLICK = 4; // px: movement that still counts as a click
   const view = { plot: null, from: 0, to: 1, end: 1, bands: [], colors: {} };
 
   const clamp = (v, low, high) => Math.max(low, Math.min(high, v));
@@ -23,15 +23,15 @@
     return low;
   }
 
-  const powerOf = (light, i) => (gusjob.isLit(light, i) ? light.power[i] : 0);
+  const powerOf = (emission, i) => (gusjob.isEmitting(emission, i) ? emission.power[i] : 0);
 
   function exact(first, last) {
     const { start, vel0, vel1 } = gusjob.strokes;
-    const data = [[], [], ...gusjob.lights.map(() => [])];
+    const data = [[], [], ...gusjob.emissions.map(() => [])];
     for (let i = first; i <= last; i++) {
       data[0].push(start[i], start[i + 1]);
       data[1].push(vel0[i], vel1[i]);
-      gusjob.lights.forEach((light, n) => { const p = powerOf(light, i); data[2 + n].push(p, p); });
+      gusjob.emissions.forEach((emission, n) => { const p = powerOf(emission, i); data[2 + n].push(p, p); });
     }
     return data;
   }
@@ -42,7 +42,7 @@
     if (b > high[c]) high[c] = b;
   }
 
-  // Least and highest of each pixel column. A stroke wider than a column gives each what it has there.
+  // Minimum and maximum of each pixel column; a stroke may cover several columns.
   function spread(first, last, width, at0, at1) {
     const { start } = gusjob.strokes;
     const low = new Float64Array(width).fill(Infinity), high = new Float64Array(width).fill(-Infinity);
@@ -67,7 +67,7 @@
   function envelope(first, last, width) {
     const { vel0, vel1 } = gusjob.strokes;
     const spreads = [spread(first, last, width, (i) => vel0[i], (i) => vel1[i])];
-    for (const light of gusjob.lights) spreads.push(spread(first, last, width, (i) => powerOf(light, i), (i) => powerOf(light, i)));
+    for (const emission of gusjob.emissions) spreads.push(spread(first, last, width, (i) => powerOf(emission, i), (i) => powerOf(emission, i)));
     const data = [[], ...spreads.map(() => [])];
     for (let c = 0; c < width; c++) {
       if (spreads[0][0][c] === Infinity) continue;
@@ -98,7 +98,7 @@
     const first = strokeAt(view.from), last = strokeAt(view.to);
     const width = Math.max(1, Math.round(plot.over.clientWidth || plot.bbox.width / window.devicePixelRatio));
     const data = last - first < FEW ? exact(first, last) : envelope(first, last, width);
-    view.bands = channels().map((light) => bandOf(light.on, first, last, width));
+    view.bands = channels().map((emission) => bandOf(emission.on, first, last, width));
     refreshing = true;
     plot.batch(() => {
       plot.setData(data, false);
@@ -107,7 +107,7 @@
     refreshing = false;
     placeMarker();
     const range = { low: figure(view.from), high: figure(view.to), end: figure(view.end) };
-    document.getElementById("time-range").textContent = said("time", "range", range);
+    document.getElementById("time-range").textContent = localized("time", "range", range);
   }
 
   let asked = false;
@@ -131,14 +131,14 @@
 
   /* The plot. */
 
-  // One light a channel: its switch is the same whatever the unit.
-  const channels = () => gusjob.lights.filter((light) => light.index === 0);
+  // One emission per channel: on/off does not depend on the unit.
+  const channels = () => gusjob.emissions.filter((emission) => emission.index === 0);
 
-  // The bands of the switches lie at the bottom, power over them, velocity on top: none hides another.
+  // From bottom to top: on/off bands, power, velocity.
   const bandShare = () => 0.03 + (channels().length * (BAND + 3)) / 215;
-  const lanes = () => (gusjob.lights.length ? { power: [bandShare(), 0.5], velocity: [0.56, 0.98] } : { velocity: [0.03, 0.97] });
+  const lanes = () => (gusjob.emissions.length ? { power: [bandShare(), 0.5], velocity: [0.56, 0.98] } : { velocity: [0.03, 0.97] });
 
-  // The scale on which 0 to `highest` fill a lane; a lane is shares of the plot's height.
+  // The scale on which 0 to `highest` fill a lane; a lane is a range of the plot's height.
   function rangeOf([low, high], highest) {
     const whole = highest / (high - low);
     return () => [-low * whole, (1 - low) * whole];
@@ -150,7 +150,7 @@
   function axis(scale, label, color, highest, rest) {
     const filter = (_, splits) => splits.map((v) => (v >= 0 && v <= highest * 1.001 ? v : null));
     const line = { stroke: () => view.colors.grid, width: 1, filter };
-    const narrow = window.innerWidth < 560; // Then the key alone tells the units.
+    const narrow = window.innerWidth < 560; // Then only the key names the units.
     return {
       scale, label: narrow && scale !== "x" ? undefined : label, labelFont: FONT, font: FONT, labelSize: 18, size: narrow ? 40 : 52,
       stroke: () => view.colors[color], grid: line, ticks: line, space: scale === "x" ? 60 : 24, filter,
@@ -159,23 +159,23 @@
   }
 
   function optionsOf(width, height) {
-    const { strokes, lights } = gusjob;
-    const units = [...new Set(lights.map((light) => light.unit))];
+    const { strokes, emissions } = gusjob;
+    const units = [...new Set(emissions.map((emission) => emission.unit))];
     const fastest = Math.max(most(strokes.vel0), most(strokes.vel1));
     const scales = { x: { time: false, auto: false }, v: { auto: false, range: rangeOf(lanes().velocity, fastest) } };
     const axes = [axis("x", "ms", "ink", Infinity, { size: 34 }), axis("v", "mm/s", "velocity", fastest)];
     units.forEach((unit, n) => {
-      const highest = Math.max(...lights.filter((light) => light.unit === unit).map((light) => most(light.power)));
+      const highest = Math.max(...emissions.filter((emission) => emission.unit === unit).map((emission) => most(emission.power)));
       scales[`p${n}`] = { auto: false, range: rangeOf(lanes().power, highest) };
       axes.push(axis(`p${n}`, gusjob.printable(unit), `power${n % 2}`, highest, n ? { side: 1, grid: { show: false } } : { side: 1 }));
     });
     const series = [{}, { scale: "v", stroke: () => view.colors.velocity, width: 1.2, points: { show: false } }];
-    lights.forEach((light, n) => series.push({
-      scale: `p${units.indexOf(light.unit)}`, stroke: () => view.colors[`power${n % 2}`], width: 1.4, points: { show: false },
+    emissions.forEach((emission, n) => series.push({
+      scale: `p${units.indexOf(emission.unit)}`, stroke: () => view.colors[`power${n % 2}`], width: 1.4, points: { show: false },
       dash: n % 2 ? [6, 3] : undefined,
     }));
     return {
-      width, height, scales, axes, series, legend: { show: false }, padding: [8, lights.length ? 0 : 12, 0, 0],
+      width, height, scales, axes, series, legend: { show: false }, padding: [8, emissions.length ? 0 : 12, 0, 0],
       cursor: { y: false, points: { show: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { reset(); return null; } } },
       hooks: { draw: [drawBands], setSelect: [zoomToSelect], setCursor: [hover] },
     };
@@ -194,7 +194,7 @@
     const { ctx, bbox } = plot;
     const ratio = window.devicePixelRatio || 1;
     ctx.save();
-    channels().forEach((light, n) => {
+    channels().forEach((emission, n) => {
       const top = bbox.top + bbox.height - (BAND + 3) * ratio * (n + 1);
       const share = view.bands[n] || [];
       const column = bbox.width / Math.max(1, share.length);
@@ -209,7 +209,7 @@
       ctx.font = `${10 * ratio}px system-ui, sans-serif`;
       ctx.textAlign = "right";
       ctx.textBaseline = "middle";
-      ctx.fillText(said("time", "switch", { channel: light.channel }), bbox.left - 4 * ratio, top + (BAND / 2) * ratio);
+      ctx.fillText(localized("time", "switch", { channel: emission.channel }), bbox.left - 4 * ratio, top + (BAND / 2) * ratio);
     });
     ctx.restore();
   }
@@ -222,10 +222,10 @@
       return;
     }
     const time = plot.posToVal(left, "x");
-    out.textContent = `${figure(time)} ms \u2014 ${gusjob.path.strokeWords(strokeAt(time)).join(" \u2014 ")}`;
+    out.textContent = `${figure(time)} ms \u2014 ${gusjob.path.describeStroke(strokeAt(time)).join(" \u2014 ")}`;
   }
 
-  /* Selection: a band over the plot, at least as wide as can be seen. */
+  /* Selection: a band over the plot with a minimum width. */
 
   const spanOf = (row) => [gusjob.rows.starts[row], gusjob.rows.starts[row + 1]];
 
@@ -299,7 +299,7 @@
     });
   }
 
-  // The key of the curves: a colour, and a dash where there are two, and words.
+  // The key of the curves: color, dashes of the second one, and text.
   function drawKey() {
     const key = document.getElementById("time-key");
     const entry = (color, dashed, words) => {
@@ -307,8 +307,8 @@
       line.style.borderColor = `var(--${color})`;
       return element("span", {}, line, words);
     };
-    key.replaceChildren(entry("velocity", false, said("time", "velocity")), ...gusjob.lights.map((light, n) =>
-      entry(`power${n % 2}`, n % 2 === 1, said("time", "power", { channel: light.channel, unit: gusjob.printable(light.unit) }))));
+    key.replaceChildren(entry("velocity", false, localized("time", "velocity")), ...gusjob.emissions.map((emission, n) =>
+      entry(`power${n % 2}`, n % 2 === 1, localized("time", "power", { channel: emission.channel, unit: gusjob.printable(emission.unit) }))));
   }
 
   function takeColors() {
@@ -326,7 +326,7 @@
     view.to = view.end;
     takeColors();
     drawKey();
-    view.plot = new window.uPlot(optionsOf(host.clientWidth, host.clientHeight), [[], [], ...gusjob.lights.map(() => [])], host);
+    view.plot = new window.uPlot(optionsOf(host.clientWidth, host.clientHeight), [[], [], ...gusjob.emissions.map(() => [])], host);
     view.marker = element("div", { class: "time-marker", hidden: "" });
     view.plot.over.append(view.marker);
     pointer(view.plot.over);

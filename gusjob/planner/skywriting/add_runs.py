@@ -1,0 +1,34 @@
+"""Pass: sky writing. Every mark gets a run-in and a run-out: it is at mark speed from its first to its last point.
+
+        jump          run-in          mark               run-out         jump
+    ............P-->-->-->-->-->S==================E-->-->-->-->-->Q............
+                |  v^2/2a  | 10 us * NPREV |       | 10 us * NPOST |  v^2/2a |
+
+RTC5 manual p. 115: run-in and run-out last 10 us * Nprev and Npost at mark speed. The RTC5's set path has no
+acceleration; a GUS has one, so the distance up to mark speed is added before, and the one down from it behind. Mode 1
+moves to P backwards from S, and from Q back to E; modes 2 and 3 jump to P, and on from Q. A line is continued straight,
+an arc along its circle. Switches that need all velocities are placed by a later pass.
+"""
+
+from __future__ import annotations
+
+from gusjob.planner.plan import QuantizedPath
+from gusjob.planner.quantize import quantize
+from gusjob.planner.skywriting.added_rows import AddedRows
+from gusjob.planner.skywriting.marks import find_marks
+from gusjob.planner.skywriting.run_rows import add_run_rows
+from gusjob.planner.skywriting.switch_rows import add_switch_rows
+
+
+def add_runs(quantized: QuantizedPath) -> QuantizedPath:
+    """Add run-ins, run-outs and switches to the marks; without sky writing the path stays as it is."""
+    number, settings = quantized.job.sky_writing_by_row()
+    if not settings:
+        return quantized
+    marks = find_marks(quantized, number, settings)
+    if not marks.is_mark.any():
+        return quantized
+    rows = AddedRows(quantized=quantized, marks=marks)
+    run_out_ends = add_run_rows(quantized, marks, rows)
+    add_switch_rows(quantized, marks, rows, run_out_ends)
+    return quantize(*rows.build())

@@ -1,0 +1,106 @@
+"""Switch points of simple marks: straight, with a run-in and a run-out of their own, one channel's laser on.
+
+Such a mark is at mark speed from its first point to the end of the constant part of its run-out, so its switch points
+follow from times alone. The others are found when all velocities are planned (place_switches.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.kinematics.arrays import Bools, Floats
+from gusjob.kinematics.units import US_PER_MS
+from gusjob.planner.plan import QuantizedPath
+from gusjob.planner.skywriting.marks import Marks
+from gusjob.planner.skywriting.switch_events import OFF, ON, delays_us
+
+_NEAR_PULSE = 0.75
+"""A point that is nearer to an end than this may round to it."""
+
+_SLOWEST = 0.2
+"""Share of the mark speed below which one pulse takes so long that the switch point is not certain."""
+
+
+class SwitchLeg(IntEnum):
+    """Where a switch is: at the start of the mark, inside it, at its end, or in the run-out."""
+
+    START = 0
+    MARK = 1
+    END = 2
+    RUN_OUT = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchPositions:
+    """Switch points of one kind, (m,) for the timed rows: SwitchLeg, and the position in whole pulses."""
+
+    leg: npt.NDArray[np.int8]
+    x: Floats
+    y: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimpleMarkSwitches:
+    """Laser-on and laser-off of one channel for the timed rows, (m,), where they are `known`."""
+
+    known: Bools
+    on: SwitchPositions
+    off: SwitchPositions
+
+
+def simple_mark_switches(
+    quantized: QuantizedPath, marks: Marks, run_out_ends: tuple[Floats, Floats], channel: int
+) -> SimpleMarkSwitches:
+    """Compute the switch points of a channel's simple marks.
+
+    Args:
+        run_out_ends: x and y of the end of each timed row's run-out, (m,) pulse.
+    """
+    segments = quantized.segments
+    known = marks.begins & marks.ends & marks.on_alone(channel)
+    known[segments.arc_at] = False
+    at = np.flatnonzero(known)
+    late_us = delays_us(quantized)[marks.stage[at], channel]
+    on_us, off_us = marks.on_us[at] - late_us[:, ON], marks.lag_us[at] - late_us[:, OFF]
+    vel, acc, length = marks.vel[at], marks.acc[at], segments.length[at]
+    off_ms = off_us / US_PER_MS + length / vel
+    end_x, end_y = run_out_ends[0][at], run_out_ends[1][at]
+    out_length = np.hypot(end_x - segments.x1[at], end_y - segments.y1[at])
+    flat = length + out_length - vel * vel / (2 * acc)
+    on_distance, on_known = _distance(on_us / US_PER_MS, vel, acc, flat)
+    off_distance, off_known = _distance(off_ms, vel, acc, flat)
+    long_enough = length > 2 * _NEAR_PULSE
+    emits = marks.on_us[at] - marks.lag_us[at] < length / vel * US_PER_MS
+    known[at] = on_known & off_known & long_enough & emits & (off_distance - on_distance > 2 * _NEAR_PULSE)
+
+    def positions(distance: Floats) -> SwitchPositions:
+        count = len(known)
+        found = SwitchPositions(leg=np.zeros(count, dtype=np.int8), x=np.zeros(count), y=np.zeros(count))
+        near, far = distance >= length - _NEAR_PULSE, distance >= length + _NEAR_PULSE
+        leg = SwitchLeg.START + (distance >= _NEAR_PULSE) + near + far
+        out = leg == SwitchLeg.RUN_OUT
+        x0, y0 = np.where(out, segments.x1[at], segments.x0[at]), np.where(out, segments.y1[at], segments.y0[at])
+        x1, y1 = np.where(out, end_x, segments.x1[at]), np.where(out, end_y, segments.y1[at])
+        share = np.where(out, distance - length, distance) / np.maximum(np.where(out, out_length, length), 1.0)
+        found.leg[at] = leg
+        found.x[at], found.y[at] = np.rint(x0 + (x1 - x0) * share) + 0.0, np.rint(y0 + (y1 - y0) * share) + 0.0
+        return found
+
+    return SimpleMarkSwitches(known=known, on=positions(on_distance), off=positions(off_distance))
+
+
+def _distance(time_ms: Floats, vel: Floats, acc: Floats, flat: Floats) -> tuple[Floats, Bools]:
+    """Distance from the mark's start at a time after the start, (k,) pulse, and whether it is certain.
+
+    The motion is at mark speed over the length `flat`, then it brakes. A distance before the start or near the stop is
+    not certain.
+    """
+    braking_ms = np.maximum(time_ms - flat / vel, 0.0)
+    distance = vel * time_ms - acc * braking_ms * braking_ms / 2
+    left_ms = vel / acc - braking_ms
+    moves = (acc * left_ms > _SLOWEST * vel) & (acc * left_ms * left_ms / 2 > _NEAR_PULSE)
+    return distance, (distance > -_NEAR_PULSE) & (left_ms > 0) & moves

@@ -1,0 +1,33 @@
+"""Laser rules whose bounds are closed forms: just inside nothing is reported, just outside the rule is."""
+
+from __future__ import annotations
+
+import pytest
+from support.tools import MARK, diagnostics_in
+
+FAST = "LASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\n"
+"""1 mm from rest to rest takes 1 ms at 1000 mm/s and 1 ms for both ramps of 1000 mm/s at 10^6 mm/s2."""
+
+
+def codes(text: str) -> list[str]:
+    return [code for _, code in diagnostics_in(text)]
+
+
+@pytest.mark.parametrize(("off_us", "expected"), [(2049, []), (2050, ["GJ313"])])
+def test_an_off_delay_bridges_a_jump_of_two_ms(off_us: int, expected: list[str]) -> None:
+    path = "LASER ON\nLINE X 50\nLASER OFF\nJUMP X 51\nLASER ON\nLINE X 90\nLASER OFF\n"
+    assert codes(f"LASER DELAY ON 50 OFF {off_us}\n{FAST}{path}") == expected
+
+
+@pytest.mark.parametrize(("gap_us", "expected"), [(2000, []), (2001, ["GJ312"])])
+def test_a_gap_outlasts_a_mark_of_two_ms(gap_us: int, expected: list[str]) -> None:
+    assert codes(f"{FAST}LASER FPK WIDTH 10 GAP {gap_us} OFFDELAY 0\nLASER ON\nLINE X 1\nLASER OFF\n") == expected
+
+
+@pytest.mark.parametrize(("delays", "expected"), [("ON 1 OFF 200", ["GJ403", "GJ406"]), ("ON 9 OFF 9", ["GJ406"])])
+def test_emission_of_the_delays_alone_needs_a_power(delays: str, expected: list[str]) -> None:
+    assert codes(f"{MARK}LASER DELAY {delays}\nLASER ON\nLASER OFF\nLINE X 5\n") == expected
+
+
+def test_what_an_unreadable_line_may_contain_is_not_reported_as_missing() -> None:
+    assert codes(MARK + "LASER POWER 30\nLASER ON\nLNE X 5\nLASER OFF\n") == ["GJ102"]
