@@ -428,7 +428,7 @@ def test_first_pulse_killer_ends() -> None:
 @pytest.mark.parametrize(("khz", "pct"), [("4", "10"), ("0.7", "50"), ("30", "1.5"), ("5", "0"), ("5", "100")])
 @pytest.mark.parametrize("mode", ["DUTY CARRIER 10", "FREQUENCY WIDTH 20"])
 def test_standby(mode: str, khz: str, pct: str) -> None:
-    """Wrong: no pulses before the first emission or after the last, pulses in an emission, a phase kept over emission."""
+    """Wrong: no pulses before the first or after the last emission, pulses in one, a phase kept over one."""
     job = f"LASER MODE {mode}\nLASER DELAY ON 13 OFF 37\nLASER STANDBY FREQ {khz} DUTY {pct}\n"
     found = wave(HEAD + job + LIT.format(20, 1) + LIT.format(20, 1))
     on, late = F(13, 1000), F(37, 1000)
