@@ -160,9 +160,11 @@ class _CallExecutor:
             self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
             self.diagnostic(
-                rules.ACCEPTED_ODD, call.line, call=call.name,
+                rules.ACCEPTED_ODD,
+                call.line,
+                call=call.name,
                 reason=Phrase("GT_SetAxisMode must not be called in analog mode (M 三.1 (3), in a comment)"),
-            )  # fmt: skip
+            )
         if self.lasers[channel].power_mode is not mode:
             self.act(ImmediateAction(channel=channel, power=float("nan"), line=call.line))
         self.axis_called[channel] = False
