@@ -1,4 +1,4 @@
-"""The registry: every rule says why, and its own examples have the fault and do not have it."""
+"""The registry: every rule gives a reason, its bad example has the diagnostic and its good example has not."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WITHOUT_EXAMPLE = {
     *(f"GJ9{number:02}" for number in range(1, 18)),  # They need a controller: test_hardware.py has them.
 }  # fmt: skip
 COMMENTS = ("GJ144", "GJ145")
-"""Rules of comments, which are known when all else has been said."""
+"""Rules of comments, which are checked after everything else."""
 LISTINGS = ("GJ7", "GJ111", "GJ112", "GJ113", "GJ114", "GJ115", "GJ116")
 
 
@@ -44,14 +44,14 @@ def diagnostics_of(text: str, rule: Rule) -> list[Diagnostic]:
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda r: r.code)
-def test_a_rule_explains_itself(rule: Rule) -> None:
+def test_a_rule_has_a_title_and_a_reason(rule: Rule) -> None:
     assert rule.why.endswith(".")
     assert rule.title
     assert bool(rule.bad) == (rule.code not in WITHOUT_EXAMPLE)
 
 
 @pytest.mark.parametrize("rule", [r for r in RULES.values() if r.bad], ids=lambda r: r.code)
-def test_the_bad_example_has_the_fault(rule: Rule) -> None:
+def test_the_bad_example_has_the_diagnostic(rule: Rule) -> None:
     assert rule.code in [f.rule.code for f in diagnostics_of(rule.bad, rule)]
 
 
@@ -62,7 +62,7 @@ def test_the_good_example_is_clean(rule: Rule) -> None:
     assert rule.code not in [f.rule.code for f in found]
 
 
-def test_templates_are_templates() -> None:
+def test_texts_are_valid_templates() -> None:
     for text in [*(r.text for r in (*RULES.values(), *VARIANTS)), *REMARKS]:
         fields = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
         assert all(name.isidentifier() for name in fields)
