@@ -23,7 +23,7 @@ from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
 from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
 from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
-from gusjob.frontend.files import may_be_a_part
+from gusjob.frontend.includes import may_be_included
 from gusjob.frontend.source import shown_name
 from gusjob.ir.job import Job
 from gusjob.lint import check as lint_job
@@ -210,9 +210,9 @@ def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Re
         "sources": MappingProxyType({source.name: source}),
     }
     if source.data.startswith(JOURNAL_START):
-        from gusjob.hardware.sent import sent_calls
+        from gusjob.hardware.journal_stream import journal_stream
 
-        stream, found = sent_calls(source)
+        stream, found = journal_stream(source)
         if stream is None:
             return Rejected(**common, diagnostics=tuple(found), unreadable=True)
         return Parsed(**common, source=source, content=stream, origin=Origin.JOURNAL, diagnostics=tuple(found))
@@ -346,6 +346,6 @@ def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
 
     found = checked.suppressions.diagnostics(checked.source.name, was_looked_for)
     idle = any(f.rule is rules.ALLOWS_NOTHING for f in found)
-    if idle and may_be_a_part(checked.path):  # What it suppresses may occur where the file is included.
+    if idle and may_be_included(checked.path):  # What it suppresses may occur where the file is included.
         return [f for f in found if f.rule is not rules.ALLOWS_NOTHING]
     return found

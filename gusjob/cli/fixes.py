@@ -41,9 +41,9 @@ class FileFixer:
             bom = b""
         before, after = bom + source.data, bom + result.data
         if self.diffs:
-            from gusjob.frontend.format.difference import difference
+            from gusjob.frontend.format.unified_diff import unified_diff
 
-            write(difference(source.name, before, after), None)
+            write(unified_diff(source.name, before, after), None)
             self.exit_code = max(self.exit_code, 1)
         elif reason := rewrite(path, before, after):
             text = localized(Phrase("{path}: can't write: {reason}", path=source.name, reason=reason))

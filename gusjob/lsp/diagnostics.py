@@ -22,7 +22,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.select import NOTHING_ASKED
 from gusjob.frontend import check_text
-from gusjob.frontend.parse.statements import COMPARED
+from gusjob.frontend.parse.syntax_errors import COMPARISON_HINT
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.lsp.text import Text
 from gusjob.lsp.workspace import Workspace, uri_of
@@ -183,7 +183,7 @@ def replacement(diagnostic: Diagnostic, text: Text) -> dict[str, str]:
         return {}
     if new := hint.fields.get("near"):
         return {"old": old, "new": new.lower() if old.islower() and new.isupper() else new}
-    if hint == COMPARED:
+    if hint == COMPARISON_HINT:
         return {"old": old, "new": "=="}
     if glued := hint.fields.get("glued"):
         return {"old": f"{glued.removesuffix(old)} {old}", "new": glued}

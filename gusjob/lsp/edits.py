@@ -11,7 +11,7 @@ from lsprotocol import types as lsp
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes import FIXES, apply_fixes, key_of
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend.parse.statements import strip_comment
+from gusjob.frontend.parse.statement_parser import strip_comment
 from gusjob.i18n.phrases import Phrase, localized
 from gusjob.lsp.diagnostics import replacement
 from gusjob.lsp.query import Query, position_key
@@ -30,13 +30,13 @@ def format_edits(query: Query) -> list[lsp.TextEdit] | None:
     Returns:
         None for a listing; an empty list if the job has a syntax error or is formatted already.
     """
-    from gusjob.frontend.format import formatted
+    from gusjob.frontend.format import format_text
 
     text = query.task.text
     if query.is_listing:
         return None
     old = text.data.decode("utf-8", "replace")
-    new, _ = formatted(old)
+    new, _ = format_text(old)
     if new is None or new == old:
         return []
     return [_changed_lines_edit(text, utf8(new))]

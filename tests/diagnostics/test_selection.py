@@ -56,6 +56,7 @@ def diagnostic(code: str, path: str = "a.job") -> Diagnostic:
         (("GJ4",), ("GJ401",), {"GJ401": False, "GJ404": True, "GJ304": False}),
         (("GJ401",), ("GJ4",), {"GJ401": True, "GJ404": False, "GJ304": False}),
         (("GJ40",), ("GJ4", "GJ404"), {"GJ401": True, "GJ404": False, "GJ412": False}),
+        (("GJ4",), ("GJ4",), {"GJ401": False, "GJ304": False}),
     ],
 )  # fmt: skip
 def test_the_longest_prefix_wins(

@@ -23,13 +23,14 @@ from hypothesis import strategies as st
 from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 from pygls.workspace import PositionCodec, TextDocument
+from support.documents import text_of
 from support.tools import MARK, ROOT
 
 from gusjob.cli import cli
 from gusjob.controllers.gus.ranges import Range
 from gusjob.diagnostics.model import Span
 from gusjob.frontend.parse.forms import FORMS
-from gusjob.frontend.parse.lines import keywords
+from gusjob.frontend.parse.grammar import keywords
 from gusjob.kinematics.units import UNITS
 from gusjob.lsp.completion import accepted, unit_fits
 from gusjob.lsp.diagnostics import SourceLocations, diagnose, lsp_diagnostics
@@ -505,7 +506,7 @@ def test_tcp() -> None:
         port = taken.getsockname()[1]
         refused = CliRunner().invoke(cli, ["lsp", "--tcp", str(port)])
         assert refused.exit_code == 2
-        assert f"can't listen at port {port}" in refused.output
+        assert f"can't listen on port {port}" in refused.output
     with subprocess.Popen(
         [sys.executable, "-m", "gusjob", "lsp", "--tcp", str(port)], stderr=subprocess.PIPE
     ) as process:
@@ -881,12 +882,9 @@ def test_the_textmate_grammar_colours_every_word() -> None:
     assert colours("hypot(pi, width_1)") == [("hypot", "support"), ("pi", "constant"), ("width_1", "variable")]
 
 
-def test_the_readme_s_set_ups_can_be_read() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    section = re.search(r"^### In an editor\n(.*?)^##", text, re.DOTALL | re.MULTILINE)
-    if section is None:
-        pytest.fail("the README does not speak of editors")
-    blocks = re.findall(r"```(\w+)\n(.*?)```", section[1], re.DOTALL)
+def test_the_set_ups_of_the_guide_can_be_read() -> None:
+    text = text_of("docs/editors.md")
+    blocks = re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL)
     assert {kind for kind, _ in blocks} >= {"json", "lua", "toml"}
     for kind, block in blocks:
         if kind == "json":
@@ -916,4 +914,4 @@ def test_a_terminal_is_no_editor() -> None:
         os.close(ours)
         os.close(theirs)
     assert done.returncode == 2
-    assert b"for an editor to start" in done.stderr
+    assert b"an editor must start" in done.stderr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gusjob.diagnostics.fixes.edits import Edit, Edits, FixContext
 from gusjob.diagnostics.model import Diagnostic, Severity
-from gusjob.frontend.files import may_be_a_part
+from gusjob.frontend.includes import may_be_included
 
 _BLANKS = b" \t\r\n"
 
@@ -17,7 +17,7 @@ def left_on(context: FixContext, diagnostic: Diagnostic) -> Edits:
     """
     loaded = context.loaded
     job = loaded.job
-    if job is None or not job.complete or may_be_a_part(loaded.path):
+    if job is None or not job.complete or may_be_included(loaded.path):
         return ()
     if any(other.severity is Severity.ERROR and other.rule is not diagnostic.rule for other in loaded.diagnostics):
         return ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gusjob.diagnostics.fixes.edits import Edits, FixContext
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend.parse.statements import read_statement
+from gusjob.frontend.parse.statement_parser import parse_statement
 
 
 def off_delay(context: FixContext, diagnostic: Diagnostic) -> Edits:
@@ -13,7 +13,7 @@ def off_delay(context: FixContext, diagnostic: Diagnostic) -> Edits:
     Only plain numbers are changed: the value of an expression depends on other lines, which other statements use, too.
     """
     number = diagnostic.span.line
-    statement, _ = read_statement(context.line(number), number)
+    statement, _ = parse_statement(context.line(number), number)
     if statement is None or statement.form != "laser_delay" or statement.has_expressions:
         return ()
     text, on, off = context.line(number), statement.words["ON"], statement.words["OFF"]
@@ -26,7 +26,7 @@ def off_delay(context: FixContext, diagnostic: Diagnostic) -> Edits:
 def sky_writing_off(context: FixContext, diagnostic: Diagnostic) -> Edits:
     """Replace SKYWRITE with TIMELAG 0 by SKYWRITE OFF. For other small values the intention is not known."""
     number = diagnostic.span.line
-    statement, _ = read_statement(context.line(number), number)
+    statement, _ = parse_statement(context.line(number), number)
     if statement is None or statement.form != "skywrite" or statement.has_expressions:
         return ()
     if statement.words["TIMELAG"].value != 0:

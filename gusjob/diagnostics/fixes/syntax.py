@@ -12,8 +12,8 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes.characters import normalized
 from gusjob.diagnostics.fixes.edits import Edit, Edits, FixContext
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend.parse.spelling import words_of
-from gusjob.frontend.parse.statements import read_statement, strip_comment
+from gusjob.frontend.parse.keyword_case import words_of
+from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
 from gusjob.kinematics.units import UNITS
 
 MAX_SLIPS = 32
@@ -38,7 +38,7 @@ def corrected(text: str) -> str | None:
     """Return a line without its slips, or None if something else in it can't be read."""
     text = normalized(text)
     for _ in range(MAX_SLIPS):
-        _, diagnostics = read_statement(text, 1)
+        _, diagnostics = parse_statement(text, 1)
         if not diagnostics:
             return text
         if diagnostics[0].rule.code not in (rules.UNEXPECTED.code, rules.UNKNOWN_STATEMENT.code):

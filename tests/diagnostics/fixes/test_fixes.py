@@ -26,7 +26,7 @@ from gusjob.diagnostics.fixes.syntax import corrected
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend import check_text
-from gusjob.frontend.parse import spelling
+from gusjob.frontend.parse import keyword_case
 from gusjob.frontend.parse.job_reader import read_job_text
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.kinematics.units import UNITS
@@ -152,7 +152,7 @@ def test_comments_that_allow_stay() -> None:
 )
 def test_words_in_capitals(before: str, wanted: str) -> None:
     """Words and nothing else: no blank, name, unit, function or comment."""
-    words = dict(spelling.in_capitals(before.encode()))
+    words = dict(keyword_case.in_upper_case(before.encode()))
     lines = before.split("\n")
     for number, code in words.items():
         lines[number - 1] = code.decode() + lines[number - 1][len(code.decode()) :]
@@ -398,14 +398,14 @@ def test_a_shape_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def counted(code: str) -> list[tuple[int, int]]:
         asked.append(code)
-        return small_words(code)
+        return lower_case_keywords(code)
 
-    small_words = spelling.small_words
-    monkeypatch.setattr(spelling, "small_words", counted)
+    lower_case_keywords = keyword_case.lower_case_keywords
+    monkeypatch.setattr(keyword_case, "lower_case_keywords", counted)
     text = "\n".join(f"laser power {i}\nline X {i}.5mm" for i in range(20_000)).encode()
-    assert sum(1 for _ in spelling.in_capitals(text)) == 40_000
+    assert sum(1 for _ in keyword_case.in_upper_case(text)) == 40_000
     assert len(asked) == 2
-    assert not read_job_text(checked(b"LINE X 1mm ; line\nVEL 5mm/s\n").source).small_words
+    assert not read_job_text(checked(b"LINE X 1mm ; line\nVEL 5mm/s\n").source).has_lower_case
 
 
 def test_many_fixes_are_proved_together() -> None:
@@ -650,10 +650,10 @@ def test_diff_writes_nothing(tmp_path: Path) -> None:
 
 
 def test_the_diff_has_both_ends() -> None:
-    from gusjob.frontend.format.difference import difference
+    from gusjob.frontend.format.unified_diff import unified_diff
 
     def shown(before: bytes, new: bytes) -> list[str]:
-        return b"".join(difference("a", before, new)).decode().splitlines()[2:]
+        return b"".join(unified_diff("a", before, new)).decode().splitlines()[2:]
 
     assert shown(b"A", b"A\nB") == [
         "@@ -1,1 +1,2 @@", "-A", "\\ No newline at end of file", "+A", "+B", "\\ No newline at end of file",
