@@ -10,7 +10,7 @@ from support.cli import gusjob, write
 from gusjob.config.profile import parse_profile
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.rules import RULES
-from gusjob.diagnostics.select import NOTHING_ASKED, RuleSelection, SelectionLayer
+from gusjob.diagnostics.select import EMPTY_LAYER, RuleSelection, SelectionLayer
 from gusjob.pipeline import FileResult, examine_file, selected
 
 # 4: GJ142 (note), 7: GJ404 (warning), 9: GJ141 (note)
@@ -31,11 +31,11 @@ END
 DIAGNOSTICS = {(4, "GJ142", "note"), (8, "GJ404", "warning"), (11, "GJ141", "note")}
 
 
-def checked(path: Path, layer: SelectionLayer = NOTHING_ASKED) -> FileResult:
+def checked(path: Path, layer: SelectionLayer = EMPTY_LAYER) -> FileResult:
     return selected(examine_file(path), layer)
 
 
-def found(path: Path, layer: SelectionLayer = NOTHING_ASKED) -> set[tuple[int, str, str]]:
+def found(path: Path, layer: SelectionLayer = EMPTY_LAYER) -> set[tuple[int, str, str]]:
     """(line, code, severity) of the reported diagnostics of a file."""
     return {(f.span.line, f.rule.code, f.severity.value) for f in checked(path, layer).diagnostics}
 
@@ -63,7 +63,7 @@ def test_the_longest_prefix_wins(
     select: tuple[str, ...], ignore: tuple[str, ...], expected: dict[str, bool | None]
 ) -> None:
     layer = SelectionLayer(select=select, ignore=ignore)
-    assert {code: layer.wants(code) for code in expected} == expected
+    assert {code: layer.selects(code) for code in expected} == expected
 
 
 def test_the_last_layer_that_mentions_a_rule_wins(tmp_path: Path) -> None:
@@ -74,22 +74,22 @@ def test_the_last_layer_that_mentions_a_rule_wins(tmp_path: Path) -> None:
     )
     selection = RuleSelection(layers=layers, folder=str(tmp_path))
     plain, sample, old = (str(tmp_path / name) for name in ("a.job", "samples/a.job", "samples/old/a.job"))
-    assert not selection.wants(diagnostic("GJ304", plain), NOTHING_ASKED)
-    assert selection.wants(diagnostic("GJ401", plain), NOTHING_ASKED)
-    assert selection.wants(diagnostic("GJ304", sample), NOTHING_ASKED)
-    assert not selection.wants(diagnostic("GJ401", sample), NOTHING_ASKED)
-    assert not selection.wants(diagnostic("GJ304", old), NOTHING_ASKED)
+    assert not selection.selects(diagnostic("GJ304", plain), EMPTY_LAYER)
+    assert selection.selects(diagnostic("GJ401", plain), EMPTY_LAYER)
+    assert selection.selects(diagnostic("GJ304", sample), EMPTY_LAYER)
+    assert not selection.selects(diagnostic("GJ401", sample), EMPTY_LAYER)
+    assert not selection.selects(diagnostic("GJ304", old), EMPTY_LAYER)
     # The command line wins.
-    assert selection.wants(diagnostic("GJ304", plain), SelectionLayer(select=("GJ304",)))
-    assert not selection.wants(diagnostic("GJ304", sample), SelectionLayer(ignore=("GJ",)))
-    weights = {p: selection.weighed([diagnostic("GJ304", p), diagnostic("GJ306", p)]) for p in (plain, sample)}
+    assert selection.selects(diagnostic("GJ304", plain), SelectionLayer(select=("GJ304",)))
+    assert not selection.selects(diagnostic("GJ304", sample), SelectionLayer(ignore=("GJ",)))
+    weights = {p: selection.with_severities([diagnostic("GJ304", p), diagnostic("GJ306", p)]) for p in (plain, sample)}
     assert [f.severity for f in weights[plain]] == [Severity.ERROR, Severity.NOTE]
     assert [f.severity for f in weights[sample]] == [Severity.ERROR, Severity.ERROR]
 
 
 def test_an_error_stays_an_error() -> None:
     selection = RuleSelection(layers=(SelectionLayer(severity=(("GJ4", Severity.NOTE),)),))
-    assert [f.severity for f in selection.weighed([diagnostic("GJ401"), diagnostic("GJ404")])] == [
+    assert [f.severity for f in selection.with_severities([diagnostic("GJ401"), diagnostic("GJ404")])] == [
         Severity.ERROR,
         Severity.NOTE,
     ]
@@ -131,7 +131,7 @@ def test_globs(tmp_path: Path, glob: str, files: set[str]) -> None:
     selection = RuleSelection(layers=(SelectionLayer(glob=glob, ignore=("GJ",)),), folder=str(tmp_path.resolve()))
     every = ("a.job", "sub/b.job", "sub/deep/c.job")
     assert {
-        name for name in every if not selection.wants(diagnostic("GJ404", str(tmp_path / name)), NOTHING_ASKED)
+        name for name in every if not selection.selects(diagnostic("GJ404", str(tmp_path / name)), EMPTY_LAYER)
     } == files
 
 
