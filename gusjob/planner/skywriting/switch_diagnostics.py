@@ -50,11 +50,11 @@ def switch_diagnostics(
     crosses_us = np.where(off_us > _NO_TIME_US, 0.0, waits_us)
     _report_outside_motion(planned, schedule, events, waits_us, crosses_us, collector)
     no_emission = (off_us > _NO_TIME_US) | _at_one_point(planned, events, position)[events.moved]
-    _report(planned, collector, rules.SKY_DARK, events, no_emission, late=off_us)
+    _report(planned, collector, rules.SKY_NO_EMISSION, events, no_emission, late=off_us)
     _report_slow(planned, schedule, events, collector)
     if not has_errors(collector.found):
         _report_coarse(planned, schedule, events, collector)
-    return collector.done(rules.MORE)
+    return collector.finish(rules.NOT_LISTED)
 
 
 def _report_outside_motion(
@@ -111,7 +111,7 @@ def _report_outside_motion(
             columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "where": where, "mend": fix}
             columns |= {"channel": channels, "early": early_us}
             wrong = (events.op == op) & (early_us > _NO_TIME_US)
-            _report(planned, collector, rules.SKY_ROOM, events, wrong, **columns)
+            _report(planned, collector, rules.SKY_NO_MOTION, events, wrong, **columns)
 
 
 def _waits_us(planned: PlannedPath, events: PlannedEvents, time_us: Floats) -> Floats:
@@ -169,7 +169,7 @@ def _report_slow(planned: PlannedPath, schedule: Schedule, events: PlannedEvents
         x, y = (segments.start_x, segments.start_y) if op is Op.ON else (segments.end_x, segments.end_y)
         per_pulse = np.hypot(x[mark] / px, y[mark] / py) * US_PER_MS if shown.speed == "mm/s" else np.ones(len(mark))
         columns = {"value": reached * per_pulse, "velocity": full * per_pulse}
-        _report(planned, collector, rules.SKY_SLOW, events, slow, what=what, speed=shown.speed, **columns)
+        _report(planned, collector, rules.SKY_NOT_AT_SPEED, events, slow, what=what, speed=shown.speed, **columns)
 
 
 def _report(
