@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from gusjob.diagnostics.formats.check_json import diagnostic_object
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase
 from gusjob.pipeline import FileResult, Simulated
-from gusjob.report.files import diagnostic_object
 
 if TYPE_CHECKING:
     from gusjob.report.rows import Report

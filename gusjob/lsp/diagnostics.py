@@ -17,7 +17,7 @@ from lsprotocol.types import (
     PositionEncodingKind,
 )
 
-from gusjob.config.machine import Machine
+from gusjob.config.profile import Profile
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.select import NOTHING_ASKED
@@ -83,7 +83,7 @@ def _check_unsaved(name: str, data: bytes) -> list[Diagnostic]:
     source, diagnostics = check_text(data, name)
     if source is None:
         return diagnostics
-    parsed = parse_source(source, path=Path(name), machine=Machine())
+    parsed = parse_source(source, path=Path(name), profile=Profile())
     return list((examine(check(parsed)) if isinstance(parsed, Parsed) else parsed).diagnostics)
 
 

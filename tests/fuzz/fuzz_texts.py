@@ -19,10 +19,10 @@ from pathlib import Path
 import atheris  # type: ignore[import-untyped,import-not-found,unused-ignore]  # installed by hand
 
 with atheris.instrument_imports(include=["gusjob"]):
-    from gusjob.cli.text import diagnostic_text
     from gusjob.config.machine import Machine
     from gusjob.controllers.gus.lower import compile_job
     from gusjob.controllers.gus.model import simulate_stream
+    from gusjob.diagnostics.formats.text import diagnostic_text
     from gusjob.diagnostics.model import Diagnostic, has_errors
     from gusjob.frontend import check_text, read_job, read_listing
     from gusjob.frontend.expand import ledger

@@ -7,26 +7,18 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from support.tools import ROOT
+from support.faulty import BAD, bad_files, diagnostics_of_file
 
-from gusjob.cli.text import diagnostic_text
-from gusjob.config.profile import read_machine
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Diagnostic
+from gusjob.diagnostics.formats.text import diagnostic_text
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend import check_text, read_job, read_source
-from gusjob.pipeline import examine_file
 
-BAD = ROOT / "tests" / "bad"
 _MARK = re.compile(r"(error|warning|note): (GJ\d+)")
 Found = Counter[tuple[int, str, str]]
 
 ELSEWHERE = {"GJ001", "GJ002", "GJ003", "GJ004", "GJ005", "GJ006", *(code for code in RULES if code[:3] == "GJ9")}
-"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: test_hardware."""
-
-
-def files() -> list[Path]:
-    return sorted(p for p in BAD.iterdir() if ".machine" not in p.name)
+"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: tests/hardware."""
 
 
 def demanded(path: Path) -> Found:
@@ -34,31 +26,24 @@ def demanded(path: Path) -> Found:
     return Counter((n, *mark) for n, line in enumerate(lines, 1) for mark in _MARK.findall(line))
 
 
-def diagnostics_of(path: Path) -> list[Diagnostic]:
-    if path.suffix == ".toml":
-        return read_machine(path)[1]
-    profile = path.with_suffix(".machine.toml")
-    return list(examine_file(path, profile if profile.exists() else None).diagnostics)
-
-
-@pytest.mark.parametrize("path", files(), ids=lambda p: p.name)
+@pytest.mark.parametrize("path", bad_files(), ids=lambda p: p.name)
 def test_file_has_just_these_faults(path: Path) -> None:
-    found = Counter((f.span.line, f.severity.value, f.rule.code) for f in diagnostics_of(path))
+    found = Counter((f.span.line, f.severity.value, f.rule.code) for f in diagnostics_of_file(path))
     assert found == demanded(path)
 
 
 def test_every_rule_is_hit() -> None:
-    marked = {code for path in files() for _, _, code in demanded(path)}
+    marked = {code for path in bad_files() for _, _, code in demanded(path)}
     assert marked | ELSEWHERE == set(RULES)
     assert not marked & ELSEWHERE
 
 
-@pytest.mark.parametrize("path", files(), ids=lambda p: p.name)
+@pytest.mark.parametrize("path", bad_files(), ids=lambda p: p.name)
 def test_messages_are_whole(path: Path) -> None:
     """Every template gets all its fields, and every span lies in its line."""
     source, _ = read_source(path)
     assert source is not None
-    for diagnostic in diagnostics_of(path):
+    for diagnostic in diagnostics_of_file(path):
         text = diagnostic_text(diagnostic, lambda span, _: source.line(span.line), color=False)
         assert "{" not in diagnostic.message
         assert diagnostic.rule.code in text
@@ -71,13 +56,13 @@ def test_a_caret_stands_under_the_value() -> None:
     path = BAD / "units.job"
     source, _ = read_source(path)
     assert source is not None
-    diagnostic = next(f for f in diagnostics_of(path) if f.rule is rules.WRONG_UNIT)
+    diagnostic = next(f for f in diagnostics_of_file(path) if f.rule is rules.WRONG_UNIT)
     text = diagnostic_text(diagnostic, lambda span, _: source.line(span.line), color=False).splitlines()
     assert text[1].index("20kHz") == text[2].index("^^^^^")
 
 
 def test_a_nearly_right_word_gets_the_right_one() -> None:
-    messages = {f.span.line: f.message for f in diagnostics_of(BAD / "words.job")}
+    messages = {f.span.line: f.message for f in diagnostics_of_file(BAD / "words.job")}
     assert "did you mean LINE?" in messages[4]
 
 

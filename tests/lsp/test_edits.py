@@ -46,8 +46,8 @@ def test_quick_fixes(tmp_path: Path) -> None:
 MENDED = [
     ("LASER DELAY ON 60 OFF 50\nwait", "Fix: off delay below on delay", "LASER DELAY ON 60 OFF 60\nwait"),
     ("LINE X 10；\u00e9\nline X 2", "Fix: unexpected word", "LINE X 10;\u00e9\nline X 2"),
-    ("line X 10\r\nLINE x 2 ; line", "Fix: word in small letters", "LINE X 10\r\nLINE X 2 ; line"),
-    ("LASER POWER 3\nLASER ON\nLINE X 2", "Fix: light left on", "LASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF"),
+    ("line X 10\r\nLINE x 2 ; line", "Fix: keyword in lower case", "LINE X 10\r\nLINE X 2 ; line"),
+    ("LASER POWER 3\nLASER ON\nLINE X 2", "Fix: laser left on", "LASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF"),
 ]
 
 

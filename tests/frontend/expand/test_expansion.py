@@ -450,7 +450,7 @@ def test_a_diagnostic_has_its_calls_and_iterations() -> None:
     # 5/3 * 100 mm is the first beyond 150 mm.
     assert [(r.span.line - head, r.message) for r in diagnostic.remarks[:2]] == [
         (5, "called here: s = 1.666666667"),
-        (4, "in the round where k = 5"),
+        (4, "in the iteration where k = 5"),
     ]
 
 

@@ -16,7 +16,7 @@ from support.job_writer import Writer
 from support.tools import ROOT
 
 from gusjob.config.machine import Machine
-from gusjob.config.profile import find_profile, read_machine
+from gusjob.config.profile import find_profile, read_profile
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.gus.lower import compile_job
 from gusjob.diagnostics import rules
@@ -199,7 +199,7 @@ def test_files_keep_their_meaning(path: Path) -> None:
     assert source is not None
     profile = path.with_suffix(".machine.toml")
     found = profile if profile.exists() else find_profile(path)
-    machine, _ = read_machine(found) if found else (Machine(), [])
+    machine = read_profile(found).machine if found else Machine()
     unparsed = {f.span.line for f in read_job_text(source).diagnostics}
     if unparsed:  # The rest must still hold without those lines.
         data, diagnostics = format_source(source)
