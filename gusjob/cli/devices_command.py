@@ -12,29 +12,31 @@ import click
 
 from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.cli.language import Command
-from gusjob.cli.text import width, wrapped
 from gusjob.config.machine import Abi
-from gusjob.config.profile import find_profile, read_machine
+from gusjob.config.profile import find_profile, read_profile
 from gusjob.frontend import read_source
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
+from gusjob.i18n.width import width, wrapped
 from gusjob.pipeline import FileResult, Rejected
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.
-    from gusjob.hardware.devices import Survey, UsbDevice, UsbProblem, VendorLibrary
+    from gusjob.controllers.gus.driver.inspection import VendorLibrary
+    from gusjob.hardware.devices import Survey
+    from gusjob.hardware.devices.usb import UsbDevice, UsbProblem
 
 _COLUMNS = 110
 _SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
 
 
 @click.command(name="devices", cls=Command)
-@click.option("--library", "libraries", multiple=True, metavar="FILE", help="A vendor's library to try; repeatable.")
+@click.option("--library", "libraries", multiple=True, metavar="FILE", help="Check this library, too; repeatable.")
 @machine_option
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) -> None:
-    """Show what this computer could run on: the vendor's libraries, and known laser controllers on USB.
+    """List what this computer can run on: the vendor's libraries, and known laser controllers on USB.
 
-    Libraries are looked for where --library and the machine profile say, and where the system keeps its own; each is
-    loaded, but no controller is opened. Of USB devices only texts are read. Exit status: 0, also if nothing is found;
+    Checked are the libraries that --library and the machine profile name, and those in the system's folders. They are
+    loaded, but no controller is opened; only texts are read from USB devices. Exit status: 0, also if nothing is found;
     1 if the profile has errors, 2 if it can't be read.
     """
     from gusjob.hardware.devices import survey
@@ -51,18 +53,18 @@ def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) ->
 
 
 def _profile(machine_path: Path | None) -> FileResult:
-    """The profile that a job in this folder would have. Its diagnostics don't keep us from looking around."""
+    """Read the profile that a job in this folder would have. Its errors don't prevent the search."""
     path = machine_path or find_profile(Path.cwd() / "x.job")
     if path is None:
         return FileResult(path=Path())
-    machine, found = read_machine(path)
+    profile = read_profile(path)
     source, _ = read_source(path)
     return Rejected(
         path=path,
-        machine=machine,
-        diagnostics=tuple(found),
+        machine=profile.machine,
+        diagnostics=profile.diagnostics,
         sources={source.name: source} if source is not None else {},
-        unreadable=bool(found) and source is None,
+        unreadable=bool(profile.diagnostics) and source is None,
     )
 
 
@@ -78,7 +80,7 @@ def _text(found: Survey, in_profile: str) -> Iterator[str]:
     if not any(library.abis for library in found.libraries):
         names = both_of(found.search.names)
         yield from _wrapped(
-            Phrase("none that fits; looked for {names} in {places}", names=names, places=_places(found))
+            Phrase("no library that fits; searched for {names} in {places}", names=names, places=_places(found))
         )
     yield "\nUSB"
     for device in found.usb:
@@ -87,11 +89,9 @@ def _text(found: Survey, in_profile: str) -> Iterator[str]:
         yield f"  {_unread(found.usb_problem)}"
         yield from _steps(found.usb_problem.next_steps)
     elif not found.usb:
-        yield from _wrapped(Phrase("no known laser controller; looked for {known}", known=_known()))
-    yield from _wrapped(
-        Phrase("a Googol GUS or GTS is not recognised here, since no USB id of one is public: only by library")
-    )
-    yield "\n" + localized(Phrase("Nothing was touched: no controller was opened, no device was changed."))
+        yield from _wrapped(Phrase("no known laser controller; searched for {known}", known=_known()))
+    yield from _wrapped(Phrase("a Googol GUS or GTS is found by its library alone: none of its USB ids is public"))
+    yield "\n" + localized(Phrase("No controller was opened, no device was changed."))
 
 
 def _unread(problem: UsbProblem) -> str:
@@ -109,13 +109,13 @@ def _library(library: VendorLibrary, in_profile: str) -> Iterator[str]:
             yield f"      {localized(lines)}"
         return
     if library.loaded:
-        why = Phrase("{path} is of no use: {reason}", path=library.path, reason=library.reason)
+        why = Phrase("{path} can't be used: {reason}", path=library.path, reason=library.reason)
     else:
         why = Phrase("{path} can't be loaded: {reason}", path=library.path, reason=library.reason)
     yield f"  {localized(why)}"
     for abi, symbols in library.missing.items():
-        misses = Phrase("{abi} misses {calls}", abi=abi, calls=all_of(symbols))
-        yield f"      {localized(misses)}"
+        lacks = Phrase("for {abi} it lacks {calls}", abi=abi, calls=all_of(symbols))
+        yield f"      {localized(lacks)}"
     yield from _steps(library.next_steps)
 
 
@@ -129,16 +129,16 @@ def _or(words: Iterable[str]) -> str:
 def _fits(abis: tuple[Abi, ...]) -> str:
     fits = any_of(abis)
     # The multi-card calls have the same names with one more argument.
-    return Phrase("{fits}: only opening the controller tells which", fits=fits) if Abi.GTS_MULTI in abis else fits
+    return Phrase("{fits}: only opening the controller shows which", fits=fits) if Abi.GTS_MULTI in abis else fits
 
 
 def _usb(device: UsbDevice) -> Iterator[str]:
     known = device.known
     if known.gusjob:
-        drives = Phrase("{name}: gusjob can drive it", name=known.name)
+        driven = Phrase("{name}: gusjob can drive it", name=known.name)
     else:
-        drives = Phrase("{name}: gusjob can't drive it yet; {programs} can", name=known.name, programs=known.driven_by)
-    yield f"  {known.ids} {localized(drives)}"
+        driven = Phrase("{name}: gusjob can't drive it yet; {programs} can", name=known.name, programs=known.driven_by)
+    yield f"  {known.ids} {localized(driven)}"
     serial = Phrase("serial {serial}", serial=device.serial) if device.serial else ""
     place = Phrase("bus {bus}, address {address}", bus=device.bus, address=device.address)
     held = Phrase("held by a driver of the system") if device.kernel_driver else ""
@@ -150,23 +150,23 @@ def _usb(device: UsbDevice) -> Iterator[str]:
 
 
 def _known() -> str:
-    from gusjob.hardware.devices import KNOWN_USB
+    from gusjob.hardware.devices.usb import KNOWN_USB
 
     return all_of(Phrase("{ids} {name}", ids=known.ids, name=known.short or known.name) for known in KNOWN_USB)
 
 
 def _places(found: Survey) -> str:
     folders = [printable(folder) for folder in found.search.folders]
-    own = [Phrase("the loader's own list")] if found.search.system else []
+    own = [Phrase("the folders of the system's loader")] if found.search.system else []
     return all_of([*folders, *own] or [Phrase("no folder")])
 
 
 def _wrapped(text: str) -> Iterator[str]:
-    spoken = localized(text)
-    if width(spoken) == len(spoken):
-        yield fill(spoken, _COLUMNS, initial_indent="  ", subsequent_indent="      ", break_on_hyphens=False)
+    shown = localized(text)
+    if width(shown) == len(shown):
+        yield fill(shown, _COLUMNS, initial_indent="  ", subsequent_indent="      ", break_on_hyphens=False)
         return
-    first, *others = wrapped(spoken, _COLUMNS - 6).splitlines()
+    first, *others = wrapped(shown, _COLUMNS - 6).splitlines()
     yield from (f"  {first}", *(f"      {line}" for line in others))
 
 

@@ -1,16 +1,17 @@
-"""What the user wants of a run, and what a run tells of itself: the only things that its threads share.
+"""The state that the threads of a run share: what the user requests, and the status that the run reports.
 
-Signal handlers set the wishes, perhaps within another call of the same function: nothing in here takes a lock.
+Signal handlers set the requests, perhaps while the same thread is inside one of these functions: nothing here takes a
+lock.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
-_SLICE_S = 0.002
-"""How soon a wish ends a nap."""
+_SLEEP_STEP_S = 0.002
+"""How soon a new request ends a sleep."""
 
 
 class Phase(StrEnum):
@@ -25,9 +26,23 @@ class Phase(StrEnum):
     DONE = "done"
 
 
+class StopKind(IntEnum):
+    """How a run is to be stopped."""
+
+    NONE = 0
+    SMOOTH = 1
+    """Decelerate along the path."""
+    ABRUPT = 2
+    """Stop at once."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
-    """How a run stands. `row`: of the whole job, the first one not done; `sent`: the first one not sent."""
+class RunStatus:
+    """The state of a run.
+
+    `row`: the first row of the whole job that is not done; `sent`: the first one that is not sent; `queued`: calls in
+    the FIFO; `slots`: calls that it can hold.
+    """
 
     phase: Phase = Phase.OPENING
     row: int = 0
@@ -40,34 +55,42 @@ class View:
 
 @dataclass(slots=True)
 class Control:
-    """Wishes, set by keys and signals; `asked` tells a run quickly that there is one."""
+    """Stops or pauses a run, from any thread or signal handler; `status` is what the run reports.
 
-    asked: bool = False
-    stop: int = 0
-    """0 no, 1 smoothly, 2 abruptly."""
-    who: str = ""
+    Call request_stop() and toggle_pause(); the other fields are for the run.
+    """
+
+    requested: bool = False
+    """Whether there is a request: all that the sending loop reads for each call."""
+    stop: StopKind = StopKind.NONE
+    stopped_by: str = ""
     pause: bool = False
-    wishes: int = 0
-    """How many there were: a nap ends with a new one."""
-    view: View = View()
+    request_count: int = 0
+    """Number of requests so far: a sleep ends with a new one."""
+    status: RunStatus = RunStatus()
 
-    def ask_stop(self, who: str, *, abrupt: bool = False) -> None:
-        """Stop: smoothly at the first time, abruptly at the second."""
-        self.who = self.who or who
-        self.stop = 2 if abrupt or self.stop else 1
-        self._ask()
+    def request_stop(self, by: str, *, abrupt: bool = False) -> None:
+        """Stop the run: smoothly at the first request, abruptly at the second.
 
-    def ask_pause(self) -> None:
-        """Pause, or go on."""
+        Args:
+            by: who stops the run; the first one is named in the diagnostic.
+            abrupt: stop abruptly at the first request.
+        """
+        self.stopped_by = self.stopped_by or by
+        self.stop = StopKind.ABRUPT if abrupt or self.stop else StopKind.SMOOTH
+        self._notify()
+
+    def toggle_pause(self) -> None:
+        """Pause the run, or continue it."""
         self.pause = not self.pause
-        self._ask()
+        self._notify()
 
-    def _ask(self) -> None:
-        self.asked = bool(self.stop or self.pause)
-        self.wishes += 1
+    def _notify(self) -> None:
+        self.requested = bool(self.stop or self.pause)
+        self.request_count += 1
 
-    def nap(self, seconds: float) -> None:
-        """Wait, but not beyond a new wish."""
-        until, wishes = time.perf_counter() + seconds, self.wishes
-        while self.wishes == wishes and (left := until - time.perf_counter()) > 0:
-            time.sleep(min(left, _SLICE_S))
+    def sleep(self, seconds: float) -> None:
+        """Sleep until the time is over or a new request comes."""
+        until, count = time.perf_counter() + seconds, self.request_count
+        while self.request_count == count and (left := until - time.perf_counter()) > 0:
+            time.sleep(min(left, _SLEEP_STEP_S))

@@ -1,5 +1,7 @@
-"""Where calls go: the vendor's library (gts/); the built-in interpreter is a room of its own.
+"""A run on hardware, without a terminal: what commands and programs share.
 
-place.py, rest.py: where on the path a run is, and what is left of it from there; dry.py: the same motion without light;
-forecast.py: what a run is going to do; journal.py, sent.py: what was really sent; devices.py: what could be run on.
+run.py runs a compiled job: request.py is what it takes, begin.py finds where to begin, forecast.py computes what will
+happen, supervisor.py runs the driver's session in a thread and watches it, signals.py turns signals into stop requests,
+progress.py makes figures of the state of a run. journal_stream.py reads a journal as a stream of calls, devices/ finds
+libraries and controllers on this computer.
 """

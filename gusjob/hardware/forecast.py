@@ -1,4 +1,4 @@
-"""What a run is going to do, from the interpreter: asked for before it starts, watched while it goes on."""
+"""What a run will do, from the simulation: shown before it starts, and its progress while it runs."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ import numpy as np
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.dry import box_pulse
+from gusjob.controllers.gus.dry_run import box_pulse
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelForecast:
-    """One laser in one unit of power. Per timed call, (m,): `power`, the highest, NaN where it is dark; `watts`, the
-    same; `emission_ms`."""
+    """One laser in one unit of power.
+
+    For each timed call, (m,): `power`, the highest, NaN without emission; `watts`, the same; `emission_ms`.
+    """
 
     channel: int
     unit: str
@@ -25,20 +27,26 @@ class ChannelForecast:
     watts: Floats
     emission_ms: Floats
 
-    def left(self, number: int) -> tuple[float, float, float]:
-        """From a timed call on: ms of light, the highest power, the highest watts (NaN: unknown; 0 without light)."""
-        lit = self.emission_ms[number:] > 0
-        if not lit.any():
+    def remaining(self, number: int) -> tuple[float, float, float]:
+        """Sum up from a timed call on.
+
+        Returns:
+            Emission in ms, the highest power, the highest watts (NaN: unknown; 0 without emission).
+        """
+        emitting = self.emission_ms[number:] > 0
+        if not emitting.any():
             return 0.0, 0.0, 0.0
-        power, watts = self.power[number:][lit], self.watts[number:][lit]
+        power, watts = self.power[number:][emitting], self.watts[number:][emitting]
         return float(self.emission_ms[number:].sum()), float(power.max()), float(watts.max())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forecast:
-    """A run. `row_ms` (n+1,): planned start of each buffered row and the end; `timed` (n,): its timed call's number.
+    """What a run of n rows will do.
 
-    `box_mm`: (x low, x high, y low, y high) of the marks (of all motion if nothing is marked), None without motion.
+    `row_ms` (n+1,): planned start of each row, and the end; `timed` (n,): number of the timed call that the row comes
+    before or is; `box_mm`: (x low, x high, y low, y high) of the marks (of all motion without marks), None without
+    motion.
     """
 
     duration_ms: float
@@ -47,23 +55,28 @@ class Forecast:
     box_mm: tuple[float, float, float, float] | None
     channels: tuple[ChannelForecast, ...]
 
+    @property
+    def emits(self) -> bool:
+        """Whether any laser emits."""
+        return any(channel.emission_ms.any() for channel in self.channels)
+
     def done_ms(self, row: int) -> float:
-        """Planned time at which a row begins."""
+        """Return the planned time at which a row begins."""
         return float(self.row_ms[min(max(row, 0), len(self.row_ms) - 1)])
 
     def number(self, row: int) -> int:
-        """The timed call that a row comes before or is."""
+        """Return the number of the timed call that a row comes before or is."""
         return int(self.timed[row]) if row < len(self.timed) else len(self.timed)
 
     def power(self, channel: ChannelForecast, row: int) -> float:
-        """The highest power while a row is run, NaN if the channel is dark then."""
+        """Return the highest power while a row is run, NaN without emission."""
         if not len(self.timed) or not len(channel.power):
             return float("nan")
         return float(channel.power[min(self.timed[min(row, len(self.timed) - 1)], len(channel.power) - 1)])
 
 
 def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
-    """What a run of a stream is going to do."""
+    """Compute what a run of a stream will do."""
     schedule = trace.schedule
     timed = np.searchsorted(trace.call, np.arange(len(stream.buffered)))
     box = box_pulse(trace)
@@ -78,18 +91,18 @@ def forecast(stream: Stream, trace: Trace, machine: Machine) -> Forecast:
 
 
 def _channel(channel: ChannelTrace, trace: Trace, machine: Machine) -> Iterator[ChannelForecast]:
-    """One for each unit of power: a channel that changes from duty to analog has two."""
-    done, stages = channel.emitted, trace.schedule.stage
+    """Yield one forecast for each unit of power: a channel that changes from duty to analog has two."""
+    emitted, stages = channel.emitted, trace.schedule.stage
     of_stage = np.array([laser.power_mode.unit for laser in channel.lasers] or [channel.laser_at_end.power_mode.unit])
     unit_of = of_stage[stages] if len(stages) else np.empty(0, dtype=of_stage.dtype)
-    watts = done.power_max * channel.watts_per_unit(stages, machine)
+    watts = emitted.power_max * channel.watts_per_unit(stages, machine)
     for unit in dict.fromkeys(of_stage.tolist()):
         mine = unit_of == unit
-        lit = mine & (done.emission_ms > 0)
+        emitting = mine & (emitted.emission_ms > 0)
         yield ChannelForecast(
             channel=channel.channel,
             unit=unit,
-            power=np.where(lit, done.power_max, np.nan),
-            watts=np.where(lit, watts, np.nan),
-            emission_ms=np.where(mine, done.emission_ms, 0.0),
+            power=np.where(emitting, emitted.power_max, np.nan),
+            watts=np.where(emitting, watts, np.nan),
+            emission_ms=np.where(mine, emitted.emission_ms, 0.0),
         )

@@ -51,7 +51,7 @@ def fed(made: Bench, rows: int, segment_us: float) -> tuple[bool, float]:
     began = time.perf_counter()
     ran = made.run(stream, machine)
     took_s = time.perf_counter() - began
-    return not ran.faults, ran.session.link.made / took_s
+    return not ran.faults, ran.session.link.call_count / took_s
 
 
 def main() -> None:

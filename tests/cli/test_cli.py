@@ -122,13 +122,13 @@ def test_statistics_count_iterations(tmp_path: Path) -> None:
     counted = json.loads(gusjob("check", path, "--statistics", "--format", "json").stdout)
     assert counted["statistics"] == {"GJ503": 150}
     assert counted["diagnostics"][0]["count"] == 150
-    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the round where i = 151"
+    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the iteration where i = 151"
 
 
 def test_explain() -> None:
     result = gusjob("explain", "gj402")
     assert result.exit_code == 0
-    for text in ("GJ402 error: jump with light", "The jump would be burnt", "bad:", "    JUMP X 5", "good:"):
+    for text in ("GJ402 error: jump with the laser on", "The jump would be marked", "bad:", "    JUMP X 5", "good:"):
         assert text in result.output
     assert "GJ715" in gusjob("explain").output
     missing = gusjob("explain", "GJ4022")

@@ -24,12 +24,13 @@ import pytest
 from support.tools import MARK, ROOT, stream_of
 
 from gusjob.cli.keys import Keys
-from gusjob.cli.panel import Watch, watch
+from gusjob.cli.run_display import run_display
 from gusjob.config.machine import Machine
-from gusjob.controllers.control import Control, Phase, View
+from gusjob.controllers.control import Control, Phase, RunStatus
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.hardware.forecast import Forecast, forecast
+from gusjob.hardware.progress import ProgressDisplay, ProgressMeter
 
 MACHINE = Machine(pulses_per_mm=(1000.0, 500.0))
 JOB = MARK + "LASER POWER 40\nJUMP X -10 Y 0\nLASER ON\nLINE X 10\nLASER OFF\nDWELL 60\nLASER ON\nLINE X 0\nLASER OFF\n"
@@ -65,23 +66,24 @@ class Bench:
     stderr: Terminal | None = None
 
     @contextmanager
-    def watch(self, mode: str) -> Iterator[Watch]:
+    def watch(self, mode: str) -> Iterator[ProgressDisplay]:
         def line_of(row: int) -> str:
             return f"{self.path}:{self.stream.buffered.line[row]}"
 
         def clock() -> float:
             return self.now_s
 
-        watching = watch(mode, self.control, self.forecast, self.stream, MACHINE, line_of, clock)
+        meter = ProgressMeter.of(self.control, self.forecast, self.stream, MACHINE, line_of)
+        watching = run_display(mode, clock)(meter)
         with redirect_stderr(self.stderr) if self.stderr else nullcontext(), watching as watcher:
             yield watcher
 
     def be(self, phase: Phase, row: int = 0) -> None:
-        self.control.view = View(
+        self.control.status = RunStatus(
             phase=phase, row=row, sent=row, x_pulse=12340.0, y_pulse=-1500.0, queued=1024, slots=4096
         )
 
-    def ticks(self, watcher: Watch, seconds: float) -> None:
+    def ticks(self, watcher: ProgressDisplay, seconds: float) -> None:
         """50 a second, as the runner does."""
         for _ in range(round(seconds * 50)):
             self.now_s += 0.02
@@ -245,7 +247,7 @@ def test_a_line_says_it_all(bench: Bench, capsys: pytest.CaptureFixture[str]) ->
         bench.forecast, duration_ms=4000e3, row_ms=np.linspace(0, 4000e3, len(bench.stream.buffered) + 1)
     )
     bench.be(Phase.RUNNING, 2)
-    bench.control.view = replace(bench.control.view, x_pulse=-0.4)
+    bench.control.status = replace(bench.control.status, x_pulse=-0.4)
     with bench.watch("lines") as watcher:
         watcher.tick()
         bench.path = "part.job"
@@ -292,7 +294,9 @@ def test_nothing_to_do_and_no_time_for_it(
     bench.forecast = Forecast(
         duration_ms=0.0, row_ms=np.zeros(rows + 1), timed=np.zeros(rows, dtype=np.intp), box_mm=None, channels=()
     )
-    bench.control.view = View(phase=Phase.RUNNING, row=row, x_pulse=math.nan, y_pulse=math.inf, queued=9, slots=0)
+    bench.control.status = RunStatus(
+        phase=Phase.RUNNING, row=row, x_pulse=math.nan, y_pulse=math.inf, queued=9, slots=0
+    )
     with bench.watch(mode) as watcher:
         watcher.tick()
     done = empty or row >= rows
@@ -476,15 +480,15 @@ def test_keys_steer(
     who: str,
 ) -> None:  # fmt: skip
     keys, control = Typed(), bench.control
-    monkeypatch.setattr("gusjob.cli.panel.Keys", lambda: keys)
+    monkeypatch.setattr("gusjob.cli.run_display.Keys", lambda: keys)
     with bench.watch(mode) as watcher:
         bench.be(Phase.PAUSED)
         watcher.tick()
         keys.waiting = typed
         bench.ticks(watcher, 0.02)  # Keys are heeded in every tick.
-        assert (control.pause, control.stop, control.who) == (pause, stop, who)
+        assert (control.pause, control.stop, control.stopped_by) == (pause, stop, who)
     if mode == "auto":
-        assert shown(terminal.getvalue())[""] == "p go on q stop (twice: at once)".replace(" q", "  q")
+        assert shown(terminal.getvalue())[""] == "p continue q stop (twice: at once)".replace(" q", "  q")
 
 
 def test_no_keys_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -573,7 +577,7 @@ with bench.watch("auto") as watcher:
         time.sleep(0.01)
         bench.be(Phase.PAUSED if bench.control.pause else Phase.RUNNING, 4)
         bench.ticks(watcher, 0.1)
-    print(bench.control.who)
+    print(bench.control.stopped_by)
     if {fail}:
         raise KeyboardInterrupt
 """

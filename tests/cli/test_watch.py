@@ -98,7 +98,7 @@ def saved(path: Path, text: str) -> None:
 def test_a_job_is_reported_whenever_it_is_saved(folder: Path, watched: Watched) -> None:
     """5 mm of jump and 5 mm of mark; then 15 mm of mark; then an error; then none again."""
     assert "marks 5 mm, jumps 5 mm" in watched.until("segments in")
-    watched.until("no faults")
+    watched.until("no problems")
     saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE X 20"))
     assert "marks 15 mm, jumps 5 mm" in watched.until("segments in")
     saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE Q 10"))
@@ -109,7 +109,7 @@ def test_a_job_is_reported_whenever_it_is_saved(folder: Path, watched: Watched) 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C can't be sent to a single process elsewhere")
 def test_ctrl_c_ends_it(watched: Watched) -> None:
-    watched.until("no faults")
+    watched.until("no problems")
     assert watched.stop() == 0
 
 
@@ -136,7 +136,7 @@ def test_the_page_follows(folder: Path) -> None:
     found = Watched(folder, "--page")
     try:
         host = found.until("http://").split("http://")[1].split("/")[0]
-        found.until("no faults")
+        found.until("no problems")
         old = events_of(got(host, "/")[1])
         events = http.client.HTTPConnection(host, timeout=PATIENCE_S)
         events.request("GET", old)
@@ -226,7 +226,7 @@ def test_a_port_that_is_taken(folder: Path) -> None:
         port = server.url.rstrip("/").split(":")[-1]
         found = gusjob("watch", folder / "x.job", "--page", "--port", port)
         assert found.exit_code == 2
-        assert f"can't listen at port {port}" in found.output
+        assert f"can't listen on port {port}" in found.output
     finally:
         server.close()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.cli import gusjob, write
 
-from gusjob.config.profile import parse_machine
+from gusjob.config.profile import parse_profile
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import NOTHING_ASKED, RuleSelection, SelectionLayer
@@ -32,13 +32,13 @@ END
 FAULTS = {(4, "GJ142", "note"), (8, "GJ404", "warning"), (11, "GJ141", "note")}
 
 
-def judged(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> FileResult:
+def checked(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> FileResult:
     return selected(examine_file(path), asked)
 
 
 def found(path: Path, asked: SelectionLayer = NOTHING_ASKED) -> set[tuple[int, str, str]]:
     """(line, code, severity) of what counts in a file."""
-    return {(f.span.line, f.rule.code, f.severity.value) for f in judged(path, asked).diagnostics}
+    return {(f.span.line, f.rule.code, f.severity.value) for f in checked(path, asked).diagnostics}
 
 
 def diagnostic(code: str, path: str = "a.job") -> Diagnostic:
@@ -182,7 +182,7 @@ def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
         ('[check]\nseverity = { GJ4 = "fatal" }\n', "GJ604", 2, 'check.severity is "fatal"; it must be "error"'),
         ("[check]\nseverity = { GJ4 = 1 }\n", "GJ604", 2, "check.severity is a number; it must be"),
         ('[check]\nseverity = { GJ9X = "note" }\n', "GJ604", 2, 'check.severity is "GJ9X"'),
-        ('[check]\nseverity = { GJ401 = "note" }\n', "GJ604", 2, "it must be left an error"),
+        ('[check]\nseverity = { GJ401 = "note" }\n', "GJ604", 2, "the severity of an error can't be lowered"),
         ("check = 3\n", "GJ603", 1, "check must be a table, not a number"),
         ("[check]\npath = 3\n", "GJ603", 2, "check.path must be a list of tables"),
         ('[[check.path]]\nignore = ["GJ4"]\n', "GJ603", 1, "not missing"),
@@ -191,10 +191,10 @@ def test_counts_of_what_is_ignored_go_with_it(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_wrong_in_check(text: str, code: str, line: int, said: str) -> None:
-    machine, diagnostics = parse_machine(text, "gusjob.toml")
-    assert [(f.rule.code, f.span.line) for f in diagnostics][:1] == [(code, line)]
-    assert said in diagnostics[0].message
-    assert machine.selection == RuleSelection()
+    profile = parse_profile(text, "gusjob.toml")
+    assert [(f.rule.code, f.span.line) for f in profile.diagnostics][:1] == [(code, line)]
+    assert said in profile.diagnostics[0].message
+    assert profile.selection == RuleSelection()
 
 
 # Comments.
@@ -235,14 +235,14 @@ def test_several_rules_on_a_line(tmp_path: Path) -> None:
         ("; allow GJ404: ", 8, "GJ144", "a reason is missing"),
         ("; allow GJ404 since it is warmed up", 8, "GJ144", "a reason is missing"),
         ("; allow GJ4: all of them", 8, "GJ144", "there is no such rule"),
-        ("; allow GJ401: it is left on", 8, "GJ144", "an error can't be allowed"),
-        ("; allow GJ145: x", 8, "GJ144", "what is wrong with a comment"),
-        ("; allow: GJ404 it is warmed up", 8, "GJ144", "write it as in"),
-        ("; allowGJ404: it is warmed up", 8, "GJ144", "write it as in"),
+        ("; allow GJ401: it is left on", 8, "GJ144", "an error can't be suppressed"),
+        ("; allow GJ145: x", 8, "GJ144", "a diagnostic about a comment"),
+        ("; allow: GJ404 it is warmed up", 8, "GJ144", "its form is wrong"),
+        ("; allowGJ404: it is warmed up", 8, "GJ144", "its form is wrong"),
     ],
 )
 def test_what_is_not_followed(tmp_path: Path, comment: str, line: int, code: str, said: str) -> None:
-    loaded = judged(write(tmp_path, allowing("DWELL 3", comment)))
+    loaded = checked(write(tmp_path, allowing("DWELL 3", comment)))
     assert {(f.span.line, f.rule.code, f.severity.value) for f in loaded.diagnostics} == FAULTS | {
         (line, code, "warning")
     }
@@ -280,7 +280,7 @@ def test_in_an_included_file(tmp_path: Path) -> None:
     delay = "LASER DELAY ON 9us OFF 5us"
     write(tmp_path, f"{delay} ; allow GJ306: measured\n{delay}\nDWELL 1 ; allow GJ404: no light\n", "part.job")
     path = write(tmp_path, 'WAIT\nINCLUDE "part.job"\n')
-    told = [(Path(f.file).name, f.span.line, f.rule.code) for f in judged(path).diagnostics]
+    told = [(Path(f.file).name, f.span.line, f.rule.code) for f in checked(path).diagnostics]
     assert told == [("part.job", 2, "GJ306")]  # What is idle here may be needed in another job that includes it.
 
 
@@ -371,7 +371,7 @@ def test_an_error_behind_a_thousand_warnings_is_refused(tmp_path: Path) -> None:
 
 def test_idle_comments_are_listed_like_other_faults(tmp_path: Path) -> None:
     path = write(tmp_path, "DWELL 3 ; allow GJ404: preheat\n" * 1500)
-    told = [f.rule.code for f in judged(path).diagnostics]
+    told = [f.rule.code for f in checked(path).diagnostics]
     assert told.count("GJ145") == 1000 and told.count("GJ005") == 1
 
 

@@ -14,7 +14,7 @@ from click import Context
 from support.documents import CHINESE, ENGLISH, text_of
 
 from gusjob.cli import cli
-from gusjob.cli.text import width
+from gusjob.i18n.width import width
 
 HAN = "\u3400-\u9fff"
 MARKS = "，。；：、？！“”（）"

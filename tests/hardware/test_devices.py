@@ -25,13 +25,17 @@ from support.controller import GTS, GTS_MULTI, GUS, build, needs_controller
 
 from gusjob.cli.devices_command import command
 from gusjob.config.machine import Abi
+from gusjob.controllers.gus.driver import inspection
+from gusjob.controllers.gus.driver.inspection import inspect_library
 from gusjob.controllers.gus.driver.library import BITS
 from gusjob.hardware import devices
-from gusjob.hardware.devices import Search, Trouble, judged, search_places, usb_devices, vendor_libraries
+from gusjob.hardware.devices import usb
+from gusjob.hardware.devices.libraries import SearchPaths, find_libraries, search_paths
+from gusjob.hardware.devices.usb import UsbProblemKind, find_usb_devices
 
-NOWHERE = Search(names=("libgus.so", "libgts.so"), folders=())
+NOWHERE = SearchPaths(names=("libgus.so", "libgts.so"), folders=())
 FOLLOW, RATIO = "GT_BufLaserPrfFollow", "GT_BufLaserFollowRatio"
-REAL_BACKEND = devices.usb_backend
+REAL_BACKEND = usb.usb_backend
 
 
 def run(*args: object) -> Result:
@@ -46,8 +50,8 @@ def data(*args: object) -> Any:
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder without a profile, a search that finds nothing, no USB."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(devices, "search_places", lambda: NOWHERE)
-    monkeypatch.setattr(devices, "usb_backend", Bus)
+    monkeypatch.setattr(devices, "search_paths", lambda: NOWHERE)
+    monkeypatch.setattr(usb, "usb_backend", Bus)
     return tmp_path
 
 
@@ -72,10 +76,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
         (GUS, ("-DVC_NO_FOLLOW",), set(Abi), {}),
     ],
 )
-def test_a_library_says_which_abis_it_fits(
+def test_a_library_fits_its_abis(
     made: Made, abi: int, flags: Sequence[str], fits: set[Abi], missing: dict[Abi, tuple[str, ...]]
 ) -> None:
-    found = judged(str(made(abi, *flags)))
+    found = inspect_library(str(made(abi, *flags)))
     assert (found.loaded, found.reason, found.next_steps) == (True, "", ())
     assert (set(found.abis), found.missing) == (fits, missing)
 
@@ -83,35 +87,35 @@ def test_a_library_says_which_abis_it_fits(
 @needs_controller
 def test_no_call_is_made(made: Made) -> None:
     path = made(GUS)
-    assert judged(str(path)).loaded
+    assert inspect_library(str(path)).loaded
     assert ctypes.CDLL(str(path)).vc_calls() == 0
 
 
 @needs_controller
-def test_a_library_without_laser_calls_says_what_it_misses(made: Made) -> None:
+def test_a_library_without_laser_calls_lists_what_it_lacks(made: Made) -> None:
     path = made(GTS, "-DGT_LaserPowerMode=GT_Another", "-DGT_BufLaserOn=GT_AnotherOne")
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert (found.loaded, found.abis) == (True, ())
     assert "calls are missing" in found.reason
     assert found.missing[Abi.GTS] == ("GT_LaserPowerMode", "GT_BufLaserOn")
     assert found.missing[Abi.GUS] == ("GT_LaserPowerMode", "GT_BufLaserOn", FOLLOW)
-    assert "gts misses GT_LaserPowerMode, GT_BufLaserOn\n" in run("--library", path).output
+    assert "for gts it lacks GT_LaserPowerMode, GT_BufLaserOn\n" in run("--library", path).output
 
 
-def test_another_library_is_of_no_use() -> None:
+def test_another_library_can_not_be_used() -> None:
     name = ctypes.util.find_library("m") or ctypes.util.find_library("c") or ctypes.util.find_library("kernel32")
     if name is None:
         pytest.skip("needs a library of the system that can be found by name")
-    found = judged(name)
+    found = inspect_library(name)
     assert (found.loaded, found.abis, found.missing) == (True, (), {})
-    assert found.reason == "it has not the calls of a Googol library"
+    assert found.reason == "it does not have the calls of a Googol library"
     assert found.next_steps
 
 
 def test_a_text_is_no_library(tmp_path: Path) -> None:
     path = tmp_path / "libgts.so"
     path.write_text("This is not a library, however it is called.\n" * 100, encoding="utf-8")
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert not found.loaded
     assert found.reason
     if sys.platform == "linux":
@@ -122,12 +126,12 @@ def test_a_text_is_no_library(tmp_path: Path) -> None:
 @needs_controller
 @pytest.mark.skipif(sys.platform != "linux", reason="needs ELF files")
 @pytest.mark.parametrize("share", [0.0005, 0.002, 0.1, 0.5])
-def test_a_library_that_is_cut_short_is_not_loaded(made: Made, tmp_path: Path, share: float) -> None:
+def test_a_truncated_library_is_not_loaded(made: Made, tmp_path: Path, share: float) -> None:
     whole = made(GUS).read_bytes()
     path = tmp_path / "libgus.so"
     path.write_bytes(whole[: int(share * len(whole))])
-    found = judged(str(path))
-    assert (found.loaded, found.reason) == (False, "the file is cut short")
+    found = inspect_library(str(path))
+    assert (found.loaded, found.reason) == (False, "the file is truncated")
     assert "copy it again" in found.next_steps[0]
 
 
@@ -151,7 +155,7 @@ def test_a_part_must_be_there_to_its_last_byte(
     path = tmp_path / "libgus.so"
     path.write_bytes((head.ljust(64, b"\0") + rows).ljust(begin + length + there, b"\0"))
     monkeypatch.setattr(ctypes, "WinDLL" if sys.platform == "win32" else "CDLL", _refusing)
-    assert judged(str(path)).reason == ("the file is cut short" if there < 0 else "the loader's word")
+    assert inspect_library(str(path)).reason == ("the file is truncated" if there < 0 else "the loader's word")
 
 
 def _refusing(_path: str) -> None:
@@ -168,7 +172,7 @@ def test_a_library_for_other_bits(made: Made, tmp_path: Path) -> None:
     whole[28:40] = bytes(12)
     path = tmp_path / "libgus.so"
     path.write_bytes(whole)
-    found = judged(str(path))
+    found = inspect_library(str(path))
     assert "wrong ELF class" in found.reason
     assert f"{BITS} bits" in found.next_steps[0]
 
@@ -180,15 +184,15 @@ def test_a_library_for_other_bits(made: Made, tmp_path: Path) -> None:
         ("libhost.so.1: cannot open shared object file: No such file or directory", "ldd"),
         ("libgts.so: undefined symbol: host_open", "ldd"),
         ("Could not find module 'C:\\gts.dll' (or one of its dependencies).", "driver package"),
-        ("[WinError 5] Access is denied", "run what is in it"),
+        ("[WinError 5] Access is denied", "read and execute it"),
         ("something that nobody has seen", ""),
     ],
 )
 def test_each_reason_has_its_next_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: str, step: str) -> None:
     path = tmp_path / "libgts.so"
     path.touch()
-    monkeypatch.setattr(devices, "opened", lambda _: error)
-    found = judged(str(path))
+    monkeypatch.setattr(inspection, "open_library", lambda _: error)
+    found = inspect_library(str(path))
     assert not found.loaded
     assert error.endswith(found.reason)
     assert found.next_steps == () if not step else step in found.next_steps[0]
@@ -196,15 +200,15 @@ def test_each_reason_has_its_next_step(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("name", ["", "nul\0here.so", "no/such/libgts.so", "libnosuchthing.so"])
 def test_what_is_not_there(name: str) -> None:
-    found = judged(name)
+    found = inspect_library(name)
     assert not found.loaded
     assert "no such file" in found.reason or sys.platform != "linux"
 
 
 def test_a_folder_is_no_library(tmp_path: Path) -> None:
     (tmp_path / "libgts.so").mkdir()
-    assert judged(str(tmp_path / "libgts.so")).reason == "it is a folder, not a library"
-    assert vendor_libraries((), Search(names=("libgts.so",), folders=(str(tmp_path),))) == ()
+    assert inspect_library(str(tmp_path / "libgts.so")).reason == "it is a folder, not a library"
+    assert find_libraries((), SearchPaths(names=("libgts.so",), folders=(str(tmp_path),))) == ()
 
 
 @needs_controller
@@ -217,33 +221,33 @@ def test_each_library_is_listed_once_the_named_ones_first(
     folder.mkdir()
     (folder / "libgus.so").symlink_to(first)
     (folder / "libgts.so").symlink_to(second)
-    search = Search(names=("libgus.so", "libgts.so"), folders=(str(folder), str(folder)))
-    found = vendor_libraries((second.name, str(second)), search)
+    search = SearchPaths(names=("libgus.so", "libgts.so"), folders=(str(folder), str(folder)))
+    found = find_libraries((second.name, str(second)), search)
     assert [library.path for library in found] == [str(second), str(folder / "libgus.so")]
 
 
-def test_the_loader_is_asked_for_what_is_in_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loader_finds_what_is_in_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ctypes.util, "find_library", {"gts": "libgts.so.7"}.get)
-    assert [library.path for library in vendor_libraries((), Search(names=NOWHERE.names, folders=(), system=True))] == [
-        "libgts.so.7"
-    ]
-    assert vendor_libraries((), NOWHERE) == ()
+    assert [
+        library.path for library in find_libraries((), SearchPaths(names=NOWHERE.names, folders=(), system=True))
+    ] == ["libgts.so.7"]
+    assert find_libraries((), NOWHERE) == ()
 
 
 def test_the_current_folder_is_not_searched(tmp_path: Path) -> None:
     (tmp_path / "libgts.so").touch()
     for entries in ("", ".", "sub/..", f"{os.pathsep}."):
-        search = search_places("linux", {"LD_LIBRARY_PATH": entries})
+        search = search_paths("linux", {"LD_LIBRARY_PATH": entries})
         assert all(Path(folder).is_absolute() for folder in search.folders)
         assert search.system == (entries == "")  # An empty entry among others is the current folder, too.
-    assert str(tmp_path) in search_places("linux", {"LD_LIBRARY_PATH": str(tmp_path)}).folders
-    assert vendor_libraries((), Search(names=("libgts.so",), folders=())) == ()
+    assert str(tmp_path) in search_paths("linux", {"LD_LIBRARY_PATH": str(tmp_path)}).folders
+    assert find_libraries((), SearchPaths(names=("libgts.so",), folders=())) == ()
 
 
-def test_where_is_looked_on_windows() -> None:
+def test_search_paths_on_windows() -> None:
     entries = os.pathsep.join(["/gts/bin", '"/quoted"', ".", ""])
-    search = search_places("win32", {"PATH": entries, "LD_LIBRARY_PATH": "/no"})
-    assert search == Search(names=("gus.dll", "gts.dll"), folders=("/gts/bin", "/quoted"))
+    search = search_paths("win32", {"PATH": entries, "LD_LIBRARY_PATH": "/no"})
+    assert search == SearchPaths(names=("gus.dll", "gts.dll"), folders=("/gts/bin", "/quoted"))
 
 
 @needs_controller
@@ -260,7 +264,7 @@ def test_the_profiles_library_is_tried(made: Made, tmp_path: Path) -> None:
     assert f"  {path}: gus\n" in run("--machine", other).output
 
 
-def test_a_profile_with_faults_does_not_keep_us_from_looking(tmp_path: Path) -> None:
+def test_a_profile_with_errors_does_not_prevent_the_search(tmp_path: Path) -> None:
     (tmp_path / "gusjob.toml").write_text("nonsense = 1\n", encoding="utf-8")
     wrong = run("--format", "json")
     assert (wrong.exit_code, "nonsense" in wrong.stderr) == (1, True)
@@ -332,7 +336,7 @@ class Bus:
 
 
 def plug(monkeypatch: pytest.MonkeyPatch, *fakes: Fake) -> None:
-    monkeypatch.setattr(devices, "usb_backend", lambda: Bus(*fakes))
+    monkeypatch.setattr(usb, "usb_backend", lambda: Bus(*fakes))
 
 
 def text(said: str) -> bytes:
@@ -342,7 +346,7 @@ def text(said: str) -> bytes:
 def test_known_devices_are_listed_with_their_texts(monkeypatch: pytest.MonkeyPatch) -> None:
     card = Fake(texts={2: text("USBLMCV4"), 3: text("A1\0")}, kernel_driver=True)
     plug(monkeypatch, Fake(vendor=0x1D6B, product=2), card, Fake(texts={3: text("B2")}))
-    ((device, _), problem) = usb_devices()
+    ((device, _), problem) = find_usb_devices()
     assert (device.known.ids, device.bus, device.address, problem) == ("9588:9899", 1, 6, None)
     assert (device.product, device.serial, device.kernel_driver, device.problem) == ("USBLMCV4", "A1", True, None)
     assert card.opened == 0, "it is closed again"
@@ -354,7 +358,7 @@ def test_known_devices_are_listed_with_their_texts(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(("vendor", "product"), [(0x1A86, 0x5512), (0x0403, 0x6001), (0x0471, 0x0999)])
 def test_general_chips_only_may_be_controllers(monkeypatch: pytest.MonkeyPatch, vendor: int, product: int) -> None:
     plug(monkeypatch, Fake(vendor=vendor, product=product))
-    ((device,), _) = usb_devices()
+    ((device,), _) = find_usb_devices()
     assert not device.known.sure
     assert f"{vendor:04x}:{product:04x}" in run().output
     assert "may be a" in device.known.name
@@ -371,27 +375,32 @@ def test_texts_of_devices_are_harmless(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_texts_that_are_no_texts(monkeypatch: pytest.MonkeyPatch) -> None:
     plug(monkeypatch, Fake(texts={2: b"\x00\xd8", 3: b""}))
-    ((device,), _) = usb_devices()
+    ((device,), _) = find_usb_devices()
     assert (device.product, device.serial, device.problem) == ("", "", None)
 
 
 @pytest.mark.parametrize(
     ("error", "platform", "kind", "step"),
     [
-        (usb_error(errno.EACCES), "linux", Trouble.PERMISSION, 'ATTR{idVendor}=="9588", ATTR{idProduct}=="9899"'),
-        (usb_error(errno.EACCES), "win32", Trouble.BUSY, "close the program"),
-        (usb_error(errno.EBUSY), "linux", Trouble.BUSY, "close the program"),
-        (usb_error(errno.ENODEV), "linux", Trouble.GONE, "plug it in"),
-        (usb_error(errno.ENOENT), "win32", Trouble.DRIVER, "Zadig"),
-        (NotImplementedError("Operation not supported"), "win32", Trouble.DRIVER, "WinUSB"),
-        (usb_error(errno.EIO), "linux", Trouble.OTHER, "plug it in"),
+        (
+            usb_error(errno.EACCES),
+            "linux",
+            UsbProblemKind.PERMISSION,
+            'ATTR{idVendor}=="9588", ATTR{idProduct}=="9899"',
+        ),
+        (usb_error(errno.EACCES), "win32", UsbProblemKind.BUSY, "close the program"),
+        (usb_error(errno.EBUSY), "linux", UsbProblemKind.BUSY, "close the program"),
+        (usb_error(errno.ENODEV), "linux", UsbProblemKind.GONE, "plug it in"),
+        (usb_error(errno.ENOENT), "win32", UsbProblemKind.DRIVER, "Zadig"),
+        (NotImplementedError("Operation not supported"), "win32", UsbProblemKind.DRIVER, "WinUSB"),
+        (usb_error(errno.EIO), "linux", UsbProblemKind.OTHER, "plug it in"),
     ],
 )
 def test_why_a_device_cannot_be_read(
-    monkeypatch: pytest.MonkeyPatch, error: Exception, platform: str, kind: Trouble, step: str
+    monkeypatch: pytest.MonkeyPatch, error: Exception, platform: str, kind: UsbProblemKind, step: str
 ) -> None:
     plug(monkeypatch, Fake(texts={3: text("A1")}, error=error), Fake(texts={3: text("B2")}))
-    ((shut, other), problem) = usb_devices(platform)
+    ((shut, other), problem) = find_usb_devices(platform)
     assert problem is None
     assert (other.serial, other.problem) == ("B2", None)
     assert shut.problem is not None
@@ -403,7 +412,7 @@ def test_why_a_device_cannot_be_read(
 @pytest.mark.parametrize("error", [NotImplementedError("no"), usb_error(errno.ENOENT)])
 def test_an_unknown_driver_is_no_problem(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     plug(monkeypatch, Fake(texts={3: text("A1")}, kernel_driver=error))
-    ((device,), _) = usb_devices()
+    ((device,), _) = find_usb_devices()
     assert (device.serial, device.kernel_driver, device.problem) == ("A1", None, None)
 
 
@@ -414,15 +423,15 @@ def test_without_libusb(monkeypatch: pytest.MonkeyPatch, platform: str, step: st
     for name in ("libusb0", "libusb1", "openusb"):
         monkeypatch.setattr(import_module(f"usb.backend.{name}"), "get_backend", lambda: None)
     monkeypatch.setitem(sys.modules, "libusb_package", None)
-    monkeypatch.setattr(devices, "usb_backend", REAL_BACKEND)
-    found, problem = usb_devices(platform)
+    monkeypatch.setattr(usb, "usb_backend", REAL_BACKEND)
+    found, problem = find_usb_devices(platform)
     assert found == ()
     assert problem is not None
-    assert (problem.kind, problem.reason) == (Trouble.NO_BACKEND, "libusb was not found")
+    assert (problem.kind, problem.reason) == (UsbProblemKind.NO_BACKEND, "libusb was not found")
     assert step in problem.next_steps[0]
 
 
-def test_the_package_stands_in_for_the_systems_libusb(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_package_replaces_the_systems_libusb(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = Bus()
     monkeypatch.setattr(import_module("usb.backend.libusb1"), "get_backend", lambda: None)
     monkeypatch.setitem(sys.modules, "libusb_package", SimpleNamespace(get_libusb1_backend=lambda: bus))
@@ -434,7 +443,7 @@ def test_usb_that_cannot_be_listed(monkeypatch: pytest.MonkeyPatch) -> None:
         def enumerate_devices(self) -> Sequence[Fake]:
             raise usb_error(errno.EIO)
 
-    monkeypatch.setattr(devices, "usb_backend", Broken)
+    monkeypatch.setattr(usb, "usb_backend", Broken)
     assert "  can't be read: " in run().output
     assert data()["usb_problem"]["kind"] == "other"
 
@@ -446,10 +455,10 @@ def test_nothing_found_is_no_error() -> None:
     result = run()
     assert result.exit_code == 0
     flat = " ".join(result.output.split())
-    assert "none that fits; looked for libgus.so and libgts.so in no folder" in flat
-    assert "no known laser controller; looked for 9588:9899 BJJCZ (LMC) galvo card," in flat
-    assert "a Googol GUS or GTS is not recognised here, since no USB id of one is public" in flat
-    assert "no controller was opened, no device was changed." in flat
+    assert "no library that fits; searched for libgus.so and libgts.so in no folder" in flat
+    assert "no known laser controller; searched for 9588:9899 BJJCZ (LMC) galvo card," in flat
+    assert "a Googol GUS or GTS is found by its library alone: none of its USB ids is public" in flat
+    assert "No controller was opened, no device was changed." in flat
 
 
 def test_json_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -489,4 +498,4 @@ def test_json_of_a_library(made: Made) -> None:
             "missing": {"gus": [FOLLOW]}, "next_steps": [],
         }
     ]  # fmt: skip
-    assert f"{path}: gts or gts-multi: only opening the controller tells which" in run("--library", path).output
+    assert f"{path}: gts or gts-multi: only opening the controller shows which" in run("--library", path).output

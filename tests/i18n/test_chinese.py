@@ -21,11 +21,11 @@ from support.cli import write
 from support.tools import ROOT
 
 from gusjob.cli import cli
-from gusjob.cli.text import width, wrapped
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import CATALOGUES, language, language_of, set_language, system_language, translated, typeset
 from gusjob.i18n.phrases import Phrase, localized
+from gusjob.i18n.width import width, wrapped
 
 TEXTS = catalogue.texts(catalogue.kept())
 

@@ -23,7 +23,7 @@ from support.faulty import bad_files, diagnostics_of_file, diagnostics_of_text
 from support.tools import ROOT
 
 from gusjob.config.machine import Abi, Budget, ControllerSettings, Interlock, Laser, Machine, parse_scanner
-from gusjob.config.profile import parse_machine, read_machine
+from gusjob.config.profile import parse_profile, read_profile
 from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, IGNORED_CALLS, SIGNATURES
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Remark, Rule
 from gusjob.diagnostics.rules import (
@@ -36,8 +36,8 @@ from gusjob.diagnostics.rules import (
     VARIANTS,
 )
 from gusjob.frontend import check_text, read_job, read_source
-from gusjob.frontend.parse.expressions import FUNCTIONS
-from gusjob.frontend.parse.lines import END_OF_LINE
+from gusjob.frontend.parse.misread import END_OF_LINE
+from gusjob.frontend.parse.operators import FUNCTIONS
 from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, did_you_mean, localized
 from gusjob.kinematics.units import UNITS
@@ -339,7 +339,7 @@ ODD_PROFILES = (
 
 @pytest.mark.usefixtures("pseudo")
 def test_odd_profiles_leave_no_english() -> None:
-    found = {text: parse_machine(text, "gusjob.toml")[1] for text in ODD_PROFILES}
+    found = {text: parse_profile(text, "gusjob.toml").diagnostics for text in ODD_PROFILES}
     assert [text for text, of_text in found.items() if not of_text] == []
     assert [wrong for text, of_text in found.items() if (wrong := untranslated(of_text, text))] == []
 
@@ -377,7 +377,7 @@ def test_files_that_are_no_text_leave_no_english(tmp_path: Path) -> None:
     found += read_source(tmp_path / "none.job")[1]  # With the system's own text.
     found += read_source(Path("a\0b"))[1]
     (tmp_path / "gusjob.toml").write_bytes(b'name = "caf\xe9"')
-    found += [*read_machine(tmp_path / "gusjob.toml")[1], *read_machine(tmp_path)[1]]
+    found += [*read_profile(tmp_path / "gusjob.toml").diagnostics, *read_profile(tmp_path).diagnostics]
     assert len(found) == len(contents) + 4
     assert untranslated(found, "") == []
 

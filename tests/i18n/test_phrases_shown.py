@@ -31,19 +31,28 @@ from gusjob.cli import (
     tune_command,
     watch_command,
 )
-from gusjob.cli.hardware import _light_left
+from gusjob.cli.hardware import _laser_text
 from gusjob.cli.page import too_long
-from gusjob.cli.panel import _STOP_KEYS, Light, Progress, panel, plain_line
+from gusjob.cli.panel import panel
+from gusjob.cli.progress_lines import plain_line
+from gusjob.cli.run_display import STOP_KEYS
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Phase
+from gusjob.controllers.gus.driver import inspection
 from gusjob.controllers.gus.driver.fifo import Interrupted
-from gusjob.controllers.gus.driver.library import _why
+from gusjob.controllers.gus.driver.inspection import inspect_library
+from gusjob.controllers.gus.driver.library import _load_error
 from gusjob.controllers.gus.driver.link import MEANINGS, meaning
-from gusjob.controllers.gus.driver.session import Session, one_queue
-from gusjob.controllers.gus.driver.shutdown import _light_fault, _motion_fault
-from gusjob.controllers.journal import read_journal
+from gusjob.controllers.gus.driver.requirements import check_single_fifo
+from gusjob.controllers.gus.driver.session import Session
+from gusjob.controllers.gus.driver.shutdown import _laser_diagnostic, _motion_diagnostic
+from gusjob.controllers.journal.reader import read_journal
 from gusjob.hardware import devices
-from gusjob.hardware.devices import KNOWN_USB, Search, Survey, Trouble, UsbDevice, UsbProblem, judged
+from gusjob.hardware.devices import Survey
+from gusjob.hardware.devices import usb as usb_module
+from gusjob.hardware.devices.libraries import SearchPaths
+from gusjob.hardware.devices.usb import KNOWN_USB, UsbDevice, UsbProblem, UsbProblemKind
+from gusjob.hardware.progress import PlannedPower, Progress
 from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import localized
 from gusjob.report.earlier import read_earlier
@@ -267,14 +276,14 @@ def test_jobs_that_can_not_be_tuned(folder: Path, text: str) -> None:
 
 
 def _surveys() -> Iterator[Survey]:
-    search = Search(names=("A.so", "B.so"), folders=("/A", "/B"), system=True)
+    search = SearchPaths(names=("A.so", "B.so"), folders=("/A", "/B"), system=True)
     yield Survey(search=replace(search, folders=(), system=False), libraries=(), usb=(), usb_problem=None)
     for platform in ("linux", "win32", "darwin"):
-        steps = devices._NO_BACKEND_STEPS[platform]
-        problem = UsbProblem(kind=Trouble.NO_BACKEND, reason=devices._NO_BACKEND, next_steps=steps)
+        steps = usb_module._NO_BACKEND_STEPS[platform]
+        problem = UsbProblem(kind=UsbProblemKind.NO_BACKEND, reason=usb_module._NO_BACKEND, next_steps=steps)
         yield Survey(search=search, libraries=(), usb=(), usb_problem=problem, platform=platform)
-        errors = [*(OSError(number, "") for number in devices._ERRORS), NotImplementedError()]
-        problems = [devices._usb_problem(error, known, platform) for error in errors for known in KNOWN_USB]
+        errors = [*(OSError(number, "") for number in usb_module._ERRORS), NotImplementedError()]
+        problems = [usb_module._usb_problem(error, known, platform) for error in errors for known in KNOWN_USB]
         found = (
             UsbDevice(known=known, bus=1, address=2, serial="S", product="P", kernel_driver=True, problem=problem)
             for known, problem in zip(KNOWN_USB * len(errors), problems, strict=True)
@@ -304,17 +313,20 @@ def test_libraries(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "CUT.so").write_bytes(b"\x7fELF")
     (folder / "F").mkdir()
     signs = ("[WinError 193]", "one of its dependencies", "WinError 126")
-    texts_shown = [_why("/bin/sh", sign) for sign in signs]
+    texts_shown = [_load_error("/bin/sh", sign) for sign in signs]
     libraries = [
-        *(judged(str(path)) for path in ("/NO.so", folder / "F", folder / "CUT.so")),
-        *(replace(judged("/NO.so"), reason=why, next_steps=devices._library_steps(why)) for why in texts_shown),
-        *(replace(judged("/NO.so"), next_steps=(step,)) for _, step in devices._LIBRARY_STEPS),
-        *(replace(judged("/NO.so"), loaded=True, abis=tuple(abis)) for abis in (Abi, [Abi.GUS])),
-        replace(judged("/NO.so"), loaded=True, missing={Abi.GTS: ("GT_A", "GT_B")}),
-        devices._unfitting("/C.so", {}),
-        devices._unfitting("/C.so", {Abi.GTS: ("GT_A",)}),
+        *(inspect_library(str(path)) for path in ("/NO.so", folder / "F", folder / "CUT.so")),
+        *(
+            replace(inspect_library("/NO.so"), reason=why, next_steps=inspection._next_steps(why))
+            for why in texts_shown
+        ),
+        *(replace(inspect_library("/NO.so"), next_steps=(step,)) for _, step in inspection._NEXT_STEPS),
+        *(replace(inspect_library("/NO.so"), loaded=True, abis=tuple(abis)) for abis in (Abi, [Abi.GUS])),
+        replace(inspect_library("/NO.so"), loaded=True, missing={Abi.GTS: ("GT_A", "GT_B")}),
+        inspection._unfitting("/C.so", {}),
+        inspection._unfitting("/C.so", {Abi.GTS: ("GT_A",)}),
     ]
-    search = Search(names=("A.so", "B.so"), folders=())
+    search = SearchPaths(names=("A.so", "B.so"), folders=())
     found = Survey(search=search, libraries=tuple(libraries), usb=(), usb_problem=None)
     monkeypatch.setattr(devices, "survey", lambda _named: found)
     text = re.sub(r"\b[0-9a-f]{4}:[0-9a-f]{4}\b", "", out(devices_command.command))
@@ -337,7 +349,7 @@ def test_status(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
         def __exit__(self, *_: object) -> None: ...
 
-    monkeypatch.setattr(run_command, "_progress", lambda _path: Collected())
+    monkeypatch.setattr(run_command, "_status_line", lambda _path: Collected())
     out(run_command.command, "J.job")
     monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     assert len(texts_shown) == 3
@@ -403,9 +415,9 @@ def test_too_long() -> None:
 # The panel, and errors of a run.
 
 NOW = Progress(
-    job="J.job", phase=Phase.RUNNING, row=1, rows=9, segment=1000, segments=2000, place="J.job:7", x_mm=1.0, y_mm=-2.0,
-    queued=100, slots=4096, elapsed_s=3.0, done_ms=1000.0, total_ms=9000.0,
-    lights=(Light(channel=0, unit="%", power=40.0), Light(channel=1, unit="V", power=float("nan"))),
+    job="J.job", phase=Phase.RUNNING, row=1, rows=9, segment=1000, segments=2000, location="J.job:7",
+    x_mm=1.0, y_mm=-2.0, queued=100, slots=4096, elapsed_s=3.0, done_ms=1000.0, total_ms=9000.0,
+    lasers=(PlannedPower(channel=0, unit="%", power=40.0), PlannedPower(channel=1, unit="V", power=float("nan"))),
 )  # fmt: skip
 
 
@@ -427,8 +439,8 @@ def test_panel_and_lines(phase: Phase) -> None:
 def test_errors_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     stream.buffered.crd[-1] = 2
-    diagnostics = [*one_queue(stream), *(_motion_fault(code) for code in (0, *MEANINGS, 99, -99))]
-    diagnostics += [_light_fault(0, code, powered) for code in MEANINGS for powered in (False, True)]
+    diagnostics = [*check_single_fifo(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
+    diagnostics += [_laser_diagnostic(0, code, powered) for code in MEANINGS for powered in (False, True)]
     monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     for diagnostic in diagnostics:
         assert left(diagnostic.localized) == set()
@@ -451,7 +463,7 @@ def test_files_that_are_not_journals(folder: Path) -> None:
 def test_runs_on_a_controller(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     library = build(folder)
     monkeypatch.setenv("VC_OPTIONS", "speed=50,log=0")
-    monkeypatch.setattr("gusjob.cli.hardware._answers", lambda: True)
+    monkeypatch.setattr("gusjob.cli.hardware._can_ask", lambda: True)
     monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     (folder / "D.job").write_text(MARK + "LINE X 1\n", encoding="utf-8")
     (folder / "N.job").write_text("COORDS ABS\n", encoding="utf-8")
@@ -500,7 +512,7 @@ def test_a_run_that_is_stopped(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def _stopped(session: Session, _part: object) -> None:
-    session.control.ask_stop(_STOP_KEYS["q"])
+    session.control.request_stop(STOP_KEYS["q"])
     raise Interrupted
 
 
@@ -510,7 +522,7 @@ def test_what_a_laser_will_do() -> None:
         return SimpleNamespace(channel=0, unit="%", left=lambda _number: found)
 
     for found in ((0.0, 0.0, 0.0), (5.0, 40.0, 30.0), (5.0, 40.0, float("nan"))):
-        assert left(localized(_light_left(channel(*found), 0))) == set()  # type: ignore[arg-type]
+        assert left(localized(_laser_text(channel(*found), 0))) == set()  # type: ignore[arg-type]
 
 
 # Columns stay straight.
@@ -546,7 +558,7 @@ def test_wide_characters_in_a_comparison(folder: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.usefixtures("wide")
 def test_wide_characters_are_wrapped(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    search = Search(names=("A.so", "B.so"), folders=("/A", "/B"))
+    search = SearchPaths(names=("A.so", "B.so"), folders=("/A", "/B"))
     monkeypatch.setattr(devices, "survey", lambda _named: Survey(search=search, libraries=(), usb=(), usb_problem=None))
     lines = out(devices_command.command).splitlines()
     assert 90 < max(cell_len(line) for line in lines if line.startswith("  ")) <= 110

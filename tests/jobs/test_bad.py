@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from support.faulty import BAD, bad_files, diagnostics_of_file
 
-from gusjob.cli.text import diagnostic_text
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.formats.text import diagnostic_text
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend import check_text, read_job, read_source
 
@@ -18,7 +18,7 @@ _MARK = re.compile(r"(error|warning|note): (GJ\d+)")
 Found = Counter[tuple[int, str, str]]
 
 ELSEWHERE = {"GJ001", "GJ002", "GJ003", "GJ004", "GJ005", "GJ006", *(code for code in RULES if code[:3] == "GJ9")}
-"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: test_hardware."""
+"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: tests/hardware."""
 
 
 def demanded(path: Path) -> Found:

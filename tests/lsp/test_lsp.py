@@ -30,7 +30,7 @@ from gusjob.cli import cli
 from gusjob.controllers.gus.ranges import Range
 from gusjob.diagnostics.model import Span
 from gusjob.frontend.parse.forms import FORMS
-from gusjob.frontend.parse.lines import keywords
+from gusjob.frontend.parse.grammar import keywords
 from gusjob.kinematics.units import UNITS
 from gusjob.lsp.completion import accepted, unit_fits
 from gusjob.lsp.diagnostics import SourceLocations, diagnose, lsp_diagnostics
@@ -150,8 +150,8 @@ def test_looking_for_jobs_that_include_it_makes_them_no_part(tmp_path: Path) -> 
     ("locale", "options", "said"),
     [
         ("zh-cn", (), "不应出现在这里"),
-        ("zh-cn", ("--lang", "en"), "does not belong"),
-        ("de", (), "does not belong"),
+        ("zh-cn", ("--lang", "en"), "is not allowed here"),
+        ("de", (), "is not allowed here"),
         (None, ("--lang", "zh"), "不应出现在这里"),
     ],
 )
@@ -506,7 +506,7 @@ def test_tcp() -> None:
         port = taken.getsockname()[1]
         refused = CliRunner().invoke(cli, ["lsp", "--tcp", str(port)])
         assert refused.exit_code == 2
-        assert f"can't listen at port {port}" in refused.output
+        assert f"can't listen on port {port}" in refused.output
     with subprocess.Popen(
         [sys.executable, "-m", "gusjob", "lsp", "--tcp", str(port)], stderr=subprocess.PIPE
     ) as process:
@@ -800,8 +800,8 @@ def test_quick_fixes(tmp_path: Path) -> None:
 MENDED = [
     ("LASER DELAY ON 60 OFF 50\nwait", "Fix: off delay below on delay", "LASER DELAY ON 60 OFF 60\nwait"),
     ("LINE X 10；\u00e9\nline X 2", "Fix: unexpected word", "LINE X 10;\u00e9\nline X 2"),
-    ("line X 10\r\nLINE x 2 ; line", "Fix: word in small letters", "LINE X 10\r\nLINE X 2 ; line"),
-    ("LASER POWER 3\nLASER ON\nLINE X 2", "Fix: light left on", "LASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF"),
+    ("line X 10\r\nLINE x 2 ; line", "Fix: keyword in lower case", "LINE X 10\r\nLINE X 2 ; line"),
+    ("LASER POWER 3\nLASER ON\nLINE X 2", "Fix: laser left on", "LASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF"),
 ]
 
 
@@ -914,4 +914,4 @@ def test_a_terminal_is_no_editor() -> None:
         os.close(ours)
         os.close(theirs)
     assert done.returncode == 2
-    assert b"for an editor to start" in done.stderr
+    assert b"an editor must start" in done.stderr

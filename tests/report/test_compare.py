@@ -509,7 +509,7 @@ def test_what_is_no_tolerance(tmp_path: Path, text: str) -> None:
 def test_a_tolerance_without_an_earlier_report(tmp_path: Path) -> None:
     result = gusjob("report", tmp_path / "x.job", "--tolerance", "1%")
     assert result.exit_code == 2
-    assert "--tolerance is for --against" in result.output
+    assert "--tolerance needs --against" in result.output
 
 
 def test_the_earlier_report_is_not_written_over(tmp_path: Path) -> None:
@@ -519,7 +519,7 @@ def test_the_earlier_report_is_not_written_over(tmp_path: Path) -> None:
     before = out.read_bytes()
     result = gusjob("report", job, "--against", out, "--format", "json", "-o", out)
     assert result.exit_code == 2
-    assert "name another" in result.stderr
+    assert "choose another" in result.stderr
     assert out.read_bytes() == before
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from support.tools import ROOT
 
 from gusjob.config.machine import Machine
-from gusjob.config.profile import read_machine
+from gusjob.config.profile import read_profile
 from gusjob.controllers.gus.lower import compile_job
 from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.diagnostics.model import Diagnostic, Rule, has_errors
@@ -47,6 +47,6 @@ def bad_files() -> list[Path]:
 def diagnostics_of_file(path: Path) -> list[Diagnostic]:
     """All diagnostics of a file in tests/bad, with the profile beside it."""
     if path.suffix == ".toml":
-        return read_machine(path)[1]
+        return list(read_profile(path).diagnostics)
     profile = path.with_suffix(".machine.toml")
     return list(examine_file(path, profile if profile.exists() else None).diagnostics)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,17 +14,20 @@ from support.controller import GTS, GTS_MULTI, GUS, Edge, Floats, Row, VirtualCo
 from support.tools import MARK
 
 from gusjob.config.machine import Abi, Machine
-from gusjob.controllers.control import Control
+from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
-from gusjob.controllers.gus.driver.resume import find_place, recorded_place
-from gusjob.controllers.gus.driver.session import Session, needed_calls, outputs_of
-from gusjob.controllers.gus.place import Place
-from gusjob.controllers.gus.remainder import Part, rest, whole
-from gusjob.controllers.journal import Journal, read_journal
+from gusjob.controllers.gus.driver.requirements import needed_calls, outputs_of
+from gusjob.controllers.gus.driver.resume import find_position, recorded_position
+from gusjob.controllers.gus.driver.session import Session
+from gusjob.controllers.gus.path_position import PathPosition
+from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
+from gusjob.controllers.journal.reader import read_journal
+from gusjob.controllers.journal.writer import Journal
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.hardware.runner import Runner
+from gusjob.frontend import check_text, read_listing
+from gusjob.hardware.supervisor import Supervisor
 
 ABIS = {GUS: Abi.GUS, GTS: Abi.GTS, GTS_MULTI: Abi.GTS_MULTI}
 EVERYTHING = (
@@ -96,14 +100,14 @@ class Bench:
         self,
         stream: Stream,
         machine: Machine,
-        part: Callable[[Session], Part | None] | None = None,
+        part: Callable[[Session], Remainder | None] | None = None,
         *,
-        begin: Place | None = None,
+        begin: PathPosition | None = None,
         tick: Callable[[Control], None] | None = None,
     ) -> Ran:
         """A run as the command does it."""
-        place = begin or Place(row=0)
-        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [place.row, place.run_pulse]})
+        place = begin or PathPosition(row=0)
+        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [place.row, place.along_pulse]})
         control = Control()
         session = Session(
             link=Link(self.library(stream, machine), journal),
@@ -112,10 +116,14 @@ class Bench:
             stream=stream,
             outputs=outputs_of(stream),
         )
-        runner = Runner(session, (lambda: tick(control)) if tick else (lambda: None))
+        runner = Supervisor(session, (lambda: tick(control)) if tick else (lambda: None))
 
-        def from_there(session: Session) -> Part:
-            return whole(stream, session.head()) if begin is None else rest(stream, begin, session.head())
+        def from_there(session: Session) -> Remainder:
+            return (
+                whole_job(stream, session.position_or_none())
+                if begin is None
+                else remainder_from(stream, begin, session.position_or_none())
+            )
 
         try:
             outcome = runner.run(part or from_there)
@@ -123,14 +131,14 @@ class Bench:
             journal.close()
         return Ran(faults=outcome.faults, session=session, journal=journal.path)
 
-    def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[Ran, Place | None]:
+    def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[Ran, PathPosition | None]:
         """Go on where a journal's run broke, as the command does it."""
         recorded = read_journal(journal)
         assert not isinstance(recorded, str), recorded
-        place = recorded_place(recorded)
+        place = recorded_position(recorded)
         if place is None:
-            found: list[Place] = []
-            ran = self.run(stream, machine, lambda session: found.append(find_place(session, recorded)))
+            found: list[PathPosition] = []
+            ran = self.run(stream, machine, lambda session: found.append(find_position(session, recorded)))
             if not found or ran.faults:
                 return ran, None
             place = found[0]
@@ -150,7 +158,7 @@ class Broken:
     along: float
 
 
-def light_off_at(rows: Floats, edges: Floats) -> Broken:
+def laser_off_at(rows: Floats, edges: Floats) -> Broken:
     """Where the light of a run from the job's start went off for the last time; where the motion ended, if it was dark
     then. For an abrupt stop: what was run behind the light's end is run at the velocity of the end.
     """
@@ -167,7 +175,7 @@ def light_off_at(rows: Floats, edges: Floats) -> Broken:
     return Broken(segment=last, along=float(along))
 
 
-def goes_on(wanted: Floats, rows: Floats, broken: Broken) -> tuple[int, float] | str:
+def continues(wanted: Floats, rows: Floats, broken: Broken) -> tuple[int, float] | str:
     """Whether a run goes on where another one broke, and makes the rest of the path: (its first segment, along it).
 
     `wanted`: the pieces of a whole run; `rows`: those of the run that goes on, to the end. It may begin up to one
@@ -194,3 +202,119 @@ def goes_on(wanted: Floats, rows: Floats, broken: Broken) -> tuple[int, float] |
         else:
             return segment, along
     return said
+
+
+# Shared by the tests of driver and run.
+
+
+def fresh(made: Bench, **options: float) -> None:
+    """Switch a controller off and on again, in virtual time."""
+    made.controller.reset()
+    made.controller.options(**({"poll_us": 40_000, "call_us": 5} | options))
+
+
+def is_safe(made: Bench) -> bool:
+    """Return whether the controller's lasers are off and nothing moves."""
+    state = made.controller.state()
+    return not any(state.emitting) and not any(state.switched_on) and state.moving == 0
+
+
+def listed(text: str) -> Stream:
+    """Read a listing."""
+    source, _ = check_text(text.encode(), "test.gts")
+    assert source is not None
+    stream, faults = read_listing(source)
+    assert faults == []
+    return stream
+
+
+def recorded(ran: Ran) -> list[dict[str, Any]]:
+    """Return the lines of a run's journal."""
+    return [json.loads(line) for line in ran.journal.read_text(encoding="utf-8").splitlines()]
+
+
+def made_calls(gus: Bench) -> list[str]:
+    """Return the calls that were made, with arguments."""
+    return [call for _, call in gus.controller.calls()]
+
+
+SYSTEM_2 = """GT_SetAxisMode(7,1)
+GT_LaserPowerMode(0,100,0,0)
+GT_LaserOutFrq(10,0)
+GT_SetCrdPrm(2,{2,{1,2,0,0,0,0,0,0},10000,1000,0,1,{0,0,0,0,0,0,0,0}})
+GT_CrdClear(2,1)
+GT_BufLaserPrfCmd(2,40,1,0)
+GT_BufLaserOn(2,1,0)
+"""
+"""The head of a listing in coordinate system 2 and FIFO 1."""
+
+
+def zigzag(count: int, vel: float = 50.0) -> str:
+    """Return lines there and back, after SYSTEM_2."""
+    return "".join(f"GT_LnXY(2,{1000 * (i % 2)},{i},{vel},10,0,1)\n" for i in range(count))
+
+
+END_2 = "GT_BufLaserOff(2,1,0)\nGT_CrdStart(2,2)\nGT_CrdStatus(2,run,segment,1)\n"
+
+
+class RequestAt:
+    """Requests a pause or stop once when a run has come to a row. `kind`: "pause", "smooth", "abrupt"."""
+
+    def __init__(self, row: int, kind: str) -> None:
+        self.row, self.kind, self.is_done = row, kind, False
+
+    def __call__(self, control: Control) -> None:
+        if not self.is_done and control.status.phase is Phase.RUNNING and control.status.row >= self.row:
+            self.is_done = True
+            if self.kind == "pause":
+                control.toggle_pause()
+            else:
+                control.request_stop("test", abrupt=self.kind == "abrupt")
+
+
+LONG = (
+    MARK + "VEL 50\nLASER POWER 40\nLASER ON\nREPEAT 60 AS i\nLINE X (i % 2 * 3) Y (i / 10)\nEND\nLASER OFF\n"
+)  # fmt: skip
+
+
+STATES = (
+    "LASER DELAY ON 50us OFF 60us\n"
+    + MARK
+    + """LASER POWER 30
+LASER ON
+LINE X 5 VEL 80
+LINE X 5 Y 5
+LASER OFF
+LASER DELAY ON 20us OFF 30us
+LASER POWER 55 NOW
+LASER ON
+LINE X 0 Y 5
+LASER FOLLOW MIN 5 MAX 60 AT 100
+LINE X 0 Y 0
+LASER OFF
+LASER FPK WIDTH 100us GAP 20us OFFDELAY 5us
+LASER ON
+LINE X 3
+LINE X 6
+LASER OFF
+LASER FPK OFF
+LASER MODE FREQUENCY WIDTH 5us CHANNEL 1
+LASER DISTANCE REF X 0 Y 0 RATIO X 1 Y 0 MIN 0 MAX 100
+LASER ON
+LASER POWER 20 CHANNEL 1
+LASER ON CHANNEL 1
+LINE X 1 Y 2
+LINE X 2 Y 9
+ARC CCW I 3 J 0
+LASER OFF CHANNEL 1
+LASER OFF
+"""
+)
+
+LONG_WITH_DWELL = (
+    MARK
+    + "VEL 50\nLASER POWER 40\nLASER ON\nREPEAT 60 AS i\nLINE X (i % 2 * 3) Y (i / 10)\nEND\n"
+    + "DWELL 400\nLINE X 9\nLASER OFF\n"
+)
+
+MARK_FIRST = MARK + "LASER POWER 40\nLASER ON\nLINE X 5\nLINE X 5 Y 5\nLASER OFF\n"

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from support.controller import GUS, Floats, Row, VirtualController, build
-from support.hardware import Broken, goes_on
+from support.hardware import Broken, continues
 from support.tools import MARK
 
 JOB = (
@@ -69,7 +69,7 @@ def killed(folder: Path, library: Path, after_s: float, number: int, slots: int 
     return state, journal, alive
 
 
-def gone_on(folder: Path, library: Path, state: Path, journal: Path, whole: Floats, wait_s: float) -> str:
+def resume(folder: Path, library: Path, state: Path, journal: Path, whole: Floats, wait_s: float) -> str:
     """Go on with a killed run; '' or what is wrong."""
     time.sleep(wait_s)
     before = len(executed(library, state))
@@ -81,20 +81,20 @@ def gone_on(folder: Path, library: Path, state: Path, journal: Path, whole: Floa
     if done.returncode:
         return f"exit {done.returncode}: {done.stderr.strip()[-400:]}"
     rows = executed(library, state)
-    if "nothing to go on with" in done.stderr:
+    if "nothing to resume" in done.stderr:
         return "" if len(rows) >= len(whole) else "not all was done"
     # What the killed process had sent went on by itself, up to where the run that goes on stopped it.
-    return "" if _goes_on_somewhere(rows, before, whole) else "the path is not whole"
+    return "" if _continues_somewhere(rows, before, whole) else "the path is not whole"
 
 
-def _goes_on_somewhere(rows: Floats, before: int, whole: Floats) -> bool:
+def _continues_somewhere(rows: Floats, before: int, whole: Floats) -> bool:
     """Whether behind the `before` rows or more that make the path's beginning the others make the rest of it."""
     for first in range(before, min(len(rows), len(whole)) + 1):
         head = rows[:first]
         ends = np.abs(head[:-1, [Row.X1, Row.Y1]] - whole[: max(first - 1, 0), [Row.X1, Row.Y1]]).max(initial=0)
         if ends > 1.5:
             return False
-        if not isinstance(goes_on(whole, rows[first:], _broken_behind(head)), str):
+        if not isinstance(continues(whole, rows[first:], _broken_behind(head)), str):
             return True
     return False
 
@@ -135,7 +135,7 @@ def main() -> int:
             state, journal, alive = killed(folder, library, after_s, number, chance.choice([64, 4096]))
             alive_count += alive
             # Sometimes the controller is still running when the run is gone on with, sometimes it has long run dry.
-            wrong = gone_on(folder, library, state, journal, whole, chance.choice([0.0, 0.2, 1.5]))
+            wrong = resume(folder, library, state, journal, whole, chance.choice([0.0, 0.2, 1.5]))
             failures += bool(wrong)
             if wrong:
                 print(f"{number}: killed {after_s:.3f} s after its start: {wrong}")

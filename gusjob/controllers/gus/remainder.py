@@ -1,4 +1,4 @@
-"""What is left of a stream from a place on: the controller's state there rebuilt, a dark way to it, and the rest."""
+"""The remainder of a stream from a position: the controller's state there rebuilt, a jump to it, and the rest."""
 
 from __future__ import annotations
 
@@ -10,80 +10,98 @@ import numpy as np
 
 from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
 from gusjob.controllers.gus.geometry import call_segments
-from gusjob.controllers.gus.place import START, Place
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import reachable_ends
 
 CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
-_NOW = ("GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_GetHSIOOpt")
-_UNDONE_BY = {
+"""Immediate calls of the coordinate system; all others are calls of a laser."""
+_IMMEDIATE_EFFECTS = ("GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_GetHSIOOpt")
+"""Laser calls that are no settings: switch and power are rebuilt as buffered calls."""
+_REVOKED_BY = {
     "GT_LaserPowerMode": ("GT_LaserOutFrq", "GT_SetPulseWidth"),
     "GT_EnaFPK": ("GT_DisFPK",),
     "GT_DisFPK": ("GT_EnaFPK",),
     "GT_SetLaserDisMode": ("GT_SetLaserDisRatio",),
 }
-"""What a setting takes away of earlier ones. In force are the others, in the order of the manual's examples."""
+"""The earlier settings that a setting revokes. The others are in force, in the order of the manual's examples."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
-    """A stream to run: behind the first `lead` rows it is what is left of the whole job from a place on."""
+class Remainder:
+    """A stream to run: after its first `lead_rows` rows it is the whole job from `begin` on.
+
+    `start_pulse`: where its first motion begins; after a jump to the position that is where the jump ends.
+    """
 
     stream: Stream
-    lead: int = 0
-    begin: Place = START
-    start: tuple[float, float] = (0.0, 0.0)
-    """Where its first motion begins, pulse; behind a way of its own that is where the way leads."""
+    lead_rows: int = 0
+    begin: PathPosition = JOB_START
+    start_pulse: tuple[float, float] = (0.0, 0.0)
 
-    def row(self, index: int) -> int:
-        """The whole job's row for a row of this part."""
-        return self.begin.row + max(index - self.lead, 0)
+    def job_row(self, row: int) -> int:
+        """Convert a row of this stream to a row of the whole job."""
+        return self.begin.row + max(row - self.lead_rows, 0)
 
-    def place(self, here: Place) -> Place:
-        """The whole job's place for a place in this part. Its first row may be the end of a longer one."""
-        if here.row < self.lead:
+    def job_position(self, position: PathPosition) -> PathPosition:
+        """Convert a position in this stream to one in the whole job.
+
+        The first row behind the lead may be the end of a longer one.
+        """
+        if position.row < self.lead_rows:
             return self.begin
-        begun = self.begin.run_pulse if here.row == self.lead else 0.0
-        return Place(row=self.row(here.row), run_pulse=begun + here.run_pulse, sure=here.sure)
+        begun_pulse = self.begin.along_pulse if position.row == self.lead_rows else 0.0
+        along_pulse = begun_pulse + position.along_pulse
+        return PathPosition(row=self.job_row(position.row), along_pulse=along_pulse, sure=position.sure)
 
 
-def whole(stream: Stream, head: tuple[float, float] | None) -> Part:
-    """The whole stream, from wherever the head is (None: nobody knows).
+def whole_job(stream: Stream, head_pulse: tuple[float, float] | None) -> Remainder:
+    """Make the whole stream ready to run from any position of the head.
 
-    Its calls take it for granted that the head begins at 0, 0. A first motion that is dark and straight gets there by
-    itself; before any other one a dark way to 0, 0 is put.
+    Its calls assume that the head begins at 0, 0. If the first motion is a jump, it gets to its end by itself;
+    before any other motion a jump to 0, 0 is added.
+
+    Args:
+        stream: the whole job.
+        head_pulse: where the head is; None if unknown.
     """
     timed = np.flatnonzero(stream.buffered.kind <= Buffered.DELAY)
-    away = head is None or math.hypot(*head) >= 1
+    away = head_pulse is None or math.hypot(*head_pulse) >= 1
     if not len(timed) or not away:
-        return Part(stream=stream)
+        return Remainder(stream=stream)
     first = int(timed[0])
-    lit = any(_light_at(stream, first, channel).on for channel in (0, 1))
-    if stream.buffered.kind[first] == Buffered.LINE and not lit:
-        return Part(stream=stream)
-    return rest(stream, START, head)
+    emits = any(_switch_state(stream, first, channel).on for channel in (0, 1))
+    if stream.buffered.kind[first] == Buffered.LINE and not emits:
+        return Remainder(stream=stream)
+    return remainder_from(stream, JOB_START, head_pulse)
 
 
-def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) -> Part:
-    """What is left from a place on.
+def remainder_from(stream: Stream, position: PathPosition, head_pulse: tuple[float, float] | None = None) -> Remainder:
+    """Make the stream that runs the rest of a job.
 
-    The calls that set the lasers up, GT_SetCrdPrm, GT_CrdClear, a dark move to the place (left out if the head, pulse,
-    is there), the power in force, the switch if it was on, and the rest as it was; but for end velocities that can't be
-    reached from rest, and the row in which the place lies, which begins there.
+    It has the calls that set up the lasers, GT_SetCrdPrm, GT_CrdClear, a jump to the position, the power in force,
+    the switch if it was on, and the rest of the job unchanged but for two things: end velocities that can't be reached
+    from rest are lowered, and the row in which the position lies begins there.
+
+    Args:
+        stream: the whole job.
+        position: where to begin.
+        head_pulse: where the head is; the jump is left out if that is the position. None if unknown.
     """
-    calls, place = stream.buffered, settled(stream.buffered, place)
-    row = place.row
+    calls, position = stream.buffered, at_next_motion(stream.buffered, position)
+    row = position.row
     if row >= len(calls):
-        behind = tuple(replace(c, at=0) for c in stream.calls if c.at >= row and c.name not in CRD_CALLS)
-        return Part(stream=replace(stream, buffered=calls.pick(np.arange(0)), calls=behind, intent=None), begin=place)
-    start = point(calls, place)
+        after = tuple(replace(c, at=0) for c in stream.calls if c.at >= row and c.name not in CRD_CALLS)
+        empty = replace(stream, buffered=calls.pick(np.arange(0)), calls=after, intent=None)
+        return Remainder(stream=empty, begin=position)
+    start = point_pulse(calls, position)
     line, crd, fifo = int(calls.line[row]), int(calls.crd[row]), int(calls.fifo[row])
-    lead = _Lead(calls=calls, line=line, crd=crd, fifo=fifo)
-    if head is None or math.hypot(head[0] - start[0], head[1] - start[1]) >= 1:
-        vel, acc = _speed(calls, row)
+    lead = _LeadIn(calls=calls, line=line, crd=crd, fifo=fifo)
+    if head_pulse is None or math.hypot(head_pulse[0] - start[0], head_pulse[1] - start[1]) >= 1:
+        vel, acc = _velocity_and_acceleration(calls, row)
         lead.add(Buffered.LINE, x=start[0], y=start[1], vel=vel, acc=acc)
     for channel in (0, 1):
-        state = _light_at(stream, row, channel)
+        state = _switch_state(stream, row, channel)
         if isinstance(state.power, int):
             lead.rows.append(calls.pick(np.array([state.power])))
         elif state.power is not None:
@@ -91,40 +109,40 @@ def rest(stream: Stream, place: Place, head: tuple[float, float] | None = None) 
         if state.on:
             lead.add(Buffered.ON, channel=channel)
     left = calls.pick(np.arange(row, len(calls)))
-    if place.run_pulse > 0:
+    if position.along_pulse > 0:
         _begin_within(left, calls, row, start)
     count = len(lead.rows)
     made = Stream(
         name=stream.name,
-        buffered=_joined([*lead.rows, left]),
+        buffered=_concatenated([*lead.rows, left]),
         calls=tuple(_calls(stream, row, count - row, line, crd, fifo)),
     )
-    _reach(made, start)
-    return Part(stream=made, lead=count, begin=place, start=start)
+    _lower_end_velocities(made, start)
+    return Remainder(stream=made, lead_rows=count, begin=position, start_pulse=start)
 
 
-def settled(calls: BufferedCalls, place: Place) -> Place:
-    """A place at the row that is to be run next.
+def at_next_motion(calls: BufferedCalls, position: PathPosition) -> PathPosition:
+    """Move a position to the row that is to be run next.
 
-    What stands before the next motion, switches and powers, is not run but counted as done: light that goes off there
-    would else come on for a moment. And what is left of a motion is at least a pulse: an arc that ends where it begins
-    would be a full circle.
+    Untimed calls before the next motion, switches and powers, are counted as done: a laser that is switched off there
+    would come on for a moment otherwise. At least a pulse of a motion is left: an arc that ends where it begins would
+    be a full circle.
     """
-    row, run = place.row, place.run_pulse
-    if row < len(calls) and run > 0:
-        start = point(calls, place)
+    row, along = position.row, position.along_pulse
+    if row < len(calls) and along > 0:
+        start = point_pulse(calls, position)
         if start == (float(calls.x[row]), float(calls.y[row])):
-            x, y = point(calls, Place(row=row))
-            length = float(_laid(calls, row).length[0])
-            row, run = (row, 0.0) if (x, y) == start and run < length / 2 else (row + 1, 0.0)
+            x, y = point_pulse(calls, PathPosition(row=row))
+            length = float(_segment(calls, row).length[0])
+            row, along = (row, 0.0) if (x, y) == start and along < length / 2 else (row + 1, 0.0)
     timed = np.flatnonzero(calls.kind[row:] <= Buffered.DELAY)
     row = row + int(timed[0]) if len(timed) else len(calls)
-    return Place(row=row, run_pulse=run, sure=place.sure)
+    return PathPosition(row=row, along_pulse=along, sure=position.sure)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Lead:
-    """The rows before what is left."""
+class _LeadIn:
+    """The rows before the rest of the job."""
 
     calls: BufferedCalls
     line: int
@@ -140,15 +158,15 @@ class _Lead:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Light:
-    """A channel at a row. `power`: the row that set it, a power that was set at once, or None."""
+class _SwitchState:
+    """A channel's state before a row. `power`: the row that set it, a power that was set immediately, or None."""
 
     on: bool
     power: int | float | None
 
 
-def _light_at(stream: Stream, row: int, channel: int) -> _Light:
-    """What the last calls before a row left behind. A new mode takes the power away."""
+def _switch_state(stream: Stream, row: int, channel: int) -> _SwitchState:
+    """Find the state that the calls before a row leave. A new power mode revokes the power."""
     calls = stream.buffered
     mine = (calls.channel[:row] == channel) & (calls.kind[:row] >= Buffered.ON)
     at = np.flatnonzero(mine)
@@ -170,11 +188,11 @@ def _light_at(stream: Stream, row: int, channel: int) -> _Light:
             if call.args[0] != mode and call.at >= power[0]:
                 power = (call.at, None)
             mode = call.args[0]
-    return _Light(on=bool(switch[1]), power=power[1])
+    return _SwitchState(on=bool(switch[1]), power=power[1])
 
 
 def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int) -> Iterator[Call]:
-    """The calls that are not buffered: settings in force, the coordinate system, and those behind the row."""
+    """Yield the immediate calls: settings in force, the coordinate system, and the calls after the row."""
     settings = dict[tuple[str, object], Call]()
     built: Call | None = None
     for call in stream.calls:
@@ -182,10 +200,10 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
             continue
         if call.name == "GT_SetCrdPrm" and call.args[0] == crd:
             built = call
-        elif call.name not in (*CRD_CALLS, *_NOW):
-            # An axis stands for its channel: 7 is channel 0, 8 is channel 1 (M 二.2).
+        elif call.name not in (*CRD_CALLS, *_IMMEDIATE_EFFECTS):
+            # An axis belongs to a channel: 7 is channel 0, 8 is channel 1 (M 二.2).
             channel = call.args[0] if call.name == "GT_SetAxisMode" else call.args[-1]
-            for name in _UNDONE_BY.get(call.name, ()):
+            for name in _REVOKED_BY.get(call.name, ()):
                 settings.pop((name, channel), None)
             settings[call.name, channel] = call
     order = list(SIGNATURES)
@@ -193,76 +211,76 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
     for call in (*settings.values(), *([built] if built else [])):
         yield replace(call, at=0)
     yield Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=0, line=line)
-    behind = [replace(call, at=call.at + shift) for call in stream.calls if call.at > row]
-    starts = next((i for i, call in enumerate(behind) if call.name in CRD_CALLS), len(behind))
-    if starts == len(behind) or behind[starts].name != "GT_CrdStart":
-        # It was started early: its rows came while it ran.
-        at = behind[starts].at if starts < len(behind) else len(stream.buffered) + shift
-        behind.insert(starts, crd_start(crd, fifo, at=at, line=line))
-    yield from behind
+    after = [replace(call, at=call.at + shift) for call in stream.calls if call.at > row]
+    first = next((i for i, call in enumerate(after) if call.name in CRD_CALLS), len(after))
+    if first == len(after) or after[first].name != "GT_CrdStart":
+        # The stage was started early: its rows were sent while it ran.
+        at = after[first].at if first < len(after) else len(stream.buffered) + shift
+        after.insert(first, crd_start(crd, fifo, at=at, line=line))
+    yield from after
 
 
-def point(calls: BufferedCalls, place: Place) -> tuple[float, float]:
-    """The whole pulse where a place is."""
-    timed = np.flatnonzero(calls.kind[: place.row + 1] <= Buffered.DELAY)
+def point_pulse(calls: BufferedCalls, position: PathPosition) -> tuple[float, float]:
+    """Return the coordinates of a position, in whole pulses."""
+    timed = np.flatnonzero(calls.kind[: position.row + 1] <= Buffered.DELAY)
     moves = timed[calls.kind[timed] < Buffered.DELAY]
-    before = moves[moves < place.row]
+    before = moves[moves < position.row]
     start = (float(calls.x[before[-1]]), float(calls.y[before[-1]])) if len(before) else (0.0, 0.0)
-    if place.run_pulse <= 0:
+    if position.along_pulse <= 0:
         return start
-    laid = call_segments(calls, np.array([place.row]), np.zeros(1, dtype=np.bool_), start)
-    x, y = laid.points(np.array([0]), place.run_pulse / laid.length)
+    segments = call_segments(calls, np.array([position.row]), np.zeros(1, dtype=np.bool_), start)
+    x, y = segments.points(np.array([0]), position.along_pulse / segments.length)
     return float(np.rint(x[0])), float(np.rint(y[0]))
 
 
-def _speed(calls: BufferedCalls, row: int) -> tuple[float, float]:
-    """Velocity and acceleration of the first motion from a row on, for the way to it."""
+def _velocity_and_acceleration(calls: BufferedCalls, row: int) -> tuple[float, float]:
+    """Return those of the first motion from a row on, for the jump to it."""
     moves = np.flatnonzero(calls.kind[row:] < Buffered.DELAY)
     at = row + int(moves[0]) if len(moves) else int(np.flatnonzero(calls.kind < Buffered.DELAY)[-1])
     return float(calls.vel[at]), float(calls.acc[at])
 
 
 def _begin_within(left: BufferedCalls, calls: BufferedCalls, row: int, start: tuple[float, float]) -> None:
-    """The first row of what is left begins at `start`; an arc goes on about its centre, which is an offset."""
+    """Let the first row of the rest begin at `start`; the centre of an arc is an offset from there."""
     if calls.kind[row] in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS):
         cx, cy = _centre(calls, row)
         left.kind[0] = Buffered.ARC_CENTRE
         left.p[0], left.q[0] = np.rint(cx - start[0]), np.rint(cy - start[1])
 
 
-def about_centre(calls: BufferedCalls, row: int) -> None:
-    """An arc by its radius as one about its centre, which goes on to be right where its end is moved along it."""
+def as_centre_arc(calls: BufferedCalls, row: int) -> None:
+    """Turn an arc by radius into one about its centre, which stays right if its end is moved along it."""
     if calls.kind[row] == Buffered.ARC_RADIUS:
-        (cx, cy), start = _centre(calls, row), point(calls, Place(row=row))
+        (cx, cy), start = _centre(calls, row), point_pulse(calls, PathPosition(row=row))
         calls.kind[row] = Buffered.ARC_CENTRE
         calls.p[row], calls.q[row] = np.rint(cx - start[0]), np.rint(cy - start[1])
 
 
 def _centre(calls: BufferedCalls, row: int) -> tuple[float, float]:
-    arcs = _laid(calls, row).arcs
+    arcs = _segment(calls, row).arcs
     return float(arcs.cx[0]), float(arcs.cy[0])
 
 
-def _laid(calls: BufferedCalls, row: int) -> Segments:
-    """One motion."""
-    return call_segments(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point(calls, Place(row=row)))
+def _segment(calls: BufferedCalls, row: int) -> Segments:
+    """Return one motion as a segment."""
+    return call_segments(calls, np.array([row]), np.zeros(1, dtype=np.bool_), point_pulse(calls, PathPosition(row=row)))
 
 
-def _joined(pieces: list[BufferedCalls]) -> BufferedCalls:
+def _concatenated(pieces: list[BufferedCalls]) -> BufferedCalls:
     names = BufferedCalls.__slots__
     return BufferedCalls(**{name: np.concatenate([piece.column(name) for piece in pieces]) for name in names})
 
 
-def _reach(stream: Stream, start: tuple[float, float]) -> None:
-    """Lower the end velocities of the first stage to what can be reached from rest."""
+def _lower_end_velocities(stream: Stream, start: tuple[float, float]) -> None:
+    """Lower the end velocities of the first stage to those that can be reached from rest."""
     calls = stream.buffered
     last = next((c.at for c in stream.calls if c.name == "GT_CrdStart"), len(calls))
     rows = np.flatnonzero(calls.kind[:last] <= Buffered.DELAY)
     if not len(rows):
         return
     dwell = calls.kind[rows] == Buffered.DELAY
-    laid = call_segments(calls, rows, dwell, start)
+    segments = call_segments(calls, rows, dwell, start)
     given = calls.vel_end[rows]
     ends = np.array([0, len(rows)])
-    reached = np.minimum(given, reachable_ends(laid.length, calls.vel[rows], calls.acc[rows], given, dwell, ends))
+    reached = np.minimum(given, reachable_ends(segments.length, calls.vel[rows], calls.acc[rows], given, dwell, ends))
     calls.vel_end[rows] = np.where(dwell, calls.vel_end[rows], reached)

@@ -187,7 +187,7 @@ def test_rounds_and_other_places(here: Path) -> None:
     assert result["ruleId"] == "GJ503"
     assert result["occurrenceCount"] == 150
     related = [(r["message"]["text"], place(r)[:2]) for r in result["relatedLocations"]]
-    assert ("in the round where i = 151", ("x.job", 4)) in related
+    assert ("in the iteration where i = 151", ("x.job", 4)) in related
 
 
 def test_a_fault_in_a_shared_file_is_one_result(here: Path) -> None:

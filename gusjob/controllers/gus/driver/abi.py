@@ -1,6 +1,6 @@
 """The vendor's libraries as data: GUS as in the laser manual, GTS single-card and multi-card (sister).
 
-Prototypes come from the signatures of stream.py; here stands only in what each library differs from the manual.
+Prototypes come from the signatures in calls.py; this module has only the differences of each library.
 On Windows the calls are __stdcall, elsewhere cdecl; `long` is the platform's own, 4 bytes on Windows.
 """
 
@@ -18,73 +18,90 @@ from gusjob.i18n.phrases import Phrase
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prototype:
-    """A call of ours as one library has it: its symbol there, its arguments, and constants before and behind ours."""
+    """A call of the manual as one library has it.
+
+    `symbol`: its name there; `args`: the manual's arguments; `leading`, `trailing`: constants before and after them.
+    """
 
     symbol: str
     args: tuple[Arg, ...]
-    before: tuple[int, ...] = ()
-    behind: tuple[int, ...] = ()
+    leading: tuple[int, ...] = ()
+    trailing: tuple[int, ...] = ()
 
     @property
     def argtypes(self) -> tuple[Any, ...]:
-        """The ctypes of all arguments, the constants (short, all of them) among them."""
+        """The ctypes of all arguments, with the constants, which are short."""
         own = tuple(_argtype(arg) for arg in self.args)
-        return (ctypes.c_short,) * len(self.before) + own + (ctypes.c_short,) * len(self.behind)
+        return (ctypes.c_short,) * len(self.leading) + own + (ctypes.c_short,) * len(self.trailing)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AbiProfile:
-    """One library. `leading_card`: every call takes the card's number first.
+    """The ABI of one library.
 
-    `changes`: the calls that differ, by the manual's name. `foreign`: a symbol that only a library of the other family
-    has, and ours in its place; where that one stands and ours does not, it is the other family.
+    `leading_card`: every call takes the card's number first. `changes`: the calls that differ, by the manual's name.
+    `own_symbol`: a symbol of this family (GUS or GTS), in whose place the other family has `other_symbol`.
     """
 
     title: str
     leading_card: bool = False
     changes: Mapping[str, Prototype] = field(default_factory=dict)
-    foreign: tuple[str, str]
+    own_symbol: str
+    other_symbol: str
 
 
 _FOLLOW, _FOLLOW_RATIO = "GT_BufLaserPrfFollow", "GT_BufLaserFollowRatio"
 
 
 def _retyped(call: str, **types: CType) -> tuple[Arg, ...]:
-    """The arguments of a call, some of them of another type."""
+    """Return the arguments of a call, some of them with another type."""
     return tuple(replace(arg, c=types.get(arg.name, arg.c)) for arg in SIGNATURES[call].args)
 
 
 _GTS_CHANGES = {
-    # A fifth argument, delaymode, that M does not have.
-    "GT_LaserPowerMode": Prototype(symbol="GT_LaserPowerMode", args=SIGNATURES["GT_LaserPowerMode"].args, behind=(0,)),
+    # A fifth argument, delaymode, that the laser manual does not have.
+    "GT_LaserPowerMode": Prototype(
+        symbol="GT_LaserPowerMode", args=SIGNATURES["GT_LaserPowerMode"].args, trailing=(0,)
+    ),
     "GT_SetPulseWidth": Prototype(symbol="GT_SetPulseWidth", args=_retyped("GT_SetPulseWidth", width=CType.ULONG)),
     _FOLLOW: Prototype(symbol=_FOLLOW_RATIO, args=_retyped(_FOLLOW, minPower=CType.DOUBLE, maxPower=CType.DOUBLE)),
 }
 
 ABI_PROFILES = {
-    Abi.GUS: AbiProfile(title=Phrase("GUS, as in the laser manual"), foreign=(_FOLLOW_RATIO, _FOLLOW)),
-    Abi.GTS: AbiProfile(title=Phrase("GTS, one card"), changes=_GTS_CHANGES, foreign=(_FOLLOW, _FOLLOW_RATIO)),
+    Abi.GUS: AbiProfile(title=Phrase("GUS, as in the laser manual"), own_symbol=_FOLLOW, other_symbol=_FOLLOW_RATIO),
+    Abi.GTS: AbiProfile(
+        title=Phrase("GTS, one card"), changes=_GTS_CHANGES, own_symbol=_FOLLOW_RATIO, other_symbol=_FOLLOW
+    ),
     Abi.GTS_MULTI: AbiProfile(
-        title=Phrase("GTS, several cards"), leading_card=True, changes=_GTS_CHANGES, foreign=(_FOLLOW, _FOLLOW_RATIO)
+        title=Phrase("GTS, several cards"),
+        leading_card=True,
+        changes=_GTS_CHANGES,
+        own_symbol=_FOLLOW_RATIO,
+        other_symbol=_FOLLOW,
     ),
 }
 
 PROBE = "GT_ClrSts"
-"""The call by which a library is tried: no pointers, no effect on light or motion."""
+"""The call that probes a library: it has no pointers and no effect on laser or motion."""
 PROBE_ARGUMENTS = (1, 1)
 PROBE_GUARD = (0, 0)
-"""Further arguments, which the right library never looks at; one that takes more finds a count of 0, which it refuses
-(axis 1..8, count 1.. in all of the sister series)."""
+"""Further arguments, which the right library never reads; one that takes more arguments finds a count of 0, which it
+refuses (axis 1..8, count 1.. in all of the sister series)."""
 
 
 def prototypes(abi: Abi, card: int) -> dict[str, Prototype]:
-    """Every call that gusjob can make, as a library of this ABI has it."""
+    """Return every call that gusjob can make, by the manual's name.
+
+    Args:
+        abi: the library's ABI.
+        card: number of the card, for libraries of several cards.
+    """
     profile = ABI_PROFILES[abi]
-    before = (card,) if profile.leading_card else ()
+    leading = (card,) if profile.leading_card else ()
 
     def made(signature: Signature) -> Prototype:
         plain = Prototype(symbol=signature.name, args=signature.args)
-        return replace(profile.changes.get(signature.name, plain), before=before)
+        return replace(profile.changes.get(signature.name, plain), leading=leading)
 
     return {name: made(signature) for name, signature in (SIGNATURES | HOST_CALLS).items()}
 
@@ -100,7 +117,7 @@ _CTYPES: dict[CType, Any] = {
 
 
 class TCrdPrm(ctypes.Structure):
-    """The coordinate system's parameters, laid out by the platform's C rules."""
+    """The coordinate system's parameters, in the layout of the platform's C compiler."""
 
     _fields_ = [(name, _CTYPES[c] * count if count > 1 else _CTYPES[c]) for name, c, count, _ in CRD_FIELDS]
 
@@ -113,7 +130,7 @@ def _argtype(arg: Arg) -> Any:
 
 
 def c_value(arg: Arg, value: Any) -> Any:
-    """A value as ctypes takes it: a number, or memory for what the call points to."""
+    """Convert a value to what ctypes takes: a number, or memory for what the call points to."""
     kind = _CTYPES[arg.c]
     match arg.kind:
         case ArgKind.WHOLE:

@@ -1,7 +1,7 @@
-"""Keeps the controller's FIFO full: buffered calls in order, none twice, none left out.
+"""Keep the controller's FIFO full: buffered calls in order, none twice, none left out.
 
-A full FIFO refuses a call; then GT_CrdSpace is polled and the SAME call is sent again (sister). The loop over calls is
-a loop since each is a call into C; all that can be prepared is prepared as columns.
+A full FIFO refuses a call; then GT_CrdSpace is polled and the SAME call is sent again (sister). Sending is a loop in
+Python since each call is a call into C; everything else is prepared by columns (prepared.py).
 """
 
 from __future__ import annotations
@@ -10,51 +10,38 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.control import Control
-from gusjob.controllers.gus.calls import (
-    BUFFERED,
-    Arg,
-    ArgKind,
-    Buffered,
-    BufferedCalls,
-    Call,
-    CType,
-    Signature,
-    crd_start,
-)
-from gusjob.controllers.gus.driver.abi import Prototype
-from gusjob.controllers.gus.driver.link import FULL, BackendError, Link, TakenOver, failure, refused
-from gusjob.controllers.gus.listing import number_texts
+from gusjob.controllers.gus.calls import BUFFERED, Buffered, Call, crd_start
+from gusjob.controllers.gus.driver.link import FULL, BackendError, Link, TakenOver, call_failure, failure
+from gusjob.controllers.gus.driver.prepared import PreparedCall, prepare
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
-from gusjob.controllers.gus.remainder import Part
+from gusjob.controllers.gus.remainder import Remainder
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.units import MS_PER_S
 
 POLL_S = 0.02
-"""How often the controller is asked how far it is: 4096 slots of 10 us segments last twice as long."""
+"""How often the controller's state is polled: 4096 slots of 10 us segments last twice as long."""
 START_S = 1.0
-"""So long after GT_CrdStart the motion may still rest."""
+"""How long after GT_CrdStart the axes may still be at rest."""
 STILL_S = 3.0
-"""So long, and the longest dwell, nothing may change while it moves."""
+"""How long, in addition to the longest dwell, nothing may change while the motion runs."""
 _CHUNK = 1024
 _TRIES = 3
-"""So often a call may be refused as if the FIFO were full though GT_CrdSpace found room."""
+"""How often a call may be refused as if the FIFO were full though GT_CrdSpace found free slots."""
 _A_CALL = Phrase("a buffered call")
 
-Prepared = tuple[Callable[..., int], tuple[int | float, ...], bytes]
-"""A buffered call: function, all arguments, the rest of its journal line."""
+
+class Interrupted(BaseException):
+    """Not an error: the user requests a pause or stop; control has which."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
-    """What the controller says of itself."""
+class FifoStatus:
+    """The controller's state as polled: moving or not, calls done, free slots, position in pulse."""
 
     run: bool
     segment: int
@@ -64,94 +51,156 @@ class Look:
 
 
 @dataclass(slots=True, kw_only=True)
-class Stage:
-    """A stage under way. `first`: its first row; `sent`: rows sent, as far as into the part; `size`: slots."""
+class FifoStage:
+    """A stage in progress.
+
+    `first`: its first row; `sent`: rows sent, counted from the stream's start; `size`: slots of the FIFO; `free`: slots
+    that are certainly free.
+    """
 
     crd: int
     fifo: int
     first: int
     sent: int
     size: int
-    room: int
+    free: int
     line: int
     started: bool = False
-    """It may be before GT_CrdStart's turn, where the FIFO is full earlier."""
+    """It may be started before its GT_CrdStart, when the FIFO is full earlier."""
     ran: bool = False
     since_s: float = 0.0
-    """When it was started, or changed last."""
-    last: Look | None = None
-    sent_at_look: int = 0
+    """When it was started, or its status changed last."""
+    last: FifoStatus | None = None
+    sent_at_poll: int = 0
 
     @property
     def taken(self) -> int:
         """The first row that has not left the FIFO."""
         space = self.last.space if self.last else self.size
-        return max(self.sent_at_look - (self.size - space), self.first)
+        return max(self.sent_at_poll - (self.size - space), self.first)
 
 
 class Fifo:
-    """Sends one part's rows. `on_look` is called after every look at it, `before_start` before GT_CrdStart."""
+    """Sends the rows of one stream.
+
+    `on_status` is called after every poll, `before_start` before GT_CrdStart.
+    """
 
     def __init__(
         self,
         link: Link,
         control: Control,
-        part: Part,
+        part: Remainder,
         *,
-        on_look: Callable[[Stage], None],
+        on_status: Callable[[FifoStage], None],
         before_start: Callable[[], None],
     ) -> None:
         self.link, self.control, self.part = link, control, part
-        self.on_look, self.before_start = on_look, before_start
+        self.on_status, self.before_start = on_status, before_start
         self.calls = part.stream.buffered
-        self.stage: Stage | None = None
-        self.looked_s = 0.0
+        self.stage: FifoStage | None = None
+        self.polled_s = 0.0
         self.until = 0
-        """Indices before this one are to be sent before anything else."""
+        """Rows before this one are to be sent before anything else."""
         dwells = self.calls.p[self.calls.kind == Buffered.DELAY] / MS_PER_S
         self.still_s = STILL_S + float(dwells.max(initial=0.0))
 
-    def begin(self, crd: int, fifo: int, row: int, line: int) -> Stage:
-        """A stage begins: what the empty FIFO holds is the measure of what is in it later."""
-        (space,) = self.link.must("GT_CrdSpace", float(crd), 0.0, float(fifo), line=line)
+    # Stages.
+
+    def begin(self, crd: int, fifo: int, row: int, line: int) -> FifoStage:
+        """Begin a stage: the free slots of the empty FIFO are its size."""
+        (space,) = self.link.checked("GT_CrdSpace", float(crd), 0.0, float(fifo), line=line)
         size = int(space)
         if not 0 < size <= FIFO_SLOTS:
             raise failure(
-                rules.WRONG_ABI, line, library=self.link.library.path, abi=self.link.library.abi,
+                rules.WRONG_ABI,
+                line,
+                library=self.link.library.path,
+                abi=self.link.library.abi,
                 reason=Phrase(
-                    "GT_CrdSpace finds {size} free slots behind GT_CrdClear, not 1 to {most}",
-                    size=size, most=FIFO_SLOTS,
-                ), hint="",
-            )  # fmt: skip
-        self.stage = Stage(crd=crd, fifo=fifo, first=row, sent=row, sent_at_look=row, size=size, room=size, line=line)
+                    "GT_CrdSpace finds {size} free slots after GT_CrdClear, not 1 to {most}", size=size, most=FIFO_SLOTS
+                ),
+                hint="",
+            )
+        self.stage = FifoStage(
+            crd=crd, fifo=fifo, first=row, sent=row, sent_at_poll=row, size=size, free=size, line=line
+        )
         return self.stage
 
+    def start(self, call: Call) -> None:
+        """Make GT_CrdStart of the stage in progress."""
+        self.before_start()
+        self.link.checked(call.name, *call.args, line=call.line)
+        if self.stage is not None:
+            self.stage.started, self.stage.since_s = True, time.perf_counter()
+
+    def wait_for_end(self) -> FifoStatus | None:
+        """Wait until the axes are at rest and the FIFO is empty.
+
+        Returns:
+            The last status; None if nothing was started.
+        """
+        stage = self.stage
+        if stage is None or not stage.started:
+            return None
+        sleep_s = POLL_S / 16  # A short stage does not wait for a long sleep.
+        while True:
+            status = self.poll()
+            if not status.run and status.space >= stage.size:
+                break
+            self.control.sleep(sleep_s)
+            sleep_s = min(2 * sleep_s, POLL_S)
+            self.check_requests()
+        stage.started = stage.ran = False
+        stage.first = stage.sent
+        return status
+
+    def _stage_of(self, row: int) -> FifoStage:
+        """Return the stage of a row; a listing may fill a FIFO that it never cleared."""
+        crd, fifo = int(self.calls.crd[row]), int(self.calls.fifo[row])
+        if self.stage is None or (self.stage.crd, self.stage.fifo) != (crd, fifo):
+            return self.begin(crd, fifo, row, int(self.calls.line[row]))
+        return self.stage
+
+    # Sending.
+
     def send(self, first: int, last: int) -> None:
-        """Indices first..last-1, in order."""
+        """Send rows first..last-1, in order."""
         self.until = last
         for start in range(first, last, _CHUNK):
             end = min(start + _CHUNK, last)
             self._send(self._prepared(start, end), start)
 
-    def _send(self, prepared: list[Prepared], first: int) -> None:
+    def _prepared(self, first: int, last: int) -> list[PreparedCall]:
+        """Prepare rows first..last-1."""
+        rows = np.arange(first, last)
+        lead_rows = self.part.lead_rows
+        job_rows = np.where(rows >= lead_rows, rows - lead_rows + self.part.begin.row, -1)
+        return prepare(self.link.library, self.calls.pick(rows), job_rows)
+
+    def _send(self, prepared: list[PreparedCall], first: int) -> None:
         stage, done, tries = self._stage_of(first), 0, 0
         while done < len(prepared):
-            self.heed()
-            if stage.room <= 0:
-                self._wait_for_room(first + done)
-            sent, code = self._burst(prepared[done : done + stage.room])
-            done, stage.sent, stage.room = done + sent, stage.sent + sent, stage.room - sent
+            self.check_requests()
+            if stage.free <= 0:
+                self._wait_for_free_slots(first + done)
+            sent, code = self._burst(prepared[done : done + stage.free])
+            done, stage.sent, stage.free = done + sent, stage.sent + sent, stage.free - sent
             tries = tries + 1 if code and not sent else 0
             if code and (code != FULL or tries > _TRIES):
                 row = first + done
-                raise refused(BUFFERED[Buffered(int(self.calls.kind[row]))].name, code, int(self.calls.line[row]))
+                raise call_failure(BUFFERED[Buffered(int(self.calls.kind[row]))].name, code, int(self.calls.line[row]))
             if code:
-                stage.room = 0
-            if time.perf_counter() - self.looked_s > POLL_S:
-                self.look()
+                stage.free = 0
+            if time.perf_counter() - self.polled_s > POLL_S:
+                self.poll()
 
-    def _burst(self, prepared: list[Prepared]) -> tuple[int, int]:
-        """As many of them as are taken; how many, and the code that ended it (0: all, or a wish was heard)."""
+    def _burst(self, prepared: list[PreparedCall]) -> tuple[int, int]:
+        """Send as many calls as the FIFO takes.
+
+        Returns:
+            How many, and the code that ended the burst (0: all were sent, or the time was over, or there is a request).
+        """
         link, control, write = self.link, self.control, self.link.journal.write
         clock, start_s, sent, code, me = time.perf_counter, self.link.journal.start_s, 0, 0, threading.get_ident()
         until = clock() + POLL_S
@@ -160,7 +209,7 @@ class Fifo:
         link.calling = _A_CALL
         try:
             for function, args, text in prepared:
-                if control.asked:
+                if control.requested:
                     break
                 link.since_s = clock()
                 code = function(*args)
@@ -173,156 +222,79 @@ class Fifo:
                 if code or now > until:
                     break
         except OSError as error:
-            raise self._broken(error, sent) from error
-        link.made += sent
+            raise self._send_failure(error, sent) from error
+        link.call_count += sent
         return sent, code
 
-    def _broken(self, error: OSError, sent: int) -> BackendError:
-        """The journal could not be written, or, if a call has not returned, the library failed."""
-        stage, within = self.stage, self.link.since_s > 0
+    def _send_failure(self, error: OSError, sent: int) -> BackendError:
+        """Make the error of a burst: the library failed if a call has not returned, else the journal."""
+        stage, in_call = self.stage, self.link.since_s > 0
         self.link.since_s = 0.0
         if stage is not None:
             stage.sent += sent
-        if within:
-            return self.link.crashed(self.link.calling, error)
+        if in_call:
+            return self.link.library_failure(self.link.calling, error)
         self.link.journal.give_up(error)
-        return self.link.no_journal()
+        return self.link.journal_failure()
 
-    def _stage_of(self, row: int) -> Stage:
-        """The stage that a row belongs to; a listing may fill a FIFO that it never cleared."""
-        crd, fifo = int(self.calls.crd[row]), int(self.calls.fifo[row])
-        if self.stage is None or (self.stage.crd, self.stage.fifo) != (crd, fifo):
-            return self.begin(crd, fifo, row, int(self.calls.line[row]))
-        return self.stage
-
-    def _wait_for_room(self, row: int) -> None:
-        """Until the FIFO has room; a stage longer than the FIFO is started now."""
+    def _wait_for_free_slots(self, row: int) -> None:
+        """Wait until the FIFO has free slots; start a stage that is longer than the FIFO."""
         stage = self._stage_of(row)
-        self.look()
-        if stage.room > 0:
+        self.poll()
+        if stage.free > 0:
             return
         if not stage.started:
             self.start(crd_start(stage.crd, stage.fifo, at=row, line=int(self.calls.line[row])))
-        while stage.room <= 0:
-            self.control.nap(POLL_S)
-            self.heed()
-            self.look()
+        while stage.free <= 0:
+            self.control.sleep(POLL_S)
+            self.check_requests()
+            self.poll()
 
-    def start(self, call: Call) -> None:
-        """GT_CrdStart of the present stage."""
-        self.before_start()
-        self.link.must(call.name, *call.args, line=call.line)
-        if self.stage is not None:
-            self.stage.started, self.stage.since_s = True, time.perf_counter()
+    def check_requests(self) -> None:
+        """Raise Interrupted if the user requests a pause or stop."""
+        if self.control.requested:
+            raise Interrupted
 
-    def wait_for_end(self) -> Look | None:
-        """Until the motion rests and the FIFO is empty; what was seen then. None if nothing was started."""
-        stage = self.stage
-        if stage is None or not stage.started:
-            return None
-        nap_s = POLL_S / 16  # Short stages are not to wait for a long nap.
-        while True:
-            look = self.look()
-            if not look.run and look.space >= stage.size:
-                break
-            self.control.nap(nap_s)
-            nap_s = min(2 * nap_s, POLL_S)
-            self.heed()
-        stage.started = stage.ran = False
-        stage.first = stage.sent
-        return look
+    # Polling.
 
-    def look(self) -> Look:
-        """Ask how far it is. GT_CrdStatus goes first: at rest no more calls are taken, so the space still holds."""
+    def poll(self) -> FifoStatus:
+        """Poll the controller's state and check that the motion goes on.
+
+        GT_CrdStatus goes first: at rest no more calls are taken, so the free slots still hold.
+        """
         stage = self.stage
         assert stage is not None
         line = int(self.calls.line[max(min(stage.taken, len(self.calls) - 1), 0)]) if len(self.calls) else stage.line
-        run, segment = self.link.must("GT_CrdStatus", float(stage.crd), 0.0, 0.0, float(stage.fifo), line=line)
-        (space,) = self.link.must("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo), line=line)
-        (position,) = self.link.must("GT_GetCrdPos", float(stage.crd), 0.0, line=line)
+        run, segment = self.link.checked("GT_CrdStatus", float(stage.crd), 0.0, 0.0, float(stage.fifo), line=line)
+        (space,) = self.link.checked("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo), line=line)
+        (position,) = self.link.checked("GT_GetCrdPos", float(stage.crd), 0.0, line=line)
         before, now = stage.last, time.perf_counter()
-        self.looked_s = now
-        look = Look(run=bool(run), segment=segment, space=space, x=position[0], y=position[1])
-        fresh = stage.sent - stage.sent_at_look
-        stage.last, stage.room, stage.sent_at_look = look, space, stage.sent
-        # It may have begun and run dry between two looks.
+        self.polled_s = now
+        status = FifoStatus(run=bool(run), segment=segment, space=space, x=position[0], y=position[1])
+        sent_since = stage.sent - stage.sent_at_poll
+        stage.last, stage.free, stage.sent_at_poll = status, space, stage.sent
+        # It may have begun and run dry between two polls.
         gone = stage.size - space < stage.sent - stage.first
-        stage.ran = stage.ran or (stage.started and (look.run or gone))
-        if look != before:
+        stage.ran = stage.ran or (stage.started and (status.run or gone))
+        if status != before:
             stage.since_s = now
-        self.on_look(stage)
-        self._judge(stage, look, fresh, now)
-        return look
+        self.on_status(stage)
+        self._check_motion(stage, status, sent_since, now)
+        return status
 
-    def _judge(self, stage: Stage, look: Look, fresh: int, now: float) -> None:
-        """Whether the motion goes on as it should."""
-        queued = stage.size - look.space
+    def _check_motion(self, stage: FifoStage, status: FifoStatus, sent_since: int, now: float) -> None:
+        """Raise a failure if the motion ended too early, did not start, or makes no progress."""
+        queued = stage.size - status.space
         row = min(max(stage.taken, 0), len(self.calls) - 1)
         line = int(self.calls.line[row]) if row >= 0 else stage.line
         unsent = stage.sent < self.until
-        if stage.ran and not look.run and (queued > 0 or unsent):
-            if queued <= fresh:
-                rate = round(self.link.made / max(self.link.journal.now_s(), 1e-9))
+        if stage.ran and not status.run and (queued > 0 or unsent):
+            if queued <= sent_since:
+                rate = round(self.link.call_count / max(self.link.journal.now_s(), 1e-9))
                 raise failure(rules.STARVED, line, rate=rate)
             raise failure(rules.HALTED, line, queued=queued)
-        if stage.started and not look.run and not stage.ran and queued > 0 and now - stage.since_s > START_S:
+        if stage.started and not status.run and not stage.ran and queued > 0 and now - stage.since_s > START_S:
             raise failure(rules.NO_PROGRESS, line, what=Phrase("the motion did not start"), seconds=START_S)
-        if look.run and now - stage.since_s > self.still_s:
-            what = Phrase("the motion is at the same place")
+        if status.run and now - stage.since_s > self.still_s:
+            what = Phrase("the position does not change")
             raise failure(rules.NO_PROGRESS, line, what=what, seconds=self.still_s)
-
-    def heed(self) -> None:
-        """Wishes of the user end the sending."""
-        if self.control.asked:
-            raise Interrupted
-
-    def _prepared(self, first: int, last: int) -> list[Prepared]:
-        """Indices first..last-1 as calls."""
-        rows = np.arange(first, last)
-        calls = self.calls.pick(rows)
-        made: list[Prepared] = [_NOTHING] * len(rows)
-        origin = np.where(rows >= self.part.lead, rows - self.part.lead + self.part.begin.row, -1)
-        for kind, signature in BUFFERED.items():
-            at = np.flatnonzero(calls.kind == kind)
-            if len(at):
-                library = self.link.library
-                function, prototype = library.functions[signature.name], library.prototypes[signature.name]
-                arguments = zip(*_columns(calls, at, prototype), strict=True)
-                texts = _texts(calls, at, signature, origin)
-                for i, args, text in zip(at.tolist(), arguments, texts, strict=True):
-                    made[i] = (function, args, text)
-        return made
-
-
-class Interrupted(BaseException):
-    """No error: the user wants something else; control says what."""
-
-
-def _nothing(*_args: object) -> int:
-    raise AssertionError("every buffered call has a signature")
-
-
-_NOTHING: Prepared = (_nothing, (), b"")
-
-
-def _columns(calls: BufferedCalls, at: Indices, prototype: Prototype) -> list[list[int | float]]:
-    """A list for each argument, in the library's order."""
-
-    def column(arg: Arg) -> list[int | float]:
-        values = calls.column(arg.column)[at]
-        whole = arg.kind is ArgKind.WHOLE and arg.c is not CType.DOUBLE
-        found: list[int | float] = (values.astype(np.int64) if whole else values.astype(np.float64)).tolist()
-        return found
-
-    def constants(values: tuple[int, ...]) -> list[list[int | float]]:
-        return [[value] * len(at) for value in values]
-
-    return [*constants(prototype.before), *map(column, prototype.args), *constants(prototype.behind)]
-
-
-def _texts(calls: BufferedCalls, at: Indices, signature: Signature, origin: Indices) -> list[bytes]:
-    """What stands in a journal line behind time and code."""
-    args = signature.args
-    form = f'"row":%s,"line":%s,"call":"{signature.name}","args":[{",".join(["%s"] * len(args))}]}}\n'
-    columns: list[npt.NDArray[Any]] = [origin[at], calls.line[at], *(calls.column(a.column)[at] for a in args)]
-    return [text.encode() for text in map(form.__mod__, zip(*map(number_texts, columns), strict=True))]

@@ -1,4 +1,4 @@
-"""The line to the controller: one call at a time, each into the journal, with a mark on what has not returned yet."""
+"""The link to the controller: one call at a time, each recorded in the journal, with the time of a call in progress."""
 
 from __future__ import annotations
 
@@ -11,36 +11,41 @@ from gusjob.config.machine import Abi
 from gusjob.controllers.gus.calls import ArgKind, Value
 from gusjob.controllers.gus.driver.abi import PROBE, PROBE_ARGUMENTS, PROBE_GUARD, c_value
 from gusjob.controllers.gus.driver.library import Library
-from gusjob.controllers.journal import Journal
+from gusjob.controllers.journal.writer import Journal
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase
 
 FULL = 1
 """What a buffered call returns when the FIFO is full."""
+SLOW_CALLS = ("GT_Open", "GT_Close", "GT_LoadConfig", "GT_Reset")
+"""Calls that take much longer than others."""
 
 _CABLE = Phrase("check cable and power, and that no other program uses the controller")
 MEANINGS: dict[int, tuple[str, str]] = {
     1: (
         Phrase("execution error, a condition is not met"),
-        Phrase("look whether the axes are on and without alarm, at rest, and the coordinate system is built"),
+        Phrase("check that the axes are on, without alarm and at rest, and that the coordinate system is set up"),
     ),
     2: (
         Phrase("no licence for it"),
-        Phrase("ask the vendor for a licence, or leave out the statement that needs it"),
+        Phrase("ask the vendor for a licence, or remove the statement that needs it"),
     ),
-    3: (Phrase("library and firmware do not fit"), Phrase("install the library of the controller's firmware")),
+    3: (
+        Phrase("library and firmware do not match"),
+        Phrase("install the library that belongs to the controller's firmware"),
+    ),
     7: (
         Phrase("parameter error"),
-        Phrase("the controller does not take one of the arguments; is --abi the right one?"),
+        Phrase("the controller refuses one of the arguments; check that --abi is right"),
     ),
     8: (
         Phrase("not supported by this firmware"),
-        Phrase("leave out the statement that needs it, or update the firmware"),
+        Phrase("remove the statement that needs it, or update the firmware"),
     ),
     -6: (
         Phrase("the controller can't be opened"),
-        Phrase("is it on, its driver installed? {cable}; gusjob devices says more", cable=_CABLE),
+        Phrase("check that it is on and its driver installed; {cable}; gusjob devices shows more", cable=_CABLE),
     ),
     -7: (Phrase("no response"), _CABLE),
     -8: (Phrase("lock time-out"), _CABLE),
@@ -51,31 +56,31 @@ _UNKNOWN = (Phrase("an unknown return code"), Phrase("look it up in the library'
 
 
 def meaning(code: int) -> tuple[str, str]:
-    """What a return code means and what to do."""
+    """Return what a return code means and what to do."""
     return MEANINGS.get(code) or (_NO_LINK if code < 0 else _UNKNOWN)
 
 
 class BackendError(Exception):
-    """The one exception of the house: the controller did not do what the job needs. It carries its diagnostics."""
+    """The only exception of a run: the controller did not do what the job needs. It carries its diagnostics."""
 
     def __init__(self, *faults: Diagnostic) -> None:
         self.faults = list(faults)
         super().__init__(*(fault.message for fault in faults))
 
 
+class TakenOver(BaseException):
+    """Raised in a thread whose call hung so long that another one took over. It must make no more calls."""
+
+
 def failure(rule: Rule, line: int, **fields: Any) -> BackendError:
-    """A failure at a line of the job; line 0: wherever the run is."""
+    """Make the error of a failure at a line of the job; line 0: wherever the run is."""
     return BackendError(Diagnostic(rule=rule, span=Span(line=line), fields=fields))
 
 
-def refused(call: str, code: int, line: int) -> BackendError:
-    """The fault of a call that did not return 0."""
+def call_failure(call: str, code: int, line: int) -> BackendError:
+    """Make the error of a call that did not return 0."""
     what, advice = meaning(code)
     return failure(rules.CALL_FAILED, line, call=call, code=code, meaning=what, advice=advice)
-
-
-class TakenOver(BaseException):
-    """Raised in a thread whose call hung so long that another one has taken over. It must make no more calls."""
 
 
 class Link:
@@ -87,32 +92,35 @@ class Link:
         self.owner = threading.get_ident()
         self.calling = ""
         self.since_s = 0.0
-        """When the call that has not returned yet was made (time.perf_counter), 0 if there is none."""
-        self.made = 0
+        """When the call in progress was made (time.perf_counter), 0 if there is none."""
+        self.call_count = 0
         """How many calls returned."""
 
     def take_over(self) -> None:
-        """This thread owns the link from now on."""
+        """Let this thread own the link from now on."""
         self.since_s = 0.0
         self.owner = threading.get_ident()
 
     def release(self) -> None:
-        """Nobody owns the link, until a thread takes it over: what hangs is not waited for any more."""
+        """Let nobody own the link until a thread takes it over: a call that hangs is not waited for any more."""
         self.owner, self.since_s = 0, 0.0
 
     def hung_s(self) -> float:
-        """For how long the present call has not returned."""
+        """Return for how long the call in progress has not returned."""
         since = self.since_s
         return time.perf_counter() - since if since else 0.0
 
     def call(self, name: str, *values: Value | bytes, line: int = 0) -> tuple[int, list[Any]]:
-        """One call by the manual's name: what it returned, and what it found for each pointer, in order.
+        """Make one call by the manual's name.
 
-        A journal that can't be written ends the run (see must), but not the way out of it.
+        A journal that can't be written ends the run (see checked), but not its shutdown.
+
+        Returns:
+            What the call returned, and what it found for each pointer, in order.
         """
         prototype = self.library.prototypes[name]
         given = [c_value(arg, value) for arg, value in zip(prototype.args, values, strict=True)]
-        code = self._make(name, self.library.functions[name], (*prototype.before, *given, *prototype.behind))
+        code = self._make(name, self.library.functions[name], (*prototype.leading, *given, *prototype.trailing))
         pointers = [(i, arg) for i, arg in enumerate(prototype.args) if arg.kind is ArgKind.POINTER]
         found = [list(given[i]) if arg.count > 1 else given[i][0] for i, arg in pointers]
         plain = (ArgKind.WHOLE, ArgKind.REAL)
@@ -124,46 +132,54 @@ class Link:
         )
         return code, found
 
-    def no_journal(self, line: int = 0) -> BackendError:
-        """The journal can't be written any more."""
-        return failure(rules.NO_JOURNAL, line, reason=self.journal.lost)
+    def checked(self, name: str, *values: Value | bytes, line: int = 0) -> list[Any]:
+        """Make one call that must return 0.
 
-    def must(self, name: str, *values: Value | bytes, line: int = 0) -> list[Any]:
-        """The same; anything but 0 is an error."""
+        Returns:
+            What it found for each pointer, in order.
+
+        Raises:
+            BackendError: it returned something else, or the journal can't be written.
+        """
         code, found = self.call(name, *values, line=line)
         if code:
-            raise refused(name, code, line)
+            raise call_failure(name, code, line)
         if self.journal.lost:
-            raise self.no_journal(line)
+            raise self.journal_failure(line)
         return found
 
     def probe(self) -> None:
-        """A call that only a library of this ABI answers with 0: it has no pointers, so a wrong one can't crash."""
+        """Make a call that only a library of this ABI answers with 0: without pointers, so a wrong one can't crash."""
         prototype = self.library.prototypes[PROBE]
-        # A function of its own without argument types: it gets more arguments than the prototype has.
+        # A function object of its own without argument types: it gets more arguments than the prototype has.
         guarded: Any = self.library.handle[prototype.symbol]
         guarded.restype = ctypes.c_short
-        guard: tuple[int, ...] = PROBE_GUARD
         try:
-            code = self._make(PROBE, guarded, (*prototype.before, *PROBE_ARGUMENTS, *guard))
+            code = self._make(PROBE, guarded, (*prototype.leading, *PROBE_ARGUMENTS, *PROBE_GUARD))
         except ValueError:
             # __stdcall in 32 bits counts the arguments.
-            guard = ()
-            code = self._make(PROBE, self.library.functions[PROBE], (*prototype.before, *PROBE_ARGUMENTS))
+            code = self._make(PROBE, self.library.functions[PROBE], (*prototype.leading, *PROBE_ARGUMENTS))
         self.journal.call(code, 0, PROBE, [*PROBE_ARGUMENTS])
         if code == 0:
             return
         if code < 0:
-            raise refused(PROBE, code, 0)
+            raise call_failure(PROBE, code, 0)
         other = {Abi.GTS: Abi.GTS_MULTI, Abi.GTS_MULTI: Abi.GTS}.get(self.library.abi)
         raise failure(
-            rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi,
-            reason=Phrase("{call}, which every controller takes, returned {code}", call=PROBE, code=code),
+            rules.WRONG_ABI,
+            0,
+            library=self.library.path,
+            abi=self.library.abi,
+            reason=Phrase("{call}, which every controller accepts, returned {code}", call=PROBE, code=code),
             hint=Phrase("; try --abi {abi}", abi=other) if other else Phrase("; is it a library for several cards?"),
-        )  # fmt: skip
+        )
 
-    def crashed(self, name: str, error: OSError) -> BackendError:
-        """On Windows an access violation within the library is an OSError."""
+    def journal_failure(self, line: int = 0) -> BackendError:
+        """Make the error of a journal that can't be written any more."""
+        return failure(rules.NO_JOURNAL, line, reason=self.journal.lost)
+
+    def library_failure(self, name: str, error: OSError) -> BackendError:
+        """Make the error of a call that failed within the library: on Windows an access violation is an OSError."""
         reason = Phrase("{call} failed within the library ({error})", call=name, error=str(error))
         return failure(rules.WRONG_ABI, 0, library=self.library.path, abi=self.library.abi, hint="", reason=reason)
 
@@ -174,10 +190,10 @@ class Link:
         try:
             code: int = function(*args)
         except OSError as error:
-            raise self.crashed(name, error) from error
+            raise self.library_failure(name, error) from error
         finally:
             if threading.get_ident() != self.owner:
                 raise TakenOver
             self.since_s = 0.0
-        self.made += 1
+        self.call_count += 1
         return code

@@ -1,0 +1,317 @@
+"""Run a compiled job on a controller: prepare, confirm, run, report how it ended. No terminal is involved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+
+from gusjob.config.machine import Abi
+from gusjob.controllers.control import Control
+from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.driver.abi import ABI_PROFILES
+from gusjob.controllers.gus.driver.library import Library, load_library
+from gusjob.controllers.gus.driver.link import Link
+from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed_calls, outputs_of
+from gusjob.controllers.gus.driver.resume import find_position
+from gusjob.controllers.gus.driver.session import Session
+from gusjob.controllers.gus.dry_run import frame, without_laser
+from gusjob.controllers.gus.model import simulate_stream
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition
+from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
+from gusjob.controllers.journal.reader import RecordedRun
+from gusjob.controllers.journal.writer import Journal, mark_resumed
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, has_errors
+from gusjob.hardware.begin import begin_position, fingerprint
+from gusjob.hardware.forecast import Forecast, forecast
+from gusjob.hardware.progress import ProgressMeter, Watch
+from gusjob.hardware.request import Refusal, RunMode, RunRequest
+from gusjob.hardware.signals import stop_on_signals
+from gusjob.hardware.supervisor import SessionOutcome, Supervisor
+from gusjob.i18n.phrases import Phrase, reason_of
+from gusjob.version import __version__
+
+_UNSAFE = (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI)
+"""Rules after which the laser may be on or the axes may move."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunPlan:
+    """What a run will do, to be confirmed.
+
+    `remaining_ms`: planned time from `begin` on; `begin_location`: file:line where it begins, '' at the job's start;
+    `abi_title`: a phrase that describes the ABI.
+    """
+
+    job: Path
+    mode: RunMode
+    library: str
+    abi: Abi
+    abi_title: str
+    forecast: Forecast
+    begin: PathPosition
+    begin_location: str
+    remaining_ms: float
+    journal: Path
+
+
+Confirm = bool | Callable[[RunPlan], bool]
+"""Whether a run is confirmed: True, or a function that shows the plan and asks."""
+
+
+class Ending(StrEnum):
+    """How a run ended."""
+
+    UNCONFIRMED = "unconfirmed"
+    """Nothing was done: the request is not confirmed."""
+    REFUSED = "refused"
+    """Nothing was done: the request can't be run; `refusal` says why."""
+    INVALID = "invalid"
+    """Nothing was done: the job or the library has errors; `diagnostics` has them."""
+    DECLINED = "declined"
+    """The plan was not confirmed."""
+    NOTHING_LEFT = "nothing-left"
+    """The run that was to be continued had been done to its end."""
+    FAILED = "failed"
+    """The run was stopped or failed; `diagnostics` says why."""
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOutcome:
+    """How a run ended.
+
+    `diagnostics`: at the job's spans; `location`: file:line that was reached by a run that failed, '' if it did not
+    begin; `elapsed_s`: since the journal was opened.
+    """
+
+    ending: Ending
+    refusal: Refusal | None = None
+    diagnostics: tuple[Diagnostic, ...] = ()
+    journal: Path | None = None
+    location: str = ""
+    elapsed_s: float = 0.0
+
+    @property
+    def is_safe(self) -> bool:
+        """Whether the laser is certainly off and the motion stopped."""
+        return not any(diagnostic.rule in _UNSAFE for diagnostic in self.diagnostics)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PreparedRun:
+    """All that a run needs before the controller is opened. `request` has the calls that are run."""
+
+    request: RunRequest
+    forecast: Forecast
+    library: Library
+
+
+def run_on(
+    request: RunRequest, *, confirm: Confirm, control: Control | None = None, watch: Watch | None = None
+) -> RunOutcome:
+    """Run a job on a controller through the vendor's library.
+
+    Whatever ends the run, the laser is switched off first, then the motion is stopped, the laser switched off again,
+    and the controller closed. Call it in the main thread: only there signals (Ctrl+C, SIGTERM) can stop the run.
+
+    Args:
+        request: the job, with its options.
+        confirm: the user's confirmation. Without it nothing is done and no laser is switched on.
+        control: stops or pauses the run from a callback or another thread.
+        watch: opens a display of the progress; see progress.report_to.
+
+    Returns:
+        How the run ended. User errors and faults of the hardware are in it, not exceptions.
+    """
+    prepared = _prepare(request)
+    if isinstance(prepared, RunOutcome):
+        return prepared
+    begin = begin_position(prepared.request)
+    if isinstance(begin, Refusal):
+        return RunOutcome(ending=Ending.REFUSED, refusal=begin)
+    if confirm is not True and not callable(confirm):
+        refusal = Refusal(reason=Phrase("a run on hardware must be confirmed"))
+        return RunOutcome(ending=Ending.UNCONFIRMED, refusal=refusal)
+    journal = _open_journal(prepared, begin)
+    if isinstance(journal, Refusal):
+        return RunOutcome(ending=Ending.REFUSED, refusal=journal)
+    try:
+        return _run(prepared, begin, journal, confirm, control or Control(), watch)
+    finally:
+        journal.close()
+
+
+def _run(
+    prepared: _PreparedRun,
+    begin: PathPosition | None,
+    journal: Journal,
+    confirm: Confirm,
+    control: Control,
+    watch: Watch | None,
+) -> RunOutcome:
+    request, link = prepared.request, Link(prepared.library, journal)
+    if begin is None:
+        assert request.options.resume is not None
+        begin, searched = _find_position(prepared, link, request.options.resume)
+        if begin is None:
+            return _outcome(prepared, searched, journal, None)
+    if begin != JOB_START and begin.row >= len(request.stream.buffered):
+        return RunOutcome(ending=Ending.NOTHING_LEFT, journal=journal.path)
+    if callable(confirm) and not confirm(_plan(prepared, begin, journal)):
+        return RunOutcome(ending=Ending.DECLINED, journal=journal.path)
+    session = _session(prepared, link, control)
+    meter = ProgressMeter.of(control, prepared.forecast, request.stream, request.machine, request.location_of_row)
+    with stop_on_signals(control), watch(meter) if watch else nullcontext() as display:
+        supervisor = Supervisor(session, display.tick) if display else Supervisor(session)
+        outcome = supervisor.run(_part(request, begin))
+    return _outcome(prepared, outcome, journal, session)
+
+
+# Before the controller is opened.
+
+
+def _prepare(request: RunRequest) -> _PreparedRun | RunOutcome:
+    """Make the calls that are run, their forecast, and load the library."""
+    machine, controller, options = request.machine, request.machine.controller, request.options
+    library_path = _existing_file(options.library) or controller.library
+    abi = options.abi or controller.abi
+    if not library_path or abi is None:
+        reason = Phrase(
+            "a run on hardware needs the vendor's library: --library PATH and --abi {abis}, "
+            "or library and abi under [controller] in the machine profile; see gusjob devices",
+            abis="|".join(Abi),
+        )
+        return RunOutcome(ending=Ending.REFUSED, refusal=Refusal(reason=reason))
+    found: list[Diagnostic] = []
+    if options.mode is not RunMode.JOB:
+        stream = _dry_stream(request)
+        if stream is None:
+            return RunOutcome(ending=Ending.REFUSED, refusal=Refusal(reason=Phrase("nothing moves in this job")))
+        trace, simulated = simulate_stream(stream, machine)
+        found += request.report(simulated)
+        if trace is None or has_errors(simulated):
+            return RunOutcome(ending=Ending.INVALID, diagnostics=tuple(found))
+        request = replace(request, stream=stream, trace=trace)
+    if faults := check_single_fifo(request.stream):
+        return RunOutcome(ending=Ending.INVALID, diagnostics=(*found, *request.located(faults)))
+    library, faults = load_library(library_path, abi, controller.card, needed_calls(request.stream, machine))
+    if library is None:
+        return RunOutcome(ending=Ending.INVALID, diagnostics=(*found, *request.located(faults)))
+    expected = forecast(request.stream, request.trace, machine)
+    return _PreparedRun(request=request, forecast=expected, library=library)
+
+
+def _dry_stream(request: RunRequest) -> Stream | None:
+    """Return the calls of a dry run; None if nothing moves."""
+    if request.options.mode is RunMode.FRAME:
+        return frame(request.stream, request.trace)
+    return without_laser(request.stream)
+
+
+def _existing_file(library: str) -> str:
+    """Return the whole path of a file that is there; other names are for the system's search."""
+    return str(Path(library).resolve()) if library and Path(library).exists() else library
+
+
+def _open_journal(prepared: _PreparedRun, begin: PathPosition | None) -> Journal | Refusal:
+    """Create the journal, before anything else is done."""
+    request, options, now = prepared.request, prepared.request.options, datetime.now(UTC)
+    path = request.path
+    journal = options.journal or path.with_name(f"{path.stem}.{now:%Y%m%d-%H%M%S-%f}.journal")
+    head = {
+        "gusjob": __version__,
+        "job": str(path.resolve()),
+        "calls": fingerprint(request.stream),
+        "rows": len(request.stream.buffered),
+        "library": prepared.library.path,
+        "abi": prepared.library.abi,
+        "started": now.isoformat(),
+        "options": options.mode.option,
+        "begin": None if begin is None else [begin.row, begin.along_pulse],
+        "resumes": str(options.resume.path.resolve()) if options.resume else None,
+    }
+    try:
+        return Journal(journal, head)
+    except FileExistsError:
+        reason = Phrase("this file exists already; name another one with --journal")
+    except OSError as error:
+        reason = Phrase("can't write the journal: {reason}; name another file with --journal", reason=reason_of(error))
+    return Refusal(reason=reason, subject=str(journal))
+
+
+def _plan(prepared: _PreparedRun, begin: PathPosition, journal: Journal) -> RunPlan:
+    request, expected, abi = prepared.request, prepared.forecast, prepared.library.abi
+    return RunPlan(
+        job=request.path,
+        mode=request.options.mode,
+        library=prepared.library.path,
+        abi=abi,
+        abi_title=ABI_PROFILES[abi].title,
+        forecast=expected,
+        begin=begin,
+        begin_location="" if begin == JOB_START else request.location_of_row(begin.row),
+        remaining_ms=expected.duration_ms - expected.done_ms(begin.row),
+        journal=journal.path,
+    )
+
+
+# With the controller.
+
+
+def _session(prepared: _PreparedRun, link: Link, control: Control) -> Session:
+    request = prepared.request
+    return Session(
+        link=link,
+        machine=request.machine,
+        control=control,
+        stream=request.stream,
+        options=" --no-laser" if request.options.mode is RunMode.NO_LASER else "",
+        outputs=outputs_of(request.stream),
+    )
+
+
+def _find_position(
+    prepared: _PreparedRun, link: Link, recorded: RecordedRun
+) -> tuple[PathPosition | None, SessionOutcome]:
+    """Open the controller to find where a recorded run was interrupted."""
+    found: list[PathPosition] = []
+
+    def search(session: Session) -> None:
+        found.append(find_position(session, recorded))
+
+    session = _session(prepared, link, Control())
+    with stop_on_signals(session.control):
+        outcome = Supervisor(session).run(search)
+    return (found[0] if found and not outcome.faults else None), outcome
+
+
+def _part(request: RunRequest, begin: PathPosition) -> Callable[[Session], Remainder]:
+    """Return the function that makes the remainder to run, once it is known where the head is."""
+    stream, recorded = request.stream, request.options.resume
+
+    def part(session: Session) -> Remainder:
+        if recorded is not None:
+            with suppress(OSError):  # A journal that can't be written to stays as it is.
+                mark_resumed(recorded.path, session.link.journal.path)
+        head_pulse = session.position_or_none()
+        if begin == JOB_START:
+            return whole_job(stream, head_pulse)
+        return remainder_from(stream, begin, head_pulse)
+
+    return part
+
+
+def _outcome(prepared: _PreparedRun, outcome: SessionOutcome, journal: Journal, session: Session | None) -> RunOutcome:
+    request = prepared.request
+    return RunOutcome(
+        ending=Ending.FAILED if outcome.faults else Ending.DONE,
+        diagnostics=request.located(outcome.faults),
+        journal=journal.path,
+        location=request.location(session.line) if session else "",
+        elapsed_s=journal.now_s(),
+    )

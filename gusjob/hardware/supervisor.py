@@ -1,0 +1,167 @@
+"""Run a session in a thread of its own and watch it: requests, errors, calls that never return."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+from gusjob.controllers.control import Phase, StopKind
+from gusjob.controllers.gus.driver.fifo import Interrupted
+from gusjob.controllers.gus.driver.link import SLOW_CALLS, BackendError, TakenOver
+from gusjob.controllers.gus.driver.session import Session
+from gusjob.controllers.gus.driver.shutdown import hung_diagnostics
+from gusjob.controllers.gus.remainder import Remainder
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
+from gusjob.i18n.phrases import Phrase
+
+TICK_S = 0.02
+_SLOW_FACTOR = 10
+"""How much longer than others the slow calls may take."""
+_GRACE_S = 1.0
+"""How much longer than a call and the patience with the link an emergency shutdown may take."""
+
+
+@dataclass(slots=True)
+class SessionOutcome:
+    """How a session ended. No faults: all of it was done."""
+
+    faults: list[Diagnostic] = field(default_factory=list)
+    bug: BaseException | None = None
+
+
+@dataclass(slots=True)
+class Supervisor:
+    """Runs a session. `tick` is called in the caller's thread all the while."""
+
+    session: Session
+    tick: Callable[[], None] = lambda: None
+    outcome: SessionOutcome = field(default_factory=SessionOutcome)
+
+    def run(self, part: Callable[[Session], Remainder | None]) -> SessionOutcome:
+        """Open the controller, run, and close it; whatever happens, the laser is off and the axes are at rest after it.
+
+        Args:
+            part: finds out, with the controller open, what to run; None for nothing.
+
+        Raises:
+            BaseException: a bug, or an exception of `part` or `tick`, after the shutdown.
+        """
+        self._supervise(lambda: self._work(part))
+        session = self.session
+        faults = [self._with_line(fault) for fault in self.outcome.faults]
+        self.outcome.faults = sorted(faults, key=lambda f: f.rule not in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN))
+        end = "failed" if self.outcome.faults or self.outcome.bug else "done"
+        codes = [fault.rule.code for fault in self.outcome.faults]
+        at = session.reached
+        session.link.journal.mark(
+            end=end, row=at.row, run=at.along_pulse, sure=at.sure, line=session.line, faults=codes
+        )
+        if self.outcome.bug is not None:
+            raise self.outcome.bug
+        return self.outcome
+
+    def _work(self, part: Callable[[Session], Remainder | None]) -> None:
+        """Do the whole run. Whatever ends it: laser off, motion stopped, controller closed."""
+        session, control, faults = self.session, self.session.control, self.outcome.faults
+        abrupt = True
+        try:
+            session.open()
+            if (made := part(session)) is not None:
+                session.prepare()
+                session.run(made)
+            session.finish()
+            faults += session.close()
+            control.status = replace(control.status, phase=Phase.DONE)
+            return
+        except BackendError as error:
+            faults += error.faults
+        except Interrupted:
+            abrupt = control.stop == StopKind.ABRUPT
+            fields = {"who": control.stopped_by, "journal": str(session.link.journal.path), "options": session.options}
+            faults.append(Diagnostic(rule=rules.STOPPED, span=NOWHERE, fields=fields))
+        except TakenOver:
+            raise
+        except BaseException as bug:  # noqa: BLE001  (the laser goes off whatever it is; it is raised again then)
+            self.outcome.bug = bug
+        # A library of another ABI would take "off" for something else.
+        if session.abi_confirmed:
+            try:
+                faults += [fault for fault in session.halt(abrupt=abrupt) if fault not in faults]
+            except Exception as bug:  # noqa: BLE001  (laser and motion are off by then)
+                self.outcome.bug = bug
+            faults += session.close()
+        control.status = replace(control.status, phase=Phase.STOPPED)
+
+    def _supervise(self, work: Callable[[], None]) -> None:
+        """Run in a thread until it is done or hangs; a second one watches it, since a tick may block."""
+        thread = _started(self.session.link.take_over, work)
+        watchdog = _started(lambda: None, lambda: self._watch(thread))
+        while watchdog.is_alive():
+            watchdog.join(TICK_S)
+            self._tick()
+
+    def _watch(self, thread: threading.Thread) -> None:
+        """Watch the thread until it is done; if a call of it hangs, shut down without it."""
+        link = self.session.link
+        while thread.is_alive():
+            thread.join(TICK_S)
+            factor = _SLOW_FACTOR if link.calling in SLOW_CALLS else 1
+            if (hung_s := link.hung_s()) > self.session.machine.controller.call_timeout_s * factor:
+                self._emergency_shutdown(link.calling, hung_s)
+                return
+
+    def _tick(self) -> None:
+        """Call `tick`. If it fails, as when its terminal is gone, the run ends: nobody watches it any more."""
+        try:
+            self.tick()
+        except OSError:
+            self.tick = lambda: None
+            self.session.control.request_stop(Phrase("a closed terminal or pipe"))
+        except BaseException as bug:  # noqa: BLE001  (raised again at the end)
+            self.tick = lambda: None
+            self.outcome.bug = bug
+            self.session.control.request_stop(Phrase("an internal error"))
+
+    def _emergency_shutdown(self, call: str, hung_s: float) -> None:
+        """Shut down in another thread while a call hangs, as far as the library lets it."""
+        session, controller = self.session, self.session.machine.controller
+        session.control.requested = True  # Should the call return after all, no other one follows it.
+        fields = {"call": call, "seconds": round(hung_s, 1)}
+        faults = [Diagnostic(rule=rules.NO_ANSWER, span=NOWHERE, fields=fields)]
+        turned_off: list[list[Diagnostic]] = []
+
+        def turn_off() -> None:
+            # A library whose ABI is not confirmed would take "off" for something else; it did nothing yet.
+            off = session.halt(abrupt=True, locate=False) + session.close() if session.abi_confirmed else []
+            turned_off.append(off)
+
+        session.link.release()
+        thread = _started(session.link.take_over, turn_off)
+        until = time.perf_counter() + controller.link_patience_s + controller.call_timeout_s + _GRACE_S
+        while thread.is_alive() and time.perf_counter() < until and session.link.hung_s() < controller.call_timeout_s:
+            thread.join(TICK_S)
+        session.link.release()  # Nobody makes calls any more.
+        faults += turned_off[0] if turned_off else hung_diagnostics(session.outputs, call)
+        self.outcome.faults = faults
+
+    def _with_line(self, fault: Diagnostic) -> Diagnostic:
+        """Give a fault without a line the line that was reached."""
+        line = self.session.line if fault.span is NOWHERE else fault.span.line or self.session.line
+        return replace(fault, span=Span(line=line), path=self.session.stream.name)
+
+
+def _started(first: Callable[[], None], work: Callable[[], None]) -> threading.Thread:
+    """Start a thread that owns the link."""
+
+    def run() -> None:
+        first()
+        with suppress(TakenOver):
+            work()
+
+    thread = threading.Thread(target=run, daemon=True)  # One that hangs in C must not keep the process.
+    thread.start()
+    return thread

@@ -1,0 +1,92 @@
+"""Positions on the path."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.controller import needs_controller
+from support.tools import MARK, stream_of
+
+from gusjob.controllers.gus.calls import Buffered, Stream
+from gusjob.controllers.gus.geometry import call_segments
+from gusjob.controllers.gus.path_position import PathPosition, TimedPath
+from gusjob.controllers.gus.remainder import remainder_from
+
+pytestmark = needs_controller
+
+
+def path_of(text: str) -> tuple[TimedPath, Stream]:
+    stream = stream_of(MARK + text)
+    return TimedPath.of(stream.buffered, (0, 0)), stream
+
+
+def test_rewind_never_goes_back_over_a_dwell() -> None:
+    route, _ = path_of("LINE X 5\nLINE X 5 Y 5\nDWELL 3\nLINE X 0 Y 5\nLINE X 0 Y 0\n")
+    ms = 1 / float(route.calls.vel[0])
+    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 10 * ms) == PathPosition(row=0, along_pulse=4990.0)
+    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 7000 * ms) == PathPosition(row=0, along_pulse=0.0)
+    assert route.rewind(PathPosition(row=1, along_pulse=4.0), 10 * ms) == PathPosition(row=0, along_pulse=4994.0)
+    assert route.rewind(PathPosition(row=3), 10 * ms) == PathPosition(row=3)
+    assert route.rewind(PathPosition(row=2), 10 * ms) == PathPosition(row=2)
+    assert route.rewind(PathPosition(row=0), 10 * ms) == PathPosition(row=0)
+    assert route.rewind(PathPosition(row=4, along_pulse=100.0), 10 * ms) == PathPosition(row=4, along_pulse=90.0)
+
+
+def test_after_a_dwell_the_motion_before_it_gives_the_start() -> None:
+    route, _ = path_of("LINE X 5\nDWELL 3\nDWELL 4\nLINE X 5 Y 5\n")
+    assert route.locate(4, 4, 5000, 1000) == PathPosition(row=3, along_pulse=1000.0)
+    assert route.locate(3, 3, 5000, 1000) == PathPosition(row=3, along_pulse=1000.0)
+
+
+def test_where_two_calls_fit_the_earlier_one_is_taken() -> None:
+    route, _ = path_of("LINE X 5\nLINE X 0\nLINE X 5\n")
+    assert route.locate(2, 2, 2000, 0) == PathPosition(row=1, along_pulse=3000.0)
+    assert not route.locate(2, 2, 2000, 3).sure
+    assert route.locate(2, 2, 2000, 1).sure
+
+
+@pytest.mark.parametrize("way", ["CCW", "CW"])
+def test_positions_on_an_arc_and_beyond_its_ends(way: str) -> None:
+    """A quarter circle about 0, 0."""
+    end = "Y 5" if way == "CCW" else "Y -5"
+    stream = stream_of(MARK + f"JUMP X 5 Y 0\nARC {way} X 0 {end} R 5\n")
+    route = TimedPath.of(stream.buffered, (0, 0))
+    number = len(route.timed) - 1
+    laid = call_segments(stream.buffered, route.timed, np.zeros(len(route.timed), dtype=np.bool_))
+    length, sign = float(laid.length[-1]), 1 if way == "CCW" else -1
+    for share in (0.0, 0.25, 0.7, 1.0):
+        turn = sign * share * np.pi / 2
+        distance, run, _ = route.nearest(number, 5000 * np.cos(turn), 5000 * np.sin(turn))
+        assert distance == pytest.approx(0, abs=1e-6)
+        assert run == pytest.approx(share * length, abs=1e-6)
+    assert route.nearest(number, 4999, -10 * sign)[1] == 0
+    assert route.nearest(number, -10, 4999 * sign)[1] == length
+
+
+def test_a_position_near_an_arcs_end_is_its_end() -> None:
+    """What is left would round to nothing, and an arc that ends where it begins is a full circle."""
+    stream = stream_of(MARK + "LASER POWER 9\nLASER ON\nARC CCW X 5 Y 5 I 0 J 5\nLINE X 0\nLASER OFF\n")
+    row = int(np.flatnonzero(stream.buffered.kind == Buffered.ARC_CENTRE)[0])
+    length = 5000 * np.pi / 2
+    for left in (0.0, 0.2, 0.4, 0.6, 0.69, 0.9):
+        calls = remainder_from(stream, PathPosition(row=row, along_pulse=length - left)).stream.buffered
+        arcs = np.flatnonzero(calls.kind == Buffered.ARC_CENTRE)
+        route = TimedPath.of(calls, (0, 0))
+        lengths = [route.nearest(int(np.searchsorted(route.timed, at)), 0.0, 0.0)[2] for at in arcs]
+        assert max(lengths, default=0.0) < 2, left
+    for left in (2.0, 10.0, 5000.0):
+        part = remainder_from(stream, PathPosition(row=row, along_pulse=length - left))
+        assert (part.stream.buffered.kind == Buffered.ARC_CENTRE).sum() == 1, left
+
+
+def test_rewind_over_several_segments() -> None:
+    text = MARK + "VEL 100\n" + "".join(f"LINE X {i / 10}\n" for i in range(1, 50))
+    calls = stream_of(text).buffered  # 100 pulse each, at 100 pulse/ms.
+    route = TimedPath.of(calls, (0, 0))
+    assert route.rewind(PathPosition(row=20, along_pulse=30), 0.2) == PathPosition(row=20, along_pulse=10)
+    there = route.rewind(PathPosition(row=20, along_pulse=30), 2.5)
+    assert there.row == 17
+    assert there.along_pulse == pytest.approx(80)
+    assert route.rewind(PathPosition(row=1, along_pulse=30), 9.0) == PathPosition(row=0)
+    # Ten rows left the FIFO between two looks: the position tells which it is.
+    assert route.locate(20, 30, 2450.0, 0.0) == PathPosition(row=24, along_pulse=50)
