@@ -12,7 +12,6 @@ from pathlib import Path
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.driver.abi import ABI_PROFILES
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
 from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed_calls, outputs_of
@@ -251,7 +250,7 @@ def _plan(prepared: _PreparedRun, begin: PathPosition, journal: Journal) -> RunP
         mode=request.options.mode,
         library=prepared.library.path,
         abi=abi,
-        abi_title=ABI_PROFILES[abi].title,
+        abi_title=prepared.library.abi_title,
         forecast=expected,
         begin=begin,
         begin_location="" if begin == JOB_START else request.location_of_row(begin.row),
