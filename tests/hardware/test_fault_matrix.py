@@ -62,9 +62,7 @@ def test_fault_matrix_each_call_and_each_code(gus: Bench, capsys: pytest.Capture
                 if place.row < len(stream.buffered):
                     assert not isinstance(continues(whole, gus.controller.rows()[len(done) :], broken), str), case
     with capsys.disabled():
-        print(
-            f"\nfault matrix: {cases} cases, {failed} failed safely and were resumed, {cases - failed} did no harm"
-        )
+        print(f"\nfault matrix: {cases} cases, {failed} failed safely and were resumed, {cases - failed} did no harm")
     assert cases > 800
 
 
