@@ -15,15 +15,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gusjob.config.machine import Budget, Machine, Scanner
-from gusjob.config.profile import find_profile, read_machine
+from gusjob.config.profile import Profile, find_profile, read_profile
 from gusjob.controllers.gus import GUS
 from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
-from gusjob.diagnostics.select import SelectionLayer
+from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
 from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
-from gusjob.frontend.files import may_be_a_part
+from gusjob.frontend.includes import may_be_included
 from gusjob.frontend.source import shown_name
 from gusjob.ir.job import Job
 from gusjob.lint import check as lint_job
@@ -46,7 +46,7 @@ class Origin(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileResult:
-    """What is known of one file: its machine and its diagnostics, by position.
+    """What is known of one file: its machine, the selection of rules, and its diagnostics, by position.
 
     `profile`: the machine profile that was read, None for the defaults. `sources`: the texts that spans point into, by
     name.
@@ -54,6 +54,7 @@ class FileResult:
 
     path: Path
     machine: Machine = field(default_factory=Machine)
+    selection: RuleSelection = field(default_factory=RuleSelection)
     profile: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
     sources: _Sources = field(default_factory=lambda: MappingProxyType({}))
@@ -184,27 +185,30 @@ def parse(
     if source is None:
         return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
     sources = {source.name: source}
-    profile = profile_path or find_profile(path)
-    machine = Machine()
-    if profile is not None:
-        machine, found = read_machine(profile)
-        if found:
-            text, _ = read_source(profile)
-            if text is not None:
-                sources[text.name] = text
-            return Rejected(
-                path=path, machine=machine, profile=profile, diagnostics=tuple(found),
-                sources=MappingProxyType(sources), unreadable=text is None,
-            )  # fmt: skip
+    file = profile_path or find_profile(path)
+    profile = Profile() if file is None else read_profile(file)
+    if file is not None and profile.diagnostics:
+        text, _ = read_source(file)
+        if text is not None:
+            sources[text.name] = text
+        return Rejected(
+            path=path, machine=profile.machine, profile=file, diagnostics=profile.diagnostics,
+            sources=MappingProxyType(sources), unreadable=text is None,
+        )  # fmt: skip
     if scanner is not None:
-        machine = replace(machine, scanner=scanner)
-    return parse_source(source, path=path, machine=machine, profile=profile)
+        profile = replace(profile, machine=replace(profile.machine, scanner=scanner))
+    return parse_source(source, path=path, profile=profile)
 
 
-def parse_source(source: Source, *, path: Path, machine: Machine, profile: Path | None = None) -> Parsed | Rejected:
-    """Read a text for a machine."""
-    sources = MappingProxyType({source.name: source})
-    common: dict[str, Any] = {"path": path, "machine": machine, "profile": profile, "sources": sources}
+def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Rejected:
+    """Read a text for the machine of a profile."""
+    common: dict[str, Any] = {
+        "path": path,
+        "machine": profile.machine,
+        "selection": profile.selection,
+        "profile": profile.source,
+        "sources": MappingProxyType({source.name: source}),
+    }
     if source.data.startswith(JOURNAL_START):
         from gusjob.hardware.journal_stream import journal_stream
 
@@ -217,7 +221,7 @@ def parse_source(source: Source, *, path: Path, machine: Machine, profile: Path 
         calls, found = read_listing(source)
         parsed = Parsed(**common, source=source, content=calls, origin=Origin.LISTING, suppressions=suppressions)
         return _with_diagnostics(parsed, found)
-    job, found = read_job(source, machine)
+    job, found = read_job(source, profile.machine)
     for name, text in job.included:
         suppressions = suppressions.added(name, text, top=False)
     parsed = Parsed(**common, source=source, content=job, origin=Origin.JOB, suppressions=suppressions)
@@ -283,8 +287,8 @@ def selected(result: FileResult, chosen: SelectionLayer) -> FileResult:
     """
     if isinstance(result, Rejected):
         return result
-    selection = result.machine.selection
-    return replace(result, diagnostics=tuple(f for f in result.diagnostics if selection.wants(f, chosen)))
+    selection = result.selection
+    return replace(result, diagnostics=tuple(f for f in result.diagnostics if selection.selects(f, chosen)))
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
@@ -302,9 +306,9 @@ def _next(phase: type[_P], result: Parsed, **more: Any) -> _P:
 
 def _with_diagnostics(result: _P, found: Iterable[Diagnostic]) -> _P:
     """Add diagnostics: with the profile's severities, and without those that a comment suppresses."""
-    left, suppressions = result.suppressions.applied(result.machine.selection.weighed(list(found)))
+    left, suppressions = result.suppressions.applied(result.selection.with_severities(list(found)))
     # Where the listed ones are suppressed, those that are only counted must not go unseen.
-    seen = [f.at_least(_hidden_severity(f, suppressions)) if f.rule is rules.MORE else f for f in left]
+    seen = [f.at_least(_hidden_severity(f, suppressions)) if f.rule is rules.NOT_LISTED else f for f in left]
     return replace(result, diagnostics=in_order([*result.diagnostics, *seen]), suppressions=suppressions)
 
 
@@ -317,7 +321,7 @@ def _hidden_severity(more: Diagnostic, suppressions: Suppressions) -> Severity:
 def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
     """Add what the simulation found, at its spans in the source."""
     if checked.origin is Origin.JOURNAL:  # Their lines are the job's; what ends within a segment was stopped there.
-        return _with_diagnostics(checked, [f for f in found if f.rule is not rules.STOPS_HARD])
+        return _with_diagnostics(checked, [f for f in found if f.rule is not rules.ABRUPT_STOP])
     job = checked.job
     if job is None:
         return _with_diagnostics(checked, locate_calls(list(found), checked.source))
@@ -332,7 +336,7 @@ def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
     if checked.origin is Origin.JOURNAL:
         return []
     clean = not has_errors(checked.diagnostics)
-    not_listed = {str(f.fields["code"]) for f in checked.diagnostics if f.rule is rules.MORE}
+    not_listed = {str(f.fields["code"]) for f in checked.diagnostics if f.rule is rules.NOT_LISTED}
     was_run = checked.is_listing or checked.machine.budget != Budget()
     # What depends on an entry of the profile may be right on another machine.
     needs = {"GJ515": checked.machine.host_calls_per_s is not None, "GJ813": checked.machine.scanner is not None}
@@ -341,7 +345,7 @@ def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
         return clean and code not in not_listed and needs.get(code, was_run or not code.startswith("GJ7"))
 
     found = checked.suppressions.diagnostics(checked.source.name, was_looked_for)
-    idle = any(f.rule is rules.ALLOWS_NOTHING for f in found)
-    if idle and may_be_a_part(checked.path):  # What it suppresses may occur where the file is included.
-        return [f for f in found if f.rule is not rules.ALLOWS_NOTHING]
+    idle = any(f.rule is rules.UNUSED_SUPPRESSION for f in found)
+    if idle and may_be_included(checked.path):  # What it suppresses may occur where the file is included.
+        return [f for f in found if f.rule is not rules.UNUSED_SUPPRESSION]
     return found

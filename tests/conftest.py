@@ -1,4 +1,4 @@
-"""One flag for all that is generated: `pytest --rewrite` writes goldens and tables anew; the diff is to be read."""
+"""Settings for all tests: the language, hypothesis, processes in parallel, marks, and the flag --rewrite."""
 
 from __future__ import annotations
 
@@ -7,28 +7,48 @@ import signal
 
 import pytest
 from hypothesis import settings
+from support.controller import needs_controller
 
-# Texts are compared in English, whatever the system speaks; test_chinese.py asks for what it wants.
+# Texts are compared in English, whatever the system's language; tests of Chinese set their own.
 os.environ["LANGUAGE"] = "en"
 
-# CI tries the same examples each time; by hand every run tries new ones. No test is to fail on a busy machine.
+# CI tries the same examples each time; by hand every run tries new ones. No test fails because the machine is busy.
 settings.register_profile("new", deadline=None)
 settings.register_profile("fixed", deadline=None, derandomize=True)
 settings.load_profile("fixed" if os.environ.get("CI") else "new")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add --rewrite."""
+    parser.addoption("--rewrite", action="store_true", help="write golden files and generated tables again")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Run the whole suite on all cores, unless -n says otherwise; some files, or --rewrite, in one process."""
+    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or config.getoption("rewrite"):
+        return
+    # Without pytest-xdist (-p no:xdist) there is no such option.
+    if config.getoption("numprocesses", 0) is None:
+        config.option.numprocesses = "logical"
+        # A worker keeps the tests of a module, and what they share, as long as it has work of its own.
+        config.option.dist = "worksteal"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what needs the virtual controller."""
+    for item in items:
+        if needs_controller.mark in item.iter_markers("skipif"):
+            item.add_marker("hardware")
+
+
 def pytest_collection_finish() -> None:
-    """vcdvcd, which reads VCD for us, lets a closed pipe end the process that imports it; Python does not."""
+    """Ignore SIGPIPE again, as Python does: vcdvcd, which reads VCD for the tests, sets it to end the process."""
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """The flag."""
-    parser.addoption("--rewrite", action="store_true", help="write goldens and generated tables anew")
-
-
 @pytest.fixture
 def rewrite(request: pytest.FixtureRequest) -> bool:
-    """Whether to write instead of to compare."""
+    """Whether to write files instead of comparing them."""
     return bool(request.config.getoption("--rewrite"))

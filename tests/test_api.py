@@ -1,11 +1,10 @@
-"""The interface for programs: what the README shows runs, and figures are the job's own, in closed form."""
+"""The public Python interface: the example of docs/python.md runs, and numbers equal closed forms."""
 
 from __future__ import annotations
 
 import json
 import os
 import pydoc
-import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from support.cli import gusjob as run_gusjob
 from support.cli import write
+from support.documents import blocks, text_of
 from support.tools import MARK, ROOT
 
 import gusjob
@@ -24,13 +24,11 @@ from gusjob.lsp.workspace import Workspace
 JOB = "LOOKAHEAD OFF\n" + MARK + "LASER POWER 40\nJUMP X 10\nLASER ON\nLINE X 20\nLASER OFF\n"
 
 
-def test_the_readme_runs(tmp_path: Path) -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    example = re.search(r"## In Python\n\n```python\n(.*?)```", text, re.DOTALL)
-    assert example is not None
+def test_the_example_of_the_guide_runs(tmp_path: Path) -> None:
+    (example,) = blocks(text_of("docs/python.md"), "python")
     shutil.copytree(ROOT / "jobs", tmp_path / "jobs")
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", example[1]],
+        [sys.executable, "-W", "error", "-c", example],
         cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")

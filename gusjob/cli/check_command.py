@@ -12,15 +12,15 @@ import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, show, write
 from gusjob.cli.files import files_named
+from gusjob.cli.fixes import FileFixer
 from gusjob.cli.language import Command
-from gusjob.cli.mending import Mending
-from gusjob.cli.text import padded
-from gusjob.diagnostics.formats.gathering import gathering
+from gusjob.diagnostics.formats.writers import writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
+from gusjob.i18n.width import padded
 from gusjob.pipeline import FileResult, examine_file, selected
 
 _CHECKED = (".job", ".gts")
@@ -72,27 +72,27 @@ def command(
     _refuse(form, output, statistics=statistics, diffs=diffs)
     asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(status=ExitStatus(strict=strict))
-    gathered = gathering(form, strict=strict, by_rule=sums.by_rule if statistics else None)
-    mending = Mending(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
+    writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
+    fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
         _refuse_overwriting(output, files)
     for path in files:
         examined: FileResult = examine_file(path, machine_path)
-        examined = examined if mending is None else mending.mended(examined)
+        examined = examined if fixer is None else fixer.fix(examined)
         chosen = selected(examined, asked)
         sums.add(examined, chosen)
-        if gathered is not None:
-            gathered.add(chosen)
+        if writer is not None:
+            writer.add(chosen.path, chosen.diagnostics, chosen.text_of, readable=not chosen.is_unreadable)
         elif not statistics:
             show(chosen, err=diffs)
-    if gathered is not None:
-        write([gathered.written()], output, sources=sums.read)
+    if writer is not None:
+        write([writer.to_bytes()], output, sources=sums.read)
     elif statistics:
         _print_statistics(sums.by_rule)
-    if gathered is None or output is not None or mending is not None:
-        click.echo(sums.summary + (mending.told if mending else ""), err=True)
-    sys.exit(max(sums.status.code, mending.exit_code if mending else 0))
+    if writer is None or output is not None or fixer is not None:
+        click.echo(sums.summary + (fixer.summary if fixer else ""), err=True)
+    sys.exit(max(sums.status.code, fixer.exit_code if fixer else 0))
 
 
 @dataclass(slots=True, kw_only=True)

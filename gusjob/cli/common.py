@@ -71,7 +71,7 @@ def exit_code(result: FileResult) -> int:
 
 def show(result: FileResult, *, err: bool = True, notes: bool = True) -> None:
     """Print diagnostics with their source lines."""
-    from gusjob.cli.text import diagnostic_text
+    from gusjob.diagnostics.formats.text import diagnostic_text
 
     stream = sys.stderr if err else sys.stdout
     color = stream is not None and stream.isatty()  # A closed stream is None.

@@ -12,11 +12,11 @@ import click
 
 from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.cli.language import Command
-from gusjob.cli.text import width, wrapped
 from gusjob.config.machine import Abi
-from gusjob.config.profile import find_profile, read_machine
+from gusjob.config.profile import find_profile, read_profile
 from gusjob.frontend import read_source
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
+from gusjob.i18n.width import width, wrapped
 from gusjob.pipeline import FileResult, Rejected
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.
@@ -57,14 +57,14 @@ def _profile(machine_path: Path | None) -> FileResult:
     path = machine_path or find_profile(Path.cwd() / "x.job")
     if path is None:
         return FileResult(path=Path())
-    machine, found = read_machine(path)
+    profile = read_profile(path)
     source, _ = read_source(path)
     return Rejected(
         path=path,
-        machine=machine,
-        diagnostics=tuple(found),
+        machine=profile.machine,
+        diagnostics=profile.diagnostics,
         sources={source.name: source} if source is not None else {},
-        unreadable=bool(found) and source is None,
+        unreadable=bool(profile.diagnostics) and source is None,
     )
 
 

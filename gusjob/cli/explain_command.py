@@ -8,38 +8,40 @@ from textwrap import indent
 import click
 
 from gusjob.cli.language import Command
-from gusjob.cli.text import padded, wrapped
 from gusjob.diagnostics.model import Rule
 from gusjob.diagnostics.rules import RULES
-from gusjob.frontend.parse.lines import nearest
+from gusjob.frontend.parse.misread import nearest
 from gusjob.i18n.language import translated
-from gusjob.i18n.phrases import Phrase, localized, printable
+from gusjob.i18n.phrases import Phrase, did_you_mean, localized, printable
+from gusjob.i18n.width import padded, wrapped
 
 
 @click.command(name="explain", cls=Command)
 @click.argument("codes", metavar="[CODE]...", nargs=-1)
 def command(codes: tuple[str, ...]) -> None:
-    """Explain rules: what each means, why it hurts, a bad and a good example. Without a CODE: list
-    all rules; with the beginning of codes, such as GJ4, those."""
-    families = [code for code in codes if any(known.startswith(code.upper()) for known in RULES)]
-    if len(families) == len(codes) and not any(code.upper() in RULES for code in codes):
+    """Explain rules, each with a bad and a good example.
+
+    Without a CODE all rules are listed; with a prefix of codes, such as GJ4, those that it matches.
+    """
+    names = tuple(code.upper() for code in codes)
+    are_prefixes = all(any(known.startswith(name) for known in RULES) for name in names)
+    if are_prefixes and not any(name in RULES for name in names):
         for rule in RULES.values():
-            if not codes or rule.code.startswith(tuple(code.upper() for code in codes)):
+            if not names or rule.code.startswith(names):
                 click.echo(f"{rule.code}  {padded(rule.severity.localized, 7)}  {translated(rule.title)}")
         return
     unknown = [code for code in codes if code.upper() not in RULES]
     for code in unknown:
-        near = nearest(code.upper(), RULES)
-        hint = Phrase("; did you mean {near}?", near=near) if near else ""
+        hint = did_you_mean(nearest(code.upper(), RULES))
         text = Phrase("there is no rule {code}{hint}", code=printable(code), hint=hint)
         click.echo(f"gusjob: {localized(text)}", err=True)
     if unknown:
         sys.exit(2)
-    click.echo("\n".join(explained(RULES[code.upper()]) for code in codes), nl=False)
+    click.echo("\n".join(explanation(RULES[name]) for name in names), nl=False)
 
 
-def explained(rule: Rule) -> str:
-    """A rule as text."""
+def explanation(rule: Rule) -> str:
+    """Return the description of a rule with its examples."""
     section = localized(Phrase(" (manual, {section})", section=rule.section)) if rule.section else ""
     parts = [
         f"{rule.code} {rule.severity.localized}: {translated(rule.title)}{section}\n",
@@ -54,12 +56,13 @@ def explained(rule: Rule) -> str:
 
 
 _COLUMNS = 100
-_LONGEST = 16
+_MAX_LINES = 16
+"""Of a longer example the middle is left out."""
 _BAD, _GOOD = Phrase("bad:"), Phrase("good:")
 
 
 def _example(text: str) -> str:
     lines = text.splitlines()
-    if len(lines) > _LONGEST:
+    if len(lines) > _MAX_LINES:
         lines = [*lines[:3], "...", *lines[-3:]]
     return indent("\n".join(lines), "    ") + "\n"

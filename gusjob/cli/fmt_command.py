@@ -77,9 +77,9 @@ class _Formatting:
 
     def job(self, path: Path, bom: bytes, source: Source) -> None:
         """Format a job that was read."""
-        from gusjob.frontend.format import laid_out
+        from gusjob.frontend.format import format_source
 
-        data, diagnostics = laid_out(source)
+        data, diagnostics = format_source(source)
         if data is None:
             show(FileResult(path=path, diagnostics=tuple(diagnostics), sources={source.name: source}))
             self.fail(1)
@@ -101,10 +101,10 @@ class _Formatting:
 
     def show_change(self, name: str, before: bytes, after: bytes) -> None:
         """Print the difference, or only the name."""
-        from gusjob.frontend.format.difference import difference
+        from gusjob.frontend.format.unified_diff import unified_diff
 
         named = [f"{name}\n".encode(errors="backslashreplace")]
-        write(difference(name, before, after) if self.diffs else named, None)
+        write(unified_diff(name, before, after) if self.diffs else named, None)
 
     def fail(self, exit_code: int) -> None:
         self.counts[_FAILED] += 1

@@ -12,13 +12,13 @@ import click
 
 from gusjob.cli.common import show, stop
 from gusjob.cli.run_display import run_display
-from gusjob.cli.text import padded, width
 from gusjob.controllers.journal.reader import RecordedRun
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.hardware.forecast import ChannelForecast
 from gusjob.hardware.request import Refusal, RunMode, RunOptions, RunRequest, read_recorded_run
 from gusjob.hardware.run import Confirm, Ending, RunOutcome, RunPlan, run_on
 from gusjob.i18n.phrases import Phrase, localized, printable
+from gusjob.i18n.width import padded, width
 from gusjob.pipeline import Simulated, with_simulation
 
 

@@ -17,8 +17,8 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from gusjob.cli.text import width, wrapped
 from gusjob.i18n.language import CATALOGUES, DOMAIN, LANGUAGES, language, set_language, system_language, translated
+from gusjob.i18n.width import width, wrapped
 
 _OPTION = "--lang"
 _SAMPLES = {"zh": "中"}

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from gusjob.diagnostics.formats.check_json import diagnostic_object
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase
 from gusjob.pipeline import FileResult, Simulated
-from gusjob.report.files import diagnostic_object
 
 if TYPE_CHECKING:
     from gusjob.report.rows import Report
@@ -29,7 +29,7 @@ def too_long(report: Report | None) -> str:
 
 
 def html_page(result: FileResult, report: Report | None, *, watched: str = "") -> Iterator[bytes]:
-    """The page in pieces; of a job that was not run, or is too long for a page, what is to be said of it."""
+    """Yield the page in pieces. For a job that was not simulated, or is too long, it has the diagnostics only."""
     from gusjob.view.page.content import page_of, page_without_run
     from gusjob.view.page.render import render
     from gusjob.view.strokes import strokes_of
@@ -42,7 +42,7 @@ def html_page(result: FileResult, report: Report | None, *, watched: str = "") -
 
 
 def _with_source(result: FileResult, diagnostic: Diagnostic) -> dict[str, Any]:
-    """A diagnostic as in the JSON, but said in the user's language, with the text of its line."""
+    """Return a diagnostic as in the JSON, but localized and with the text of its line."""
     found = diagnostic_object(diagnostic) | {"message": diagnostic.localized}
     found["source"] = result.text_of(diagnostic.span, diagnostic.path)
     for note, remark in zip(found.get("notes", ()), diagnostic.remarks, strict=False):

@@ -138,11 +138,11 @@ def _span_ms(
     end_ms = output_time.total_ms if last is None else min(last.time_ms, output_time.total_ms)
     if first is not None and first.line:
         start_ms = float(
-            (trace.schedule.times_ms[:-1] + later_ms)[_moving("--from", first.line, lines >= first.line)[0]]
+            (trace.schedule.times_ms[:-1] + later_ms)[_selected_segments("--from", first.line, lines >= first.line)[0]]
         )
     if last is not None and last.line:
         upto = (lines > 0) & (lines <= last.line)
-        end_ms = float((trace.schedule.times_ms[1:] + later_ms)[_moving("--to", last.line, upto)[-1]])
+        end_ms = float((trace.schedule.times_ms[1:] + later_ms)[_selected_segments("--to", last.line, upto)[-1]])
     if start_ms > end_ms:
         wrong = Phrase(
             "--from {start} ms is after --to {end} ms; the run takes {total} ms",
@@ -154,9 +154,9 @@ def _span_ms(
     return start_ms, end_ms
 
 
-def _moving(option: str, line: int, wanted: Bools) -> Indices:
+def _selected_segments(option: str, line: int, is_selected: Bools) -> Indices:
     """Return the indices of the selected segments; exit if there are none."""
-    at = np.flatnonzero(wanted)
+    at = np.flatnonzero(is_selected)
     if not len(at):
         if option == "--from":
             wrong = Phrase("{option}: nothing moves at line {line} or after it", option=option, line=line)

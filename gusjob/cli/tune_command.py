@@ -11,10 +11,10 @@ import click
 
 from gusjob.cli.common import bom_of, file_argument, machine_option, rewrite, scanner_option, show, stop
 from gusjob.cli.language import Command
-from gusjob.cli.text import padded, width
 from gusjob.config.machine import Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, figure, localized, reason_of
+from gusjob.i18n.width import padded, width
 from gusjob.pipeline import Checked, in_order, load
 
 if TYPE_CHECKING:

@@ -1,31 +1,72 @@
-"""The machine that a job runs on, as frozen dataclasses; profile.py reads them from TOML."""
+"""The machine that a job runs on, as frozen dataclasses with the profile's entries in their metadata.
+
+profile.py reads them from gusjob.toml, which docs/profile.md describes.
+"""
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gusjob.controllers.gus.ranges import POWER_NOW, PowerMode
-from gusjob.diagnostics.select import RuleSelection
+from gusjob.config.entry import entry
+from gusjob.controllers.gus.ranges import (
+    ACCELERATION,
+    CARRIER_KHZ,
+    CHANNEL,
+    LOOKAHEAD_TIME_MS,
+    POWER_NOW,
+    SHORT,
+    SWITCH_VALUE,
+    PowerMode,
+    Range,
+)
 from gusjob.i18n.phrases import Phrase, printable
 from gusjob.kinematics.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 
+def _closed(name: str, unit: str, low: float, high: float) -> Range:
+    return Range(name=name, unit=unit, low=low, high=high, section="profile")
+
+
+def _whole(name: str, low: float, high: float) -> Range:
+    return Range(name=name, unit="", low=low, high=high, whole=True, section="profile")
+
+
+def _positive(name: str, unit: str, high: float = math.inf) -> Range:
+    return Range(name=name, unit=unit, low=0, high=high, low_open=True, high_open=True, section="profile")
+
+
+def _budget(unit: str) -> Range:
+    return Range(name="budget", unit=unit, low=0, high=1e12, section="profile")
+
+
+_COORDINATE_MM = _closed("field", "mm", -1e6, 1e6)
+_TIMEOUT_S = _closed("time-out", "s", 0.01, 600)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laser:
-    """One laser source. `rated_w`: watts at full power, None if unknown; `max_frequency_khz`: its highest response."""
+    """A laser source. `rated_w`: watts at full power, None if unknown; `max_frequency_khz`: its highest response."""
 
-    channel: int
-    name: str = ""
-    rated_w: float | None = None
-    max_frequency_khz: float | None = None
+    channel: int = field(metadata=entry(CHANNEL, "Laser channel", required=True, unique=True, example="0"))
+    name: str = field(default="", metadata=entry(str, "Name in reports", example='"30 W CO2"'))
+    rated_w: float | None = field(
+        default=None,
+        metadata=entry(_positive("rated power", "W", 1e6), "Power at 100 %, for watts and joules", example="30"),
+    )
+    max_frequency_khz: float | None = field(
+        default=None, metadata=entry(CARRIER_KHZ, "Highest response frequency", example="25")
+    )
 
     def watts_per_unit(self, mode: PowerMode, pulse_width_us: float) -> float | None:
-        """Average watts for one unit of power (1 %, 1 kHz, 1 V), or None if the rated power is unknown.
+        """Return the average power in W for one unit of power (1 %, 1 kHz, 1 V), None if the rated power is unknown.
 
-        Duty: rated * duty. Analog: rated * V / 10 (the full scale of M 二.2). Frequency: rated * f * width, that is
-        the share of time in which the PWM line is active.
+        Duty modes: rated * duty. Analog: rated * V / 10. Frequency: rated * f * width, the share of time in which the
+        PWM line is active.
+
+        Source: M 二.2 for the full scale of 10 V.
         """
         if self.rated_w is None:
             return None
@@ -39,7 +80,7 @@ class Laser:
 
 
 class ScannerModel(StrEnum):
-    """How mirrors follow the command: so much later, or as a low pass of first or (critically damped) second order."""
+    """How the mirrors follow the command: a delay, or a low pass of first or (critically damped) second order."""
 
     DELAY = "delay"
     FIRST_ORDER = "first-order"
@@ -48,27 +89,27 @@ class ScannerModel(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scanner:
-    """How the beam lags behind the command. At constant speed every model lags by speed * tracking error."""
+    """How the beam lags behind the command: at constant velocity, every model lags by velocity * tracking error."""
 
     model: ScannerModel
     tracking_error_us: float
 
     def __str__(self) -> str:
-        """As it is written."""
+        """Return the text of the profile, such as first-order:250us."""
         return f"{self.model.value}:{self.tracking_error_us:g}us"
 
 
 SCANNER_FORM = Phrase(
     "delay:TIME, first-order:TIME or second-order:TIME, such as first-order:250us, with a TIME of 0 to 1 s"
 )
-"""How a scanner is written."""
+"""The form of a scanner's text."""
 
 _SCANNER_MAX_US = 1e6
 _SCANNER_TEXT = re.compile(rf"({'|'.join(ScannerModel)}):((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) ?(us|ms|s)?", re.ASCII)
 
 
 def parse_scanner(text: str) -> Scanner | str:
-    """A scanner from `first-order:250us`, or what is wrong with the text. Units: us (also without a unit), ms, s."""
+    """Parse a scanner such as `first-order:250us`, or say what is wrong. Units: us (the default), ms, s."""
     shown = f'"{printable(text)[:40]}"'
     found = _SCANNER_TEXT.fullmatch(text.strip())
     if not found:
@@ -81,7 +122,7 @@ def parse_scanner(text: str) -> Scanner | str:
 
 
 class Abi(StrEnum):
-    """Which of the vendor's libraries it is: the GUS laser manual's, or one of the sister series."""
+    """The vendor's library: that of the GUS laser manual, or one of the sister series."""
 
     GUS = "gus"
     GTS = "gts"
@@ -90,98 +131,159 @@ class Abi(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interlock:
-    """A digital input that must read `value` (0 or 1) as long as a job runs: GT_GetDi(di_type), its bit `input`.
+    """A digital input that must read `value` as long as a job runs: bit `input` of GT_GetDi(di_type)."""
 
-    Type 4 are the general inputs of the sister series.
-    """
-
-    di_type: int = 4
-    input: int = 0
-    value: int = 1
+    di_type: int = field(default=4, metadata=entry(SHORT, "Type of GT_GetDi; 4: general inputs"))
+    input: int = field(default=0, metadata=entry(_whole("input", 0, 31), "Number of the input"))
+    value: int = field(default=1, metadata=entry(SWITCH_VALUE, "Value while a job may run"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
-    """How the controller is reached, through the vendor's library, and how it is left. Empty texts: not given."""
+    """How the controller is reached through the vendor's library, and how it is left. Empty texts: not given."""
 
-    library: str = ""
-    abi: Abi | None = None
-    configuration: str = ""
-    """The file for GT_LoadConfig."""
-    card: int = 0
-    open_channel: int = 0
-    open_param: int = 1
-    axes_off_after: bool = False
-    call_timeout_s: float = 2.0
-    """After so long without an answer a call counts as hung."""
-    link_patience_s: float = 5.0
-    """For so long the light is tried to be switched off over a link that does not answer."""
-    position_tolerance_pulse: float = 2.0
-    """By how much the position at the end may be off."""
-    interlock: Interlock | None = None
+    library: str = field(
+        default="",
+        metadata=entry(
+            str, "Vendor's library: beside the profile, or where the system looks for it", example='"gts.dll"'
+        ),
+    )
+    abi: Abi | None = field(default=None, metadata=entry(Abi, "Interface of the library", example='"gts"'))
+    configuration: str = field(default="", metadata=entry(str, "File for GT_LoadConfig", example='"machine.cfg"'))
+    card: int = field(default=0, metadata=entry(_whole("card", 0, 15), "Card number (gts-multi)"))
+    open_channel: int = field(default=0, metadata=entry(SHORT, "First argument of GT_Open"))
+    open_param: int = field(default=1, metadata=entry(SHORT, "Second argument of GT_Open"))
+    axes_off_after: bool = field(default=False, metadata=entry(bool, "Switch the axes off after a run"))
+    call_timeout_s: float = field(default=2.0, metadata=entry(_TIMEOUT_S, "Time after which a call counts as hung"))
+    link_patience_s: float = field(
+        default=5.0,
+        metadata=entry(
+            _closed("patience", "s", 0.01, 600), "Time for attempts to switch the laser off over a link without answer"
+        ),
+    )
+    position_tolerance_pulse: float = field(
+        default=2.0,
+        metadata=entry(_closed("tolerance", "pulse", 0, 1e6), "Allowed error of the position at the end of a run"),
+    )
+    interlock: Interlock | None = field(default=None, metadata=entry(Interlock))
+
+
+def _limit(unit: str, help_text: str, example: str) -> float | None:
+    limit: float | None = field(default=None, metadata=entry(_budget(unit), help_text, example=example))
+    return limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """What a process may come to at most; None: anything. Energy per mm is the peak of a mark (report/marks.py).
+    """The limits of a process; None: no limit. Energy per mm is the peak of a mark (simulate/quality/marks.py).
 
-    Power and energy per mm count in the unit of the mode; watts and joules where the laser's rated power is known.
+    Power and energy per mm are in the unit of the mode, and in watts and joules if the laser's rated power is known.
     """
 
-    duration_s: float | None = None
-    power_pct: float | None = None
-    power_khz: float | None = None
-    power_v: float | None = None
-    power_w: float | None = None
-    energy_pct_ms_per_mm: float | None = None
-    energy_khz_ms_per_mm: float | None = None
-    energy_v_ms_per_mm: float | None = None
-    energy_j_per_mm: float | None = None
-    clamped_ms: float | None = None
-    """Of a segment."""
-    on_error_um: float | None = None
-    """How far the beam may be off when the light comes, to either side."""
+    duration_s: float | None = _limit("s", "Time of the run", "60")
+    power_pct: float | None = _limit("%", "Power in a duty mode", "80")
+    power_khz: float | None = _limit("kHz", "Power in frequency mode", "20")
+    power_v: float | None = _limit("V", "Power in analog mode", "8")
+    power_w: float | None = _limit("W", "Power, with rated_w", "25")
+    energy_pct_ms_per_mm: float | None = _limit("%*ms/mm", "Energy per mm at the peak of a mark", "500")
+    energy_khz_ms_per_mm: float | None = _limit("kHz*ms/mm", "The same in frequency mode", "100")
+    energy_v_ms_per_mm: float | None = _limit("V*ms/mm", "The same in analog mode", "50")
+    energy_j_per_mm: float | None = _limit("J/mm", "The same in joules, with rated_w", "0.1")
+    clamped_ms: float | None = _limit("ms", "Time for which a limit may clamp the power in a segment", "1")
+    on_error_um: float | None = _limit("um", "Distance of the beam from the start of a mark when emission starts", "20")
 
     def power(self, unit: str) -> float | None:
-        """Highest power in the unit of a mode."""
+        """Return the power limit in the unit of a mode."""
         return {"%": self.power_pct, "kHz": self.power_khz, "V": self.power_v}[unit]
 
     def energy_per_mm(self, unit: str) -> float | None:
-        """Highest energy per mm, unit*ms/mm."""
+        """Return the limit of energy per mm in unit*ms/mm."""
         energies = {"%": self.energy_pct_ms_per_mm, "kHz": self.energy_khz_ms_per_mm, "V": self.energy_v_ms_per_mm}
         return energies[unit]
 
     @property
-    def judges_marks(self) -> bool:
-        """Whether marks have to be looked at, which takes its time."""
+    def limits_marks(self) -> bool:
+        """Whether a limit needs the analysis of marks, which takes time."""
         energies = (self.energy_pct_ms_per_mm, self.energy_khz_ms_per_mm, self.energy_v_ms_per_mm)
         return any(limit is not None for limit in (*energies, self.energy_j_per_mm, self.on_error_um))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
-    """What a job runs on. The defaults are the documented ones of the job language."""
+    """The machine that a job runs on. The defaults are those of the job language."""
 
-    name: str = "default"
-    pulses_per_mm: tuple[float, float] = (1000.0, 1000.0)
-    field_x_mm: tuple[float, float] = (-150.0, 150.0)
-    field_y_mm: tuple[float, float] = (-150.0, 150.0)
-    max_velocity_mm_s: float = 10_000.0
-    max_acceleration_mm_s2: float = 1e6
-    period_us: float = 250.0
-    lookahead_time_ms: float = 5.0
-    lookahead_acc_pulse_per_ms2: float = 1.0
-    chord_tolerance_um: float = 1.0
-    host_calls_per_s: float | None = None
-    expansion_max_statements: int = 3_000_000
-    expansion_max_depth: int = 64
-    expansion_max_includes: int = 16
-    scanner: Scanner | None = None
-    """None: the beam is where the command is."""
-    lasers: tuple[Laser, ...] = field(default=())
-    controller: ControllerSettings = ControllerSettings()
-    budget: Budget = Budget()
-    selection: RuleSelection = field(default=RuleSelection())
+    name: str = field(default="default", metadata=entry(str, "Name of the machine"))
+    pulses_per_mm: tuple[float, float] = field(
+        default=(1000.0, 1000.0),
+        metadata=entry(_positive("pulses per mm", "pulse/mm", 1e7), "Resolution, or [x, y]", pair=True, single=True),
+    )
+    field_x_mm: tuple[float, float] = field(
+        default=(-150.0, 150.0), metadata=entry(_COORDINATE_MM, "Field in X", pair=True, ascending=True)
+    )
+    field_y_mm: tuple[float, float] = field(
+        default=(-150.0, 150.0), metadata=entry(_COORDINATE_MM, "Field in Y", pair=True, ascending=True)
+    )
+    max_velocity_mm_s: float = field(
+        default=10_000.0, metadata=entry(_positive("velocity", "mm/s", 1e9), "Highest velocity")
+    )
+    max_acceleration_mm_s2: float = field(
+        default=1e6, metadata=entry(_positive("acceleration", "mm/s2", 1e12), "Highest acceleration")
+    )
+    period_us: float = field(default=250.0, metadata=entry(_closed("period", "us", 1, 1e6), "Controller's tick"))
+    scanner: Scanner | None = field(
+        default=None,
+        metadata=entry(
+            Scanner,
+            "Lag of the beam: delay, first-order or second-order, and its tracking error. Without it the beam is at "
+            "the commanded position",
+            example='"first-order:250us"',
+        ),
+    )
+    chord_tolerance_um: float = field(
+        default=1.0,
+        metadata=entry(
+            _closed("chord tolerance", "um", 0.01, 1000), "Tolerance for arcs that the axes can only run as lines"
+        ),
+    )
+    host_calls_per_s: float | None = field(
+        default=None,
+        metadata=entry(
+            _positive("calls per second", "1/s", 1e9),
+            "Calls per second that the host can send, for GJ515",
+            example="20000",
+        ),
+    )
+    expansion_max_statements: int = field(
+        default=3_000_000,
+        metadata=entry(
+            _whole("statements", 1, 1e8),
+            "Statements after expanding loops and routines",
+            key="expansion.max_statements",
+        ),
+    )
+    expansion_max_depth: int = field(
+        default=64,
+        metadata=entry(_whole("depth", 1, 150), "Depth of blocks, calls and includes", key="expansion.max_depth"),
+    )
+    expansion_max_includes: int = field(
+        default=16,
+        metadata=entry(_whole("includes", 0, 32), "Depth of includes", key="expansion.max_includes"),
+    )
+    lookahead_time_ms: float = field(
+        default=5.0,
+        metadata=entry(
+            LOOKAHEAD_TIME_MS,
+            "At a corner the velocity vector changes by at most time * acceleration",
+            key="lookahead.time_ms",
+        ),
+    )
+    lookahead_acc_pulse_per_ms2: float = field(
+        default=1.0,
+        metadata=entry(ACCELERATION, "See time_ms", key="lookahead.acc_pulse_per_ms2"),
+    )
+    controller: ControllerSettings = field(default=ControllerSettings(), metadata=entry(ControllerSettings))
+    budget: Budget = field(default=Budget(), metadata=entry(Budget))
+    lasers: tuple[Laser, ...] = field(default=(), metadata=entry(Laser, key="laser", repeated=True))
 
     @property
     def equal_axes(self) -> bool:
@@ -190,14 +292,14 @@ class Machine:
 
     @property
     def max_velocity_pulse_per_ms(self) -> float:
-        """The velocity limit for the coordinate system, on the finer axis."""
+        """Velocity limit of the coordinate system, on the finer axis."""
         return velocity_pulse_per_ms(self.max_velocity_mm_s, max(self.pulses_per_mm))
 
     @property
     def max_acceleration_pulse_per_ms2(self) -> float:
-        """The acceleration limit for the coordinate system, on the finer axis."""
+        """Acceleration limit of the coordinate system, on the finer axis."""
         return acceleration_pulse_per_ms2(self.max_acceleration_mm_s2, max(self.pulses_per_mm))
 
     def laser(self, channel: int) -> Laser:
-        """The laser of a channel; one of unknown power if the profile names none."""
+        """Return the laser of a channel; one of unknown power if the profile has none."""
         return next((x for x in self.lasers if x.channel == channel), Laser(channel=channel))

@@ -1,4 +1,4 @@
-"""User diagnostics as values: spans, rules, diagnostics, and how they are gathered. The rules themselves: rules.py."""
+"""Diagnostics as values: spans, rules, diagnostics, and their collector. The rules themselves are in rules/."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gusjob.i18n.phrases import Phrase, localized
 
 
 class Severity(Enum):
-    """What a diagnostic means for the exit code: an error fails, a warning fails with --strict, a note never."""
+    """How serious a diagnostic is: an error fails, a warning fails with --strict, a note never fails."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -19,12 +19,12 @@ class Severity(Enum):
 
     @property
     def localized(self) -> str:
-        """The word for people, in their language."""
+        """The word in the user's language."""
         return localized(_SEVERITIES[self])
 
 
-WEIGHTS = (Severity.NOTE, Severity.WARNING, Severity.ERROR)
-"""Severities from the lightest to the heaviest."""
+SEVERITY_ORDER = (Severity.NOTE, Severity.WARNING, Severity.ERROR)
+"""Severities from the lowest to the highest."""
 _SEVERITIES = {
     Severity.ERROR: Phrase("error"),
     Severity.WARNING: Phrase("warning"),
@@ -34,9 +34,10 @@ _SEVERITIES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """A place in a text: lines and columns from 1, in characters; `end_column` is the first column behind.
+    """A start and an end in a text: lines and columns from 1, in characters; `end_column` is exclusive.
 
-    `path` is '' in the text that a diagnostic is about, else the file that it includes.
+    An `end_line` or `end_column` of 0 means that only the start is known. `path`: '' for the text that a diagnostic is
+    about, otherwise the file that it includes.
     """
 
     line: int
@@ -47,14 +48,15 @@ class Span:
 
 
 NOWHERE = Span(line=1)
+"""The span of a diagnostic about a whole file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """One thing that can be wrong. `code` is stable; `text` is a template whose fields a diagnostic fills in.
+    """A kind of diagnostic.
 
-    `why` it hurts; `bad` and `good`: a job (of GJ7, a listing) that has the diagnostic, and one that has not;
-    `section` of the vendor's manual. The registry is rules.py.
+    `code`: stable. `text`: the message, a template that a diagnostic's fields are filled into. `why`: why it matters.
+    `bad`, `good`: a job (for GJ7, a listing) with the problem and one without. `section`: of the vendor's manual.
     """
 
     code: str
@@ -69,7 +71,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remark:
-    """Another place that matters for a diagnostic. `text` is a template of REMARKS."""
+    """Another position that matters for a diagnostic. `text`: a template, one of REMARKS."""
 
     text: str
     span: Span
@@ -88,10 +90,11 @@ class Remark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
-    """One diagnostic found: a rule, the fields of its text, and where.
+    """A reported problem: a rule, a span, and the values in its message.
 
-    `path`: the text that it is about; `span.path`, where it is set, the file in which the place is. `count`: in how
-    many rounds and calls of the same statement. `remarks`: other places, the nearest first.
+    `path`: the text that it is about; `span.path`, if set, is the file with the position. `count`: the number of
+    iterations and calls of the same statement that have it. `remarks`: other positions, the nearest first.
+    `severity_override`: the severity that the profile gives it instead of the rule's.
     """
 
     rule: Rule
@@ -100,8 +103,7 @@ class Diagnostic:
     path: str = ""
     count: int = 1
     remarks: tuple[Remark, ...] = ()
-    weight: Severity | None = None
-    """The severity that a profile gives it, in place of the rule's."""
+    severity_override: Severity | None = None
 
     @property
     def message(self) -> str:
@@ -110,7 +112,7 @@ class Diagnostic:
 
     @property
     def phrase(self) -> Phrase:
-        """The message, to be said as part of another one."""
+        """The message as a phrase, to be part of another one."""
         return Phrase(self.rule.text, **self.fields)
 
     @property
@@ -120,24 +122,26 @@ class Diagnostic:
 
     @property
     def localized_with_count(self) -> str:
-        """The message in the user's language, and how many times it was met."""
+        """The message in the user's language, with its count if that is above 1."""
         return self.localized + (
             localized(Phrase(" ({count} times)", count=f"{self.count:,}")) if self.count > 1 else ""
         )
 
     @property
     def file(self) -> str:
-        """The file in which the place is."""
+        """The file with the position."""
         return self.span.path or self.path
 
     @property
     def severity(self) -> Severity:
-        """The profile's where it says one, else the rule's."""
-        return self.weight or self.rule.severity
+        """The severity of the profile, otherwise the rule's."""
+        return self.severity_override or self.rule.severity
 
-    def at_least(self, weight: Severity) -> Diagnostic:
-        """The same, and no lighter than that."""
-        return self if WEIGHTS.index(self.severity) >= WEIGHTS.index(weight) else replace(self, weight=weight)
+    def at_least(self, severity: Severity) -> Diagnostic:
+        """Return the diagnostic with at least this severity."""
+        if SEVERITY_ORDER.index(self.severity) >= SEVERITY_ORDER.index(severity):
+            return self
+        return replace(self, severity_override=severity)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
@@ -145,58 +149,61 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
     return any(d.severity is Severity.ERROR for d in diagnostics)
 
 
-# What is said of other places.
+# The texts of remarks.
 CALLED = "called here{values}"
-ROUND = "in the round where {values}"
-NTH_ROUND = "in round {number}"
+IN_ITERATION = "in the iteration where {values}"
+ITERATION_NUMBER = "in iteration {number}"
 INCLUDED = "included here"
 SET_HERE = "{name} is set here"
 MODE_HERE = "the mode is set here: {mode}"
 ON_HERE = "the laser is switched on here"
 FIRST_HERE = "the first one is here"
-REMARKS = (CALLED, ROUND, NTH_ROUND, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
+REMARKS = (CALLED, IN_ITERATION, ITERATION_NUMBER, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
 """Every text of a Remark."""
 
 
 MAX_PER_RULE = 1000
-"""So many diagnostics of one rule are listed; the rest is counted."""
+"""The number of diagnostics of one rule that are listed; the others are only counted."""
 
 
 @dataclass(slots=True)
 class Collector:
-    """Gathers diagnostics of one text; of each rule it lists so many and counts the rest."""
+    """Collects the diagnostics of one text: lists up to MAX_PER_RULE of each rule and counts the others.
+
+    `counts`: all diagnostics by code; `listed`: the listed ones.
+    """
 
     path: str
     found: list[Diagnostic] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     listed: dict[str, int] = field(default_factory=dict)
 
-    def room(self, rule: Rule) -> int:
-        """How many more diagnostics of a rule will be listed."""
+    def remaining(self, rule: Rule) -> int:
+        """Return how many more diagnostics of a rule will be listed."""
         return MAX_PER_RULE - self.listed.get(rule.code, 0)
 
     def add(
         self, rule: Rule, span: Span, fields: dict[str, Any], count: int = 1, remarks: tuple[Remark, ...] = ()
     ) -> None:
-        """One diagnostic, perhaps of many rounds."""
-        if self.room(rule):
+        """Add a diagnostic. `count`: the number of iterations that have it."""
+        if self.remaining(rule):
             self.found.append(
                 Diagnostic(rule=rule, span=span, fields=fields, path=self.path, count=count, remarks=remarks)
             )
             self.listed[rule.code] = self.listed.get(rule.code, 0) + 1
-        self.uncounted(rule, 1)
+        self.count_unlisted(rule, 1)
 
-    def again(self, index: int, count: int) -> None:
-        """The diagnostic at an index of `found` was met so many times more."""
+    def count_again(self, index: int, count: int) -> None:
+        """Increase the count of the diagnostic at an index of `found`."""
         self.found[index] = replace(self.found[index], count=self.found[index].count + count)
 
-    def uncounted(self, rule: Rule, more: int) -> None:
-        """Diagnostics that were found and are not worth making, since they would not be listed."""
+    def count_unlisted(self, rule: Rule, more: int) -> None:
+        """Count diagnostics that are not made, since they would not be listed."""
         self.counts[rule.code] = self.counts.get(rule.code, 0) + more
 
-    def done(self, more: Rule) -> list[Diagnostic]:
-        """All that are listed, and for each rule, by the rule `more`, how many more there are."""
-        left = [
+    def finish(self, more: Rule) -> list[Diagnostic]:
+        """Return all listed diagnostics and, as diagnostics of the rule `more`, the number of the others."""
+        not_listed = [
             Diagnostic(
                 rule=more,
                 span=NOWHERE,
@@ -206,4 +213,4 @@ class Collector:
             for code, count in self.counts.items()
             if count > MAX_PER_RULE
         ]
-        return [*self.found, *left]
+        return [*self.found, *not_listed]

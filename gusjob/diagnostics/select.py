@@ -1,7 +1,6 @@
-"""Which diagnostics count, and how much: what [check] of a profile and the command line say of rules, for all files or
-some.
+"""Which diagnostics are reported, and with which severity: [check] of a profile, and --select and --ignore.
 
-Rules are named by their codes or by the beginnings of codes: GJ4 is every rule of light.
+Rules are named by their codes or by prefixes of codes: GJ4 stands for all rules of that family.
 """
 
 from __future__ import annotations
@@ -13,87 +12,88 @@ from functools import lru_cache
 from pathlib import Path
 
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import WEIGHTS, Diagnostic, Severity
+from gusjob.diagnostics.model import SEVERITY_ORDER, Diagnostic, Severity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SelectionLayer:
-    """What one place says of rules. `glob`: of which files, from the profile's folder; '' of all."""
+    """The settings of one table or of the command line. The longest prefix that matches a code wins.
+
+    `glob`: the files that it applies to, relative to the profile's folder; '' for all. `select`: only these rules;
+    `ignore`: all but these; `severity`: by prefix.
+    """
 
     glob: str = ""
     select: tuple[str, ...] = ()
-    """Only these."""
     ignore: tuple[str, ...] = ()
-    """All but these; of two beginnings that fit, in either, the longer one counts."""
     severity: tuple[tuple[str, Severity], ...] = ()
 
-    def wants(self, code: str) -> bool | None:
-        """Whether a rule counts; None where nothing is said of it."""
-        chosen, left_out = _longest(code, self.select), _longest(code, self.ignore)
-        if not chosen and not left_out:
+    def selects(self, code: str) -> bool | None:
+        """Whether a rule is reported; None if the layer does not mention it."""
+        selected, ignored = _longest(code, self.select), _longest(code, self.ignore)
+        if not selected and not ignored:
             return False if self.select else None
-        return chosen > left_out
+        return selected > ignored
 
-    def weight(self, code: str) -> Severity | None:
-        """The severity that a rule is to have; None where nothing is said of it."""
+    def severity_of(self, code: str) -> Severity | None:
+        """Return the severity that a rule is to have; None if the layer does not mention it."""
         length = _longest(code, (prefix for prefix, _ in self.severity))
         return dict(self.severity)[code[:length]] if length else None
 
 
-NOTHING_ASKED = SelectionLayer()
+EMPTY_LAYER = SelectionLayer()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleSelection:
-    """Layers, of which the last one that says something of a rule counts. `folder`: where globs start."""
+    """Layers, of which the last one that mentions a rule wins. `folder`: where globs start."""
 
     layers: tuple[SelectionLayer, ...] = ()
     folder: str = ""
 
-    def of(self, file: str) -> list[SelectionLayer]:
-        """The layers that speak of a file."""
-        return [one for one in self.layers if not one.glob or _fits(_below(file, self.folder), one.glob)]
+    def layers_for(self, file: str) -> list[SelectionLayer]:
+        """Return the layers that apply to a file."""
+        return [layer for layer in self.layers if not layer.glob or _matches(_relative(file, self.folder), layer.glob)]
 
-    def wants(self, diagnostic: Diagnostic, last: SelectionLayer) -> bool:
-        """Whether a diagnostic counts. `last`: what the command line says."""
-        code = str(diagnostic.fields["code"]) if diagnostic.rule is rules.MORE else diagnostic.rule.code
-        said = [wanted for layer in (*self.of(diagnostic.file), last) if (wanted := layer.wants(code)) is not None]
-        return said[-1] if said else True
+    def selects(self, diagnostic: Diagnostic, last: SelectionLayer) -> bool:
+        """Whether a diagnostic is reported. `last`: the layer of the command line."""
+        code = str(diagnostic.fields["code"]) if diagnostic.rule is rules.NOT_LISTED else diagnostic.rule.code
+        answers = [layer.selects(code) for layer in (*self.layers_for(diagnostic.file), last)]
+        return next((answer for answer in reversed(answers) if answer is not None), True)
 
-    def weighed(self, diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Diagnostics with the severities that the layers give them; an error stays one."""
-        return [self._weighed(diagnostic) if self.layers else diagnostic for diagnostic in diagnostics]
+    def with_severities(self, diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+        """Return the diagnostics with the severities of the layers; an error stays an error."""
+        return [self._with_severity(diagnostic) if self.layers else diagnostic for diagnostic in diagnostics]
 
-    def _weighed(self, diagnostic: Diagnostic) -> Diagnostic:
-        if (
-            diagnostic.rule is rules.MORE
-        ):  # One of those that are not listed may be in a file of which more is demanded.
-            given = [layer.weight(str(diagnostic.fields["code"])) for layer in self.layers]
-            return diagnostic.at_least(max((one for one in given if one), key=WEIGHTS.index, default=Severity.NOTE))
-        said = [
-            weight for layer in self.of(diagnostic.file) if (weight := layer.weight(diagnostic.rule.code)) is not None
-        ]
-        if not said or diagnostic.severity is Severity.ERROR:
+    def _with_severity(self, diagnostic: Diagnostic) -> Diagnostic:
+        if diagnostic.rule is rules.NOT_LISTED:  # Those that are not listed may be in a file with a higher severity.
+            given = [layer.severity_of(str(diagnostic.fields["code"])) for layer in self.layers]
+            highest = max((one for one in given if one), key=SEVERITY_ORDER.index, default=Severity.NOTE)
+            return diagnostic.at_least(highest)
+        if diagnostic.severity is Severity.ERROR:
             return diagnostic
-        return replace(diagnostic, weight=said[-1])
+        answers = [layer.severity_of(diagnostic.rule.code) for layer in self.layers_for(diagnostic.file)]
+        severity = next((answer for answer in reversed(answers) if answer is not None), None)
+        return diagnostic if severity is None else replace(diagnostic, severity_override=severity)
 
 
-def _fits(name: str, glob: str) -> bool:
-    """Whether a file is meant: * is any text, `**/` may be nothing, and a folder's name means all that is in it."""
+def _matches(name: str, glob: str) -> bool:
+    """Whether a glob matches a file: * is any text, `**/` may be empty, and a folder stands for all that is in it."""
     pattern = glob.replace("\\", "/").removeprefix("./").rstrip("/")
     patterns = [pattern, f"{pattern}/*", *([pattern[3:]] if pattern.startswith("**/") else [])]
     return any(fnmatch(name, one.replace("/**/", "/*")) for one in patterns)
 
 
 def _longest(code: str, prefixes: Iterable[str]) -> int:
+    """Return the length of the longest prefix that matches a code."""
     return max((len(prefix) for prefix in prefixes if code.startswith(prefix)), default=0)
 
 
 @lru_cache(maxsize=1000)
-def _below(file: str, folder: str) -> str:
-    """A file's name from a folder on, with slashes; where it lies elsewhere, all of it."""
+def _relative(file: str, folder: str) -> str:
+    """Return a file's name relative to a folder, with slashes; the whole path if the file is not in the folder."""
     try:
         path = Path(file).resolve()
         return (path.relative_to(folder) if path.is_relative_to(folder) else path).as_posix()
-    except (OSError, ValueError, RuntimeError):  # No name of a file, or a loop of links.
+    except (OSError, ValueError, RuntimeError):  # No valid name, or a loop of links.
         return file

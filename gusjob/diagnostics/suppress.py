@@ -1,7 +1,7 @@
-"""Comments that allow a rule on their line: `LASER ON  ; allow GJ408: the lamp is dark, it only warms up`.
+"""Comments that suppress a rule on their line: `LASER ON  ; allow GJ408: the lamp is dark, it only warms up`.
 
-What may be allowed are warnings and notes; an error is a diagnostic whatever anybody says of it. A comment that allows
-what is not there is told, so that it goes when its reason has gone.
+Only warnings and notes can be suppressed. A comment that suppresses nothing is reported, so that it is removed when it
+is no longer needed.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _COMMENT = re.compile(
 _CODE = re.compile(r"GJ\w*", re.IGNORECASE)
 
 _UNKNOWN = Phrase("there is no such rule")
-_ERROR = Phrase("an error can't be allowed")
-_ITSELF = Phrase("what is wrong with a comment can't be allowed")
-_FORM = Phrase("write it as in ; allow GJ304: why it is right here")
-_NO_REASON = Phrase("a reason is missing: write it behind a colon, as in ; allow GJ304: why it is right here")
+_ERROR = Phrase("an error can't be suppressed")
+_ITSELF = Phrase("a diagnostic about a comment can't be suppressed")
+_FORM = Phrase("its form is wrong: write for example: ; allow GJ304: the stop is intended")
+_NO_REASON = Phrase("a reason is missing: write for example: ; allow GJ304: the stop is intended")
 MAX_BYTES = 100_000
-"""No statement is that long."""
+"""Longer lines are not searched: no statement is that long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,33 +53,33 @@ _Key = tuple[str, int, str]
 class Suppressions:
     """The suppressing comments of a job, by file, line and rule."""
 
-    by_place: Mapping[_Key, Suppression] = field(default_factory=dict)
+    by_position: Mapping[_Key, Suppression] = field(default_factory=dict)
 
     def added(self, name: str, data: bytes, *, top: bool) -> Suppressions:
-        """These and those of one more text. `top`: it is the job's own, not one that it includes."""
-        places = dict(self.by_place)
+        """Return these and those of another text. `top`: it is the job's own, not one that it includes."""
+        found = dict(self.by_position)
         for one in _in_text(name, data, path="" if top else name):
-            places.setdefault((name, one.span.line, one.code), one)
-        return Suppressions(places)
+            found.setdefault((name, one.span.line, one.code), one)
+        return Suppressions(found)
 
     def applied(self, diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], Suppressions]:
-        """The diagnostics that no comment suppresses, and the comments with those marked that were used."""
-        if not self.by_place:
+        """Return the diagnostics that no comment suppresses, and the comments with those marked that were used."""
+        if not self.by_position:
             return diagnostics, self
-        left, places = [], dict(self.by_place)
+        left, comments = [], dict(self.by_position)
         for diagnostic in diagnostics:
             key = (diagnostic.file, diagnostic.span.line, diagnostic.rule.code)
-            found = places.get(key)
+            found = comments.get(key)
             if found is not None:
                 why_not = _ERROR if diagnostic.severity is Severity.ERROR else found.why_not
-                found = places[key] = replace(found, why_not=why_not, used=not why_not)
+                found = comments[key] = replace(found, why_not=why_not, used=not why_not)
             if found is None or not found.used:
                 left.append(diagnostic)
-        return left, Suppressions(places)
+        return left, Suppressions(comments)
 
     def used_codes(self) -> set[str]:
-        """Codes of the rules of which something was suppressed."""
-        return {one.code for one in self.by_place.values() if one.used}
+        """Return the codes of the rules that were suppressed somewhere."""
+        return {one.code for one in self.by_position.values() if one.used}
 
     def diagnostics(self, path: str, was_looked_for: Callable[[str], bool]) -> list[Diagnostic]:
         """Report comments that have no effect, and those that suppress what is not there.
@@ -88,27 +88,28 @@ class Suppressions:
         for another job.
         """
         collector = Collector(path)
-        for one in self.by_place.values():
+        for one in self.by_position.values():
             if one.why_not:
-                collector.add(rules.ALLOWED_IN_VAIN, one.span, {"code": one.code, "why": one.why_not})
+                collector.add(rules.INVALID_SUPPRESSION, one.span, {"code": one.code, "why": one.why_not})
             elif not one.used and not one.span.path and was_looked_for(one.code):
-                collector.add(rules.ALLOWS_NOTHING, one.span, {"code": one.code})
-        return collector.done(rules.MORE)
+                collector.add(rules.UNUSED_SUPPRESSION, one.span, {"code": one.code})
+        return collector.finish(rules.NOT_LISTED)
 
 
 NO_SUPPRESSIONS = Suppressions()
 
 
 def _in_text(name: str, data: bytes, path: str) -> Iterator[Suppression]:
-    small = data.lower()
-    line, counted, at = 1, 0, small.find(b"allow")
+    """Find the comments of a text. `path`: the path of their spans."""
+    lower = data.lower()
+    line, counted, at = 1, 0, lower.find(b"allow")
     while at >= 0:
         start, end = data.rfind(b"\n", 0, at) + 1, data.find(b"\n", at)
         end = end if end >= 0 else len(data)
         line, counted = line + data.count(b"\n", counted, start), start
         if end - start <= MAX_BYTES:
             yield from _in_line(data[start:end].decode("utf-8", "replace"), line, name, path)
-        at = small.find(b"allow", end)
+        at = lower.find(b"allow", end)
 
 
 def _in_line(text: str, line: int, name: str, path: str) -> Iterator[Suppression]:
@@ -120,13 +121,13 @@ def _in_line(text: str, line: int, name: str, path: str) -> Iterator[Suppression
 
 
 def _why_not(code: str, comment: re.Match[str]) -> str:
-    """Why a comment does not allow a rule; '' if it does."""
+    """Return why a comment does not suppress a rule, '' if it does."""
     if not comment["gap"].isspace():
         return _FORM
     if code not in RULES:
         return _UNKNOWN
     if RULES[code].severity is Severity.ERROR:
         return _ERROR
-    if RULES[code] in (rules.ALLOWED_IN_VAIN, rules.ALLOWS_NOTHING):
+    if RULES[code] in (rules.INVALID_SUPPRESSION, rules.UNUSED_SUPPRESSION):
         return _ITSELF
     return "" if comment["reason"] else _NO_REASON

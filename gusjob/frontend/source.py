@@ -1,4 +1,4 @@
-"""Files to checked text bytes, and line numbers back to text."""
+"""Files to checked text, and lines of a text by their number."""
 
 from __future__ import annotations
 
@@ -18,19 +18,22 @@ MAX_FILE_MB = 1000
 
 @dataclass(slots=True)
 class Source:
-    """A text: UTF-8 bytes without BOM, lines ended by LF.
+    """A text.
 
-    `line(n)` gives one line; the index is made when first asked for. `path` is where it was read, None for a text
-    that came from no file.
+    Attributes:
+        name: What messages call it.
+        data: UTF-8 bytes without BOM, lines ended by LF.
+        path: The file it was read from, None for none.
     """
 
     name: str
     data: bytes
     path: Path | None = None
     _ends: Indices | None = field(default=None, repr=False)
+    """Where lines end; made when the first line is looked up."""
 
     def count_lines(self) -> int:
-        """How many lines there are."""
+        """Count the lines."""
         return self.data.count(b"\n") + 1
 
     def line(self, number: int) -> str:
@@ -46,44 +49,44 @@ class Source:
 
 
 def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnostic]]:
-    """The text of a file, or why it is none."""
+    """Read the text of a file; None with a diagnostic if there is none. `name`: what messages call it."""
     name = name or shown_name(path)
     try:
         limit = int(MAX_FILE_MB * 1_000_000)
         with path.open("rb") as file:
-            data = file.read(limit + 1)  # A pipe or a device tells no size before.
+            data = file.read(limit + 1)  # The size of a pipe or a device is not known before.
         if len(data) > limit:
             size = max(path.stat().st_size, len(data)) // 1_000_000
-            return None, [_fault(rules.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
+            return None, [_diagnostic(rules.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
     except OSError as error:
-        return None, [_fault(rules.UNREADABLE, name, reason=reason_of(error))]
+        return None, [_diagnostic(rules.UNREADABLE, name, reason=reason_of(error))]
     except ValueError:  # A NUL in the name.
-        return None, [_fault(rules.UNREADABLE, name, reason=Phrase("no such name"))]
+        return None, [_diagnostic(rules.UNREADABLE, name, reason=Phrase("no such name"))]
     return check_text(data, name, path)
 
 
 def shown_name(path: Path) -> str:
-    """A file's name; one that is no text (POSIX allows any bytes) is written so that it can be shown and stored."""
+    """A file's name as text: bytes that are not UTF-8 (POSIX allows any) are escaped."""
     return str(path).encode("utf-8", "backslashreplace").decode()
 
 
 def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source | None, list[Diagnostic]]:
-    """Bytes as text: UTF-8 with or without BOM, no NUL."""
+    """Check that bytes are text: UTF-8 with or without BOM, no NUL."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return None, [_fault(rules.NOT_TEXT, name, reason=Phrase("it looks like UTF-16; save it as UTF-8"))]
+        return None, [_diagnostic(rules.NOT_TEXT, name, reason=Phrase("it looks like UTF-16; save it as UTF-8"))]
     nul = data.find(b"\0")
     if nul >= 0:
         line = data.count(b"\n", 0, nul) + 1
-        return None, [_fault(rules.NOT_TEXT, name, line, reason=Phrase("it holds NUL bytes (a binary file?)"))]
+        return None, [_diagnostic(rules.NOT_TEXT, name, line, reason=Phrase("it holds NUL bytes (a binary file?)"))]
     try:
         data.decode("utf-8") if not data.isascii() else None
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         reason = Phrase("byte {byte} in line {line}", byte=f"0x{data[error.start]:02x}", line=line)
-        return None, [_fault(rules.NOT_TEXT, name, line, reason=reason)]
+        return None, [_diagnostic(rules.NOT_TEXT, name, line, reason=reason)]
     return Source(name=name, data=data, path=path), []
 
 
-def _fault(rule: d.Rule, name: str, line: int = 1, **fields: object) -> Diagnostic:
+def _diagnostic(rule: d.Rule, name: str, line: int = 1, **fields: object) -> Diagnostic:
     return Diagnostic(rule=rule, span=Span(line=line), fields=fields, path=name)

@@ -12,7 +12,6 @@ from pathlib import Path
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.driver.abi import ABI_PROFILES
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
 from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed_calls, outputs_of
@@ -35,7 +34,7 @@ from gusjob.hardware.supervisor import SessionOutcome, Supervisor
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.version import __version__
 
-_UNSAFE = (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI)
+_UNSAFE = (rules.LASER_STATE_UNKNOWN, rules.MOTION_STATE_UNKNOWN, rules.WRONG_ABI)
 """Rules after which the laser may be on or the axes may move."""
 
 
@@ -251,7 +250,7 @@ def _plan(prepared: _PreparedRun, begin: PathPosition, journal: Journal) -> RunP
         mode=request.options.mode,
         library=prepared.library.path,
         abi=abi,
-        abi_title=ABI_PROFILES[abi].title,
+        abi_title=prepared.library.abi_title,
         forecast=expected,
         begin=begin,
         begin_location="" if begin == JOB_START else request.location_of_row(begin.row),

@@ -1,6 +1,7 @@
-"""The user's language: which one it is, and the catalogue of texts in it (gettext; made with Babel, see tests).
+"""The user's language, and the catalogue of its texts (gettext, made with Babel: see tests/i18n).
 
-The texts in the code are English, and are the catalogue's keys. What programs read (JSON, CSV, listings) stays English.
+The texts in the code are English, and are the keys of the catalogue. Output for programs (JSON, CSV, listings) is
+always English.
 """
 
 from __future__ import annotations
@@ -16,27 +17,27 @@ if TYPE_CHECKING:  # Start-up time is part of the tool: English needs no catalog
     from gettext import NullTranslations
 
 LANGUAGES = {"en": "", "zh": "zh_CN"}
-"""Every language by its name on the command line, with the folder of its catalogue; English needs none."""
+"""The languages by their names on the command line, with the folder of the catalogue; English needs none."""
 CATALOGUES = Path(__file__).parent / "locale"
 DOMAIN = "gusjob"
 _SIMPLIFIED = {"", "cn", "sg", "my", "hans"}
-"""What may follow `zh` in the name of a locale in which Simplified Chinese is read."""
+"""The regions and scripts after `zh` in the names of locales with Simplified Chinese."""
 _WIDE = r"[\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60]"
 _BLANK_BEFORE, _BLANK_BEHIND = re.compile(rf"(?<={_WIDE}) (?=\{{(\w+)}})"), re.compile(rf"(?<=}}) (?={_WIDE})")
 _FIELD_BEFORE, _STARTS_WIDE, _ENDS_WIDE = re.compile(r"\{(\w+)}$"), re.compile(_WIDE), re.compile(f"{_WIDE}$")
 _VARIABLES = ("LC_ALL", "LC_MESSAGES", "LANG")
 
 _catalogue: NullTranslations | None = None
-_spoken = "en"
+_language = "en"
 
 
 def translated(text: str) -> str:
-    """A text of the program in the user's language; as it is where that is English."""
+    """Translate a text of the program into the user's language."""
     return _catalogue.gettext(text) if _catalogue is not None and text else text
 
 
 def typeset(template: str, fields: Mapping[str, object]) -> str:
-    """A template in which blanks stand between Chinese and other letters, without those beside Chinese fields."""
+    """Remove the blanks between Chinese letters of a template and Chinese fields."""
 
     def before(blank: re.Match[str]) -> str:
         return "" if _STARTS_WIDE.match(str(fields[blank[1]])) else " "
@@ -52,8 +53,12 @@ def typeset(template: str, fields: Mapping[str, object]) -> str:
 
 
 def set_language(name: str) -> None:
-    """Say everything in a language of LANGUAGES from here on. Raises ValueError for another one."""
-    global _catalogue, _spoken  # A process speaks one language, as gettext's own functions do.
+    """Set the language of all texts.
+
+    Raises:
+        ValueError: The language is not one of LANGUAGES.
+    """
+    global _catalogue, _language  # A process has one language, as with gettext's own functions.
     if name not in LANGUAGES:
         raise ValueError(f"there is no language {name!r}: {', '.join(LANGUAGES)}")
     if folder := LANGUAGES[name]:
@@ -62,38 +67,38 @@ def set_language(name: str) -> None:
         _catalogue = gettext.translation(DOMAIN, CATALOGUES, [folder])
     else:
         _catalogue = None
-    _spoken = name
+    _language = name
 
 
 def language() -> str:
-    """The language that is spoken, a key of LANGUAGES."""
-    return _spoken
+    """Return the current language, a key of LANGUAGES."""
+    return _language
 
 
 def system_language(environment: Mapping[str, str] | None = None) -> str:
-    """The language that the system is set to, as GNU gettext finds it; English where it is none of ours.
+    """Return the language of the system, found as GNU gettext does; English if it is not one of LANGUAGES.
 
-    LANGUAGE is a list, and counts for nothing in the locale C. Windows sets no variables; there it is the language in
-    which Windows itself speaks.
+    LANGUAGE is a list and has no effect in the locale C. Windows sets no variables: there it is the language of the
+    user interface.
     """
     environment = os.environ if environment is None else environment
     locale = next((value for name in _VARIABLES if (value := environment.get(name))), "")
     if locale in ("C", "POSIX"):
         return "en"
-    for wanted in environment.get("LANGUAGE", "").split(":"):
-        if language_of(wanted) != "en" or wanted.startswith("en"):
-            return language_of(wanted)
+    for name in environment.get("LANGUAGE", "").split(":"):
+        if language_of(name) != "en" or name.startswith("en"):
+            return language_of(name)
     return language_of(locale or _windows_language())
 
 
 def language_of(locale: str) -> str:
-    """The language of LANGUAGES that a locale's name asks for: zh_CN.UTF-8, zh-Hans-CN, zh_SG ... are `zh`."""
+    """Return the language of a locale's name: zh_CN.UTF-8, zh-Hans-CN, zh_SG and others are `zh`."""
     head, *rest = locale.partition(".")[0].partition("@")[0].replace("-", "_").lower().split("_")
     return "zh" if head == "zh" and (rest or [""])[0] in _SIMPLIFIED else "en"
 
 
 def _windows_language() -> str:
-    """The language of Windows' own menus, as a locale's name."""
+    """Return the locale's name of the user interface of Windows, '' on other systems."""
     if sys.platform != "win32":
         return ""
     import ctypes

@@ -1,4 +1,4 @@
-"""Texts for people: figures as they are read, and phrases that can be said in the user's language."""
+"""Texts for people: phrases that can be translated, lists of words, and numbers."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from gusjob.i18n.language import translated, typeset
 
 
 def _filled(text: str, fields: dict[str, Any]) -> str:
+    """Fill fields into a template; a field that is empty takes its blank with it."""
     shown = {k: number(v) if isinstance(v, float) else v for k, v in fields.items()}
     for name in (name for name, value in shown.items() if value == ""):
         text = text.replace(f" {{{name}}} ", " ")  # A number without a unit leaves one blank.
@@ -17,32 +18,32 @@ def _filled(text: str, fields: dict[str, Any]) -> str:
 
 
 def number(value: float) -> str:
-    """A number as people read it: no trailing .0, at most ten significant digits."""
+    """Format a number: no trailing .0, at most ten significant digits."""
     if value != value or value in (float("inf"), float("-inf")):
         return str(value)
     return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else f"{value:.10g}"
 
 
 class Phrase(str):
-    """An English text that can be said in the user's language: it remembers its template, and what was filled in."""
+    """An English text that can be translated: it keeps its template and the fields filled into it."""
 
     __slots__ = ("fields", "template")
     template: str
     fields: dict[str, Any]
 
     def __new__(cls, template: str, /, **fields: Any) -> Self:
-        """A text, with fields in braces."""
+        """Fill the fields into a template with braces."""
         phrase = super().__new__(cls, _filled(template, fields))
         phrase.template, phrase.fields = template, fields
         return phrase
 
     def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]:
-        """What a copy is made of: the text alone may hold a user's braces."""
+        """Return the arguments of a copy: the text alone may contain a user's braces."""
         return (self.template,), self.fields
 
 
 def localized(text: str) -> str:
-    """A phrase in the user's language. Other texts, a user's names among them, are what they are."""
+    """Translate a phrase into the user's language. Other texts, such as a user's names, stay as they are."""
     if not isinstance(text, Phrase):
         return text
     fields = {k: localized(v) if isinstance(v, str) else v for k, v in text.fields.items()}
@@ -50,22 +51,22 @@ def localized(text: str) -> str:
 
 
 def did_you_mean(near: str) -> str:
-    """The hint that another word was meant; '' where none is near."""
+    """Return the hint that another word was meant, '' if there is none."""
     return Phrase("; did you mean {near}?", near=near) if near else ""
 
 
 def any_of(words: Sequence[str]) -> str:
-    """One of some words: A, B or C."""
+    """Join words: A, B or C."""
     return Phrase("{first} or {last}", first=all_of(words[:-1]), last=words[-1]) if len(words) > 1 else words[0]
 
 
 def both_of(words: Iterable[str]) -> str:
-    """A and B, perhaps and C."""
+    """Join words: A and B and C."""
     return reduce(lambda first, second: Phrase("{first} and {second}", first=first, second=second), words)
 
 
 def all_of(words: Iterable[str]) -> str:
-    """Words behind each other: A, B, C."""
+    """Join words: A, B, C."""
     first, *others = [*words] or [""]
     for other in others:
         first = Phrase("{first}, {second}", first=first, second=other)
@@ -75,31 +76,39 @@ def all_of(words: Iterable[str]) -> str:
 _SYSTEM = {
     str(phrase): phrase
     for phrase in (
-        Phrase("no such file or directory"), Phrase("permission denied"), Phrase("is a directory"),
-        Phrase("not a directory"), Phrase("file exists"), Phrase("no space left on device"),
-        Phrase("read-only file system"), Phrase("input/output error"), Phrase("file name too long"),
-        Phrase("operation not permitted"), Phrase("address already in use"),
+        Phrase("no such file or directory"),
+        Phrase("permission denied"),
+        Phrase("is a directory"),
+        Phrase("not a directory"),
+        Phrase("file exists"),
+        Phrase("no space left on device"),
+        Phrase("read-only file system"),
+        Phrase("input/output error"),
+        Phrase("file name too long"),
+        Phrase("operation not permitted"),
+        Phrase("address already in use"),
         Phrase("too many levels of symbolic links"),
     )
-}  # fmt: skip
+}
+"""Messages of POSIX systems that are translated. Windows has messages in its own language."""
 
 
 def reason_of(error: OSError) -> str:
-    """What the system says of a file, in small letters, as a phrase where we know it; Windows speaks for itself."""
-    told = (error.strerror or "").lower()
-    return _SYSTEM.get(told, told) or Phrase("unknown error")
+    """Return the system's message about a file in lower case, as a phrase if it is a known one."""
+    message = (error.strerror or "").lower()
+    return _SYSTEM.get(message, message) or Phrase("unknown error")
 
 
 def plural(count: int, one: Phrase, many: Phrase) -> Phrase:
-    """What is said of one, or of another number."""
+    """Choose the text for one or for another number."""
     return one if count == 1 else many
 
 
 def figure(value: float | None, digits: int = 6) -> str:
-    """A figure as people compare it, in so many digits; -0 is 0, and what is not known is a dash."""
+    """Format a number with so many significant digits; -0 is 0, an unknown number is a dash."""
     return "-" if value is None or value != value else number(float(f"{value:.{digits}g}") + 0.0)
 
 
 def printable(text: str) -> str:
-    """A user's text without control characters: a job must not steer the terminal that shows it."""
+    """Replace control characters in a user's text: a job must not control the terminal that shows it."""
     return "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)

@@ -12,10 +12,10 @@ from lsprotocol import types as lsp
 
 from gusjob.controllers.gus.calls import SIGNATURES
 from gusjob.diagnostics import rules
-from gusjob.frontend.parse import lines
-from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS
-from gusjob.frontend.parse.lines import keywords, parser
-from gusjob.frontend.parse.statements import GRAMMAR, read_statement
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, parser
+from gusjob.frontend.parse.misread import accepted_after
+from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS
+from gusjob.frontend.parse.statement_parser import parse_statement
 from gusjob.kinematics.units import UNITS, spelling
 from gusjob.lsp.query import Cursor, Query, cursor_at
 from gusjob.lsp.symbols import FileSymbols
@@ -62,7 +62,7 @@ def _job_items(query: Query, cursor: Cursor) -> Iterator[lsp.CompletionItem]:
         return  # A separator is missing.
     allowed = accepted(head)
     for word in allowed:
-        if word in keywords(GRAMMAR) and (not head.strip() or word_fits(head, word)):
+        if word in keywords(JOB_GRAMMAR) and (not head.strip() or word_fits(head, word)):
             yield _item(word, lsp.CompletionItemKind.Keyword)
     if "NAME" in allowed or "LPAR" in allowed:
         yield from _name_items(query, cursor, head, allowed)
@@ -74,7 +74,7 @@ def _item(label: str, kind: lsp.CompletionItemKind, insert: str | None = None) -
 
 def accepted(head: str) -> list[str]:
     """Return the terminals that the grammar accepts after the beginning of a line."""
-    return list(lines._accepted_after(parser(GRAMMAR), head))
+    return list(accepted_after(parser(JOB_GRAMMAR), head))
 
 
 def word_fits(head: str, word: str) -> bool:
@@ -83,13 +83,13 @@ def word_fits(head: str, word: str) -> bool:
     The grammar accepts any word in any statement; the reader checks which words a statement has, and that each occurs
     once.
     """
-    _, diagnostics = read_statement(f"{head}{word} 1", 1)
-    return not any(diagnostic.rule in (rules.FOREIGN, rules.TWICE) for diagnostic in diagnostics)
+    _, diagnostics = parse_statement(f"{head}{word} 1", 1)
+    return not any(diagnostic.rule in (rules.WORD_NOT_ALLOWED, rules.DUPLICATE_WORD) for diagnostic in diagnostics)
 
 
 def unit_fits(head: str, unit: str) -> bool:
     """Return whether the number at the end of `head`, the beginning of a line, may have a unit."""
-    _, diagnostics = read_statement(head + unit, 1)
+    _, diagnostics = parse_statement(head + unit, 1)
     return bool(accepted(head + unit)) and not any(diagnostic.rule is rules.WRONG_UNIT for diagnostic in diagnostics)
 
 

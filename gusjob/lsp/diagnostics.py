@@ -17,12 +17,12 @@ from lsprotocol.types import (
     PositionEncodingKind,
 )
 
-from gusjob.config.machine import Machine
+from gusjob.config.profile import Profile
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
-from gusjob.diagnostics.select import NOTHING_ASKED
+from gusjob.diagnostics.select import EMPTY_LAYER
 from gusjob.frontend import check_text
-from gusjob.frontend.parse.statements import COMPARED
+from gusjob.frontend.parse.syntax_errors import COMPARISON_HINT
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.lsp.text import Text
 from gusjob.lsp.workspace import Workspace, uri_of
@@ -37,7 +37,7 @@ _SEVERITIES = {
     Severity.WARNING: DiagnosticSeverity.Warning,
     Severity.NOTE: DiagnosticSeverity.Information,
 }
-_UNUSED = {rules.NEVER_READ.code, rules.NEVER_CALLED.code}
+_UNUSED = {rules.UNUSED_NAME.code, rules.UNUSED_ROUTINE.code}
 
 
 @dataclass(slots=True)
@@ -74,7 +74,7 @@ def diagnose(name: str, path: Path | None, data: bytes, workspace: Workspace) ->
         loaded = examine(loaded)
     own = {str(path.resolve()), *([str(loaded.profile.resolve())] if loaded.profile else [])}
     files = frozenset(workspace.read) - own
-    diagnostics = list(selected(loaded, NOTHING_ASKED).diagnostics)
+    diagnostics = list(selected(loaded, EMPTY_LAYER).diagnostics)
     return Diagnosis(top=name, diagnostics=diagnostics, workspace=workspace, profile=loaded.profile, files=files)
 
 
@@ -83,7 +83,7 @@ def _check_unsaved(name: str, data: bytes) -> list[Diagnostic]:
     source, diagnostics = check_text(data, name)
     if source is None:
         return diagnostics
-    parsed = parse_source(source, path=Path(name), machine=Machine())
+    parsed = parse_source(source, path=Path(name), profile=Profile())
     return list((examine(check(parsed)) if isinstance(parsed, Parsed) else parsed).diagnostics)
 
 
@@ -183,7 +183,7 @@ def replacement(diagnostic: Diagnostic, text: Text) -> dict[str, str]:
         return {}
     if new := hint.fields.get("near"):
         return {"old": old, "new": new.lower() if old.islower() and new.isupper() else new}
-    if hint == COMPARED:
+    if hint == COMPARISON_HINT:
         return {"old": old, "new": "=="}
     if glued := hint.fields.get("glued"):
         return {"old": f"{glued.removesuffix(old)} {old}", "new": glued}

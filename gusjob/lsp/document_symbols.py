@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lsprotocol import types as lsp
 
-from gusjob.frontend.parse.statements import strip_comment
+from gusjob.frontend.parse.statement_parser import strip_comment
 from gusjob.lsp.query import Query, position_key
 from gusjob.lsp.symbols import MODES, job_files
 from gusjob.lsp.workspace import Workspace

@@ -9,9 +9,9 @@ import numpy as np
 from lsprotocol import types as lsp
 
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.fixes import MENDS, key_of, mended
+from gusjob.diagnostics.fixes import FIXES, apply_fixes, key_of
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend.parse.statements import strip_comment
+from gusjob.frontend.parse.statement_parser import strip_comment
 from gusjob.i18n.phrases import Phrase, localized
 from gusjob.lsp.diagnostics import replacement
 from gusjob.lsp.query import Query, position_key
@@ -30,13 +30,13 @@ def format_edits(query: Query) -> list[lsp.TextEdit] | None:
     Returns:
         None for a listing; an empty list if the job has a syntax error or is formatted already.
     """
-    from gusjob.frontend.format import formatted
+    from gusjob.frontend.format import format_text
 
     text = query.task.text
     if query.is_listing:
         return None
     old = text.data.decode("utf-8", "replace")
-    new, _ = formatted(old)
+    new, _ = format_text(old)
     if new is None or new == old:
         return []
     return [_changed_lines_edit(text, utf8(new))]
@@ -73,7 +73,7 @@ def quick_fixes(query: Query, selected_range: lsp.Range) -> list[lsp.CodeAction]
         return None
     text, found, fix_finder = query.task.text, list[lsp.CodeAction](), _FixFinder(query)
     for diagnostic in query.diagnosis.diagnostics:
-        if diagnostic.span.path or diagnostic.path != query.diagnosis.top or diagnostic.rule is rules.MORE:
+        if diagnostic.span.path or diagnostic.path != query.diagnosis.top or diagnostic.rule is rules.NOT_LISTED:
             continue
         span = text.range(diagnostic.span)
         if position_key(span.end) < position_key(selected_range.start) or position_key(
@@ -112,7 +112,7 @@ class _FixFinder:
         """Return the fix of `gusjob check --fix` for a diagnostic, if there is one."""
         task, diagnosis = self.query.task, self.query.diagnosis
         own = diagnosis is not None and task.path is not None and diagnosis.top == str(task.path)
-        if diagnostic.rule.code not in MENDS or not own or self.tried >= MAX_FIXES:
+        if diagnostic.rule.code not in FIXES or not own or self.tried >= MAX_FIXES:
             return []
         self.tried += 1
         if self.before is None:
@@ -121,7 +121,7 @@ class _FixFinder:
         if not isinstance(self.before, Checked):
             return []
         key = key_of(diagnostic)
-        fixed = mended(self.before, self.load, lambda other: key_of(other) == key)
+        fixed = apply_fixes(self.before, self.load, lambda other: key_of(other) == key)
         if not fixed.count:
             return []
         bom = _BOM * task.text.data.startswith(_BOM)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from lsprotocol import types as lsp
 
-from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS, Expression, Mismatch
-from gusjob.frontend.parse.expressions import Type as NumberType
-from gusjob.frontend.parse.statements import read_statement, strip_comment
+from gusjob.frontend.parse.expressions import Expression, Mismatch
+from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NumberType
+from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
 from gusjob.i18n.phrases import number
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
 from gusjob.lsp.definition import defines_number, definitions_of
@@ -72,7 +72,7 @@ def _constant_value(files: list[FileSymbols], name: str, depth: int) -> tuple[fl
         return None
     # Lines of one shape share a statement: the numbers are read from the line itself.
     file = next(file for file in files if named[0] in file.symbols)
-    statement, _ = read_statement(file.source.line(named[0].line), 1) if file.source else (None, [])
+    statement, _ = parse_statement(file.source.line(named[0].line), 1) if file.source else (None, [])
     expression: Expression | None = statement.arguments[0] if statement and statement.arguments else None
     if expression is None:
         return None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from lsprotocol import types as lsp
 
 from gusjob.frontend import check_text, is_listing
-from gusjob.frontend.parse.statements import strip_comment
+from gusjob.frontend.parse.statement_parser import strip_comment
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.lsp.diagnostics import Diagnosis
 from gusjob.lsp.symbols import FileSymbols, job_files

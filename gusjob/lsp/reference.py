@@ -14,8 +14,8 @@ from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.calls import SIGNATURES
 from gusjob.controllers.gus.ranges import PowerMode, Range
 from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, Word
-from gusjob.frontend.parse.lines import grammar_path, keywords
-from gusjob.frontend.parse.statements import GRAMMAR, WANTED
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR, grammar_path, keywords
+from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND
 
 _POWERS = tuple(ranges.POWER[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
 _POWERS_NOW = tuple(ranges.POWER_NOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
@@ -164,7 +164,7 @@ def word_text(form: str, word: str) -> str:
 
 
 def _kind_description(word: Word) -> str:
-    return WANTED[word.kind] + (", in ms without a unit" if word.ms else "")
+    return EXPECTED_KIND[word.kind] + (", in ms without a unit" if word.ms else "")
 
 
 def range_text(one: Range) -> str:
@@ -177,7 +177,7 @@ def range_text(one: Range) -> str:
 def keyword_text(line: str, word: str) -> str:
     """Describe a keyword in a line (markdown); '' if nothing is known."""
     form, word = form_of(line), word.upper()
-    if not form or word not in keywords(GRAMMAR):
+    if not form or word not in keywords(JOB_GRAMMAR):
         return ""
     heads = FORMS[form].name.split()
     is_head = word in heads or (form == "laser_switch" and word in ("ON", "OFF", "NOW"))

@@ -10,10 +10,11 @@ import numpy as np
 
 from gusjob.diagnostics.model import Span
 from gusjob.frontend import Source, check_text, is_listing
-from gusjob.frontend.files import included
-from gusjob.frontend.parse.forms import Field
-from gusjob.frontend.parse.job_reader import BROKEN, RowOp, read_job_text
-from gusjob.frontend.parse.statements import Statement, read_statement, strip_comment
+from gusjob.frontend.includes import find_include
+from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.job_reader import read_job_text
+from gusjob.frontend.parse.statement import BROKEN, RowOp, Statement
+from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
 from gusjob.lsp.text import Text
 from gusjob.lsp.workspace import Workspace
 
@@ -97,7 +98,7 @@ def include_target(symbol: Symbol, file: FileSymbols, top: Source) -> Path | Non
     """Return the file of an INCLUDE; None if it may not be read."""
     if file.source is None:
         return None
-    source, _ = included(symbol.text, file.source, top)
+    source, _ = find_include(symbol.text, file.source, top)
     return None if source is None or source.path is None else Path(source.path)  # A plain path, no WorkspacePath.
 
 
@@ -107,7 +108,7 @@ def _symbols(source: Source | None) -> list[Symbol]:
         return []
     read = read_job_text(source)
     op, line = read.rows.op, read.rows.line
-    node, value = read.rows.column(Field.NODE), read.rows.column(Field.VALUE)
+    node, value = read.rows.column(Column.NODE), read.rows.column(Column.VALUE)
     relevant_rows = np.flatnonzero((op == RowOp.FRAME) | (op == RowOp.CONTROL) | (op == RowOp.SETUP))
     last = source.count_lines()
     found: list[Symbol] = []
@@ -142,7 +143,7 @@ def _symbol(form: str, line: int, statement: Statement | None, source: Source) -
     if (
         form == "include"
     ):  # Read again: lines of one shape share a statement, and the names of two files may differ in digits only.
-        own, _ = read_statement(text, line)
+        own, _ = parse_statement(text, line)
         name = own.text if own else ""
     elif form == "def":
         parameters = names[1:]

@@ -7,10 +7,10 @@ import re
 from pathlib import Path
 from typing import Any
 
-from gusjob.frontend.parse.expressions import FUNCTIONS, NAMED_NUMBERS
 from gusjob.frontend.parse.forms import FORMS
-from gusjob.frontend.parse.lines import keywords
-from gusjob.frontend.parse.statements import CONTROLS, GRAMMAR
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords
+from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS
+from gusjob.frontend.parse.statement import CONTROL_FORMS
 from gusjob.kinematics.units import UNITS
 
 GRAMMAR_PATH = Path(__file__).with_name("static") / "gusjob.tmLanguage.json"
@@ -24,9 +24,9 @@ def _any_of(words: list[str]) -> str:
 def textmate() -> str:
     """Generate the grammar as JSON. A keyword may be followed by a digit (X10), as in grammar/job.lark."""
     control_words = sorted(
-        {word for form in CONTROLS for word in FORMS[form].name.split()} | {"AS", "FROM", "TO", "STEP"}
+        {word for form in CONTROL_FORMS for word in FORMS[form].name.split()} | {"AS", "FROM", "TO", "STEP"}
     )
-    words = keywords(GRAMMAR)
+    words = keywords(JOB_GRAMMAR)
     others = sorted(words - set(control_words) - _OPERATORS)
     number = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?"
     units = _any_of(list(UNITS))

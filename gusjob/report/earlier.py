@@ -103,9 +103,9 @@ _JSON_WORDS: dict[type, str] = {
 }
 
 
-def _typed(holder: dict[str, Any], name: str, wanted: type) -> Any:
-    if type(holder.get(name)) is not wanted:
-        what = Phrase("{name} is not a JSON {wanted}", name=name, wanted=_JSON_WORDS[wanted])
+def _typed(holder: dict[str, Any], name: str, expected: type) -> Any:
+    if type(holder.get(name)) is not expected:
+        what = Phrase("{name} is not a JSON {wanted}", name=name, wanted=_JSON_WORDS[expected])
         raise _NotAReportError(what if name in holder else _missing(name))
     return holder[name]
 

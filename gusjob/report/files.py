@@ -1,14 +1,14 @@
-"""Reports and diagnostics as JSON, CSV and Parquet, written column by column to save memory."""
+"""Reports as JSON, CSV and Parquet, written column by column to save memory."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
-from typing import Any
 
 import numpy as np
 import orjson
 
+from gusjob.diagnostics.formats.check_json import diagnostic_object
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.report.rows import REPORT_SCHEMA, Report
 from gusjob.tables.columns import CategoryColumn, Column, Columns, chunks
@@ -18,44 +18,6 @@ _NUMPY = orjson.OPT_SERIALIZE_NUMPY
 _NOT_IN_CSV = {"channels", "marking", "run_in_mm", "run_out_mm"}
 _GROUP_ROWS = 1 << 17
 """Rows per Parquet row group."""
-
-
-def diagnostic_object(diagnostic: Diagnostic) -> dict[str, Any]:
-    """Return a diagnostic as in the JSON; `count` and `notes` only if there is more than one, and any."""
-    span = diagnostic.span
-    found: dict[str, Any] = {
-        "path": diagnostic.file,
-        "line": span.line,
-        "column": span.column,
-        "end_line": max(span.end_line, span.line),
-        "end_column": max(span.end_column, span.column),
-        "severity": diagnostic.severity.value,
-        "code": diagnostic.rule.code,
-        "message": diagnostic.message,
-    }
-    if diagnostic.count > 1:
-        found["count"] = diagnostic.count
-    if diagnostic.remarks:
-        found["notes"] = [
-            {
-                "path": r.span.path or diagnostic.path,
-                "line": r.span.line,
-                "column": r.span.column,
-                "end_line": max(r.span.end_line, r.span.line),
-                "end_column": max(r.span.end_column, r.span.column),
-                "message": r.message,
-            }
-            for r in diagnostic.remarks
-        ]
-    return found
-
-
-def check_json(diagnostics: Iterable[Diagnostic], statistics: dict[str, int] | None = None) -> bytes:
-    """Write gusjob-check/1. `statistics`: number of diagnostics by rule."""
-    found: dict[str, Any] = {"schema": "gusjob-check/1", "diagnostics": [diagnostic_object(f) for f in diagnostics]}
-    if statistics is not None:
-        found["statistics"] = statistics
-    return orjson.dumps(found, option=orjson.OPT_INDENT_2)
 
 
 def report_json(report: Report, diagnostics: Iterable[Diagnostic], *, summary: bool) -> Iterator[bytes]:

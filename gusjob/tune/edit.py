@@ -1,4 +1,4 @@
-"""A statement put into a job's text; all other text stays as the user wrote it."""
+"""Insert or replace a statement in a job's text without changing other text."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from gusjob.ir.setup import LaserDelay, LaserMode, Setup, SkyWrite
 def with_statement(
     source: Source, job: Job, kind: type[LaserDelay | SkyWrite], channel: int, text: str
 ) -> Source | str:
-    """The text with `text` in place of its one statement of a kind, or behind the channel's first LASER MODE.
+    """Put a statement in place of the job's only statement of its kind, or after the channel's first LASER MODE.
 
-    An included file stays as it is, since other jobs may use it: the statement goes behind the INCLUDE and holds from
-    there on. Where that is not to be done without guessing, the reason.
+    Included files are not changed, since other jobs may use them: the statement is inserted after the INCLUDE.
+
+    Returns:
+        The new text; the reason if the position is ambiguous.
     """
     name = "SKYWRITE" if kind is SkyWrite else "LASER DELAY"
     found = [s for s in job.setups if isinstance(s.statement, kind) and _applies_to(s, channel)]
@@ -54,7 +56,7 @@ def with_statement(
 
 
 def _line_of(job: Job, setup: Setup) -> int:
-    """The line of the job's own text in which a statement stands, or the file that holds it is included."""
+    """Return the line of the job's own text with a statement, or with the INCLUDE of its file."""
     if job.locate(setup.line, "").path and job.provenance is not None:
         return job.provenance.steps(setup.provenance)[-1].line
     return setup.line
@@ -67,7 +69,7 @@ def _applies_to(setup: Setup, channel: int) -> bool:
 
 
 def _statement_spans(job: Job, setups: list[Setup]) -> list[Span]:
-    """Where statements stand, each once however often a loop comes by."""
+    """Return the spans of statements, each once however often a loop repeats it."""
     return [job.locate(line, "") for line in dict.fromkeys(s.line for s in setups)]
 
 
@@ -79,7 +81,7 @@ def _replaced(source: Source, span: Span, text: str) -> bytes:
 
 
 def _inserted(source: Source, number: int, text: str) -> bytes:
-    """A line of its own behind another, as far in as that, with the same line end."""
+    """Insert a line after another, with the same indentation and line end."""
     lines = source.data.split(b"\n")
     line = lines[number - 1].decode()
     indent = line[: len(line) - len(line.lstrip())]

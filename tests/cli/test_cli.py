@@ -1,4 +1,4 @@
-"""The commands as users run them: files, formats, exit status, and a clear word for what can't be read."""
+"""The commands as users run them: files, formats, exit status, and messages for files that can't be read."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_check_exit_status(tmp_path: Path, good: Path) -> None:
     assert gusjob("check", "--format", "xml", good).exit_code == 2
 
 
-def test_check_text_form(tmp_path: Path) -> None:
+def test_check_as_text(tmp_path: Path) -> None:
     bad = write(tmp_path, MARK + "LASER POWER 120\n")
     lines = gusjob("check", bad).output.splitlines()
     assert lines[0] == f"{bad}:4:13: error[GJ201]: LASER POWER 120 % is outside (0, 100) %"
@@ -46,7 +46,7 @@ def test_check_text_form(tmp_path: Path) -> None:
     assert lines[2] == "      |             ^^^"
 
 
-def test_check_json_form(tmp_path: Path) -> None:
+def test_check_as_json(tmp_path: Path) -> None:
     bad = write(tmp_path, MARK + "LASER POWER 120\n")
     found = json.loads(gusjob("check", "--format", "json", bad).stdout)
     assert found == {
@@ -71,21 +71,21 @@ def test_check_json_form(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("command", ["check", "run", "report", "compile"])
-def test_files_that_are_no_jobs(tmp_path: Path, content: bytes, code: str, command: str) -> None:
+def test_files_that_are_not_jobs(tmp_path: Path, content: bytes, code: str, command: str) -> None:
     result = gusjob(command, write(tmp_path, content))
     assert f"[{code}]" in result.output
     assert result.exit_code == (2 if code == "GJ002" else 0)
 
 
 @pytest.mark.parametrize("command", ["check", "run", "report", "compile"])
-def test_a_folder_and_nothing_at_all(tmp_path: Path, command: str) -> None:
+def test_a_folder_without_jobs_and_a_missing_file(tmp_path: Path, command: str) -> None:
     for path in (tmp_path, tmp_path / "none.job"):
         result = gusjob(command, path)
         assert result.exit_code == 2
         assert "GJ001" in result.output or "no .job or .gts file" in result.output
 
 
-def test_check_looks_into_folders(tmp_path: Path, good: Path) -> None:
+def test_check_searches_folders(tmp_path: Path, good: Path) -> None:
     inner = tmp_path / "inner"
     inner.mkdir()
     write(inner, "LINE X 1\n", "bad.job")
@@ -106,7 +106,7 @@ def test_rules_are_selected_and_ignored(tmp_path: Path) -> None:
     only = gusjob("check", path, "--select", "GJ1")
     assert "GJ102" in only.output
     assert "GJ501" not in only.output
-    # The longer beginning wins: all of GJ5 but GJ502, and GJ102.
+    # The longest matching prefix wins: all of GJ5 but GJ502, and GJ102.
     some = gusjob("check", path, "--select", "GJ5", "--ignore", "GJ502", "--select", "GJ102")
     assert [c for c in ("GJ102", "GJ501", "GJ502") if c in some.output] == ["GJ102", "GJ501"]
     assert gusjob("check", path, "--select", "GJ999").exit_code == 2
@@ -114,7 +114,7 @@ def test_rules_are_selected_and_ignored(tmp_path: Path) -> None:
     assert gusjob("check", tmp_path / "none.job", "--ignore", "GJ0").exit_code == 2
 
 
-def test_statistics_count_rounds(tmp_path: Path) -> None:
+def test_statistics_count_iterations(tmp_path: Path) -> None:
     path = write(tmp_path, MARK + "FOR i FROM 1 TO 300\nLINE X (i)\nEND\n")
     result = gusjob("check", path, "--statistics")
     assert result.exit_code == 1
@@ -122,13 +122,13 @@ def test_statistics_count_rounds(tmp_path: Path) -> None:
     counted = json.loads(gusjob("check", path, "--statistics", "--format", "json").stdout)
     assert counted["statistics"] == {"GJ503": 150}
     assert counted["diagnostics"][0]["count"] == 150
-    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the round where i = 151"
+    assert counted["diagnostics"][0]["notes"][0]["message"] == "in the iteration where i = 151"
 
 
 def test_explain() -> None:
     result = gusjob("explain", "gj402")
     assert result.exit_code == 0
-    for text in ("GJ402 error: jump with light", "The jump would be burnt", "bad:", "    JUMP X 5", "good:"):
+    for text in ("GJ402 error: jump with the laser on", "The jump would be marked", "bad:", "    JUMP X 5", "good:"):
         assert text in result.output
     assert "GJ715" in gusjob("explain").output
     missing = gusjob("explain", "GJ4022")
@@ -136,7 +136,7 @@ def test_explain() -> None:
     assert "did you mean GJ" in missing.output
 
 
-def test_faults_in_an_included_file_bear_its_name(tmp_path: Path) -> None:
+def test_diagnostics_of_an_included_file_name_it(tmp_path: Path) -> None:
     write(tmp_path, "VEL 100\nACC 2000000\n", "setup.job")
     top = write(tmp_path, 'INCLUDE "setup.job"\nLINE X 1\nLINE X 200\n')
     result = gusjob("check", top)
@@ -223,7 +223,7 @@ def test_report_json(good: Path) -> None:
     assert "segments" not in report(good, "--summary")
 
 
-def test_report_knows_watts(good: Path, tmp_path: Path) -> None:
+def test_report_in_watts(good: Path, tmp_path: Path) -> None:
     profile = write(tmp_path, "[[laser]]\nchannel = 0\nrated_w = 30\n", "m.toml")
     found = report(good, "--machine", profile)
     # Half of 30 W for 55 ms.
@@ -241,7 +241,7 @@ def test_report_csv(good: Path, tmp_path: Path) -> None:
     assert float(summary[0]["power_ms"]) == pytest.approx(2750)
 
 
-def test_compile_forms(good: Path, tmp_path: Path) -> None:
+def test_compile_formats(good: Path, tmp_path: Path) -> None:
     listing = gusjob("compile", good).stdout
     assert listing.splitlines()[-1] == "GT_CrdStart(1,0)"
     found = json.loads(gusjob("compile", good, "--format", "json").stdout)
@@ -256,7 +256,7 @@ def test_compile_forms(good: Path, tmp_path: Path) -> None:
     assert report(out)["totals"] == report(good)["totals"]
 
 
-def test_what_can_not_be_written(good: Path, tmp_path: Path) -> None:
+def test_outputs_that_can_not_be_written(good: Path, tmp_path: Path) -> None:
     before = good.read_bytes()
     for command in ("compile", "report"):
         over = gusjob(command, good, "-o", good)
@@ -279,12 +279,12 @@ def test_a_full_disk_is_no_traceback(good: Path) -> None:
     assert b"can't write" in done.stderr
 
 
-def test_one_fault_is_said_once(tmp_path: Path) -> None:
+def test_a_diagnostic_is_printed_once(tmp_path: Path) -> None:
     path = write(tmp_path, MARK + "LASER POWER 100\nLASER ON\nLINE X 1\nLASER OFF\n")
     assert gusjob("report", path).output.count("GJ202") == 1
 
 
-def test_a_wrong_profile_stops_with_its_own_place(good: Path, tmp_path: Path) -> None:
+def test_an_error_in_the_profile_is_located_there(good: Path, tmp_path: Path) -> None:
     profile = write(tmp_path, "period = 3\n", "m.toml")
     result = gusjob("check", good, "--machine", profile)
     assert result.exit_code == 1
@@ -295,7 +295,7 @@ def test_a_wrong_profile_stops_with_its_own_place(good: Path, tmp_path: Path) ->
     assert report(good)["period_us"] == 10
 
 
-def test_a_job_does_not_steer_the_terminal(tmp_path: Path) -> None:
+def test_a_job_does_not_control_the_terminal(tmp_path: Path) -> None:
     result = gusjob("check", write(tmp_path, "LINE X \x1b[31m\x07 ; \x1b]0;owned\x07\n"))
     assert result.exit_code == 1
     assert "\x1b" not in result.output
@@ -322,7 +322,7 @@ def test_as_a_module_and_into_a_closed_pipe() -> None:
         assert b"Traceback" not in process.stderr.read()
 
 
-def test_no_input_is_written_over(tmp_path: Path) -> None:
+def test_inputs_are_never_overwritten(tmp_path: Path) -> None:
     """Neither the job, nor what it includes, nor the profile; by whatever name."""
     part = write(tmp_path, "LINE X 1\n", "part.job")
     top = write(tmp_path, 'VEL 100\nACC 100\nINCLUDE "part.job"\n', "top.job")
@@ -337,8 +337,8 @@ def test_no_input_is_written_over(tmp_path: Path) -> None:
             assert path.read_bytes() == before
 
 
-def test_an_output_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Interrupted or out of room in the middle: the older file stays, and nothing is left beside it."""
+def test_an_output_is_complete_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After an interrupt or a full disk the older file stays, and no other file is left."""
     output = write(tmp_path, "old", "out.txt")
 
     def pieces(error: BaseException) -> Iterator[bytes]:
@@ -360,7 +360,7 @@ def test_an_output_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.Mon
     assert os.name != "posix" or output.stat().st_mode & 0o777 == 0o640
 
 
-def test_the_form_of_a_report_by_its_name(good: Path, tmp_path: Path) -> None:
+def test_the_format_of_a_report_by_its_file_name(good: Path, tmp_path: Path) -> None:
     starts = {
         "a.json": b'{"schema"',
         "a.csv": b"line,kind",
@@ -375,7 +375,7 @@ def test_the_form_of_a_report_by_its_name(good: Path, tmp_path: Path) -> None:
     assert (tmp_path / "b.json").read_bytes().startswith(b"line,kind")
 
 
-def test_a_name_does_not_steer_the_terminal(tmp_path: Path, good: Path) -> None:
+def test_a_file_name_does_not_control_the_terminal(tmp_path: Path, good: Path) -> None:
     for words in (["watch", tmp_path / "no\x1b[31m"], ["trace", good, "-o", tmp_path / "no" / "x\x1b[31m"]):
         done = gusjob(*words)
         assert done.exit_code == 2
@@ -392,7 +392,7 @@ def test_a_damaged_journal(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
-def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+def test_a_file_name_that_is_not_text(tmp_path: Path) -> None:
     path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\xfe.job"))
     path.write_text(GOOD, encoding="utf-8")
     for form in ("table", "json", "csv", "markdown", "html", "parquet"):

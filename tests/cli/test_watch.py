@@ -49,7 +49,7 @@ class Watched:
             self.lines.put(line.rstrip("\n"))
 
     def until(self, text: str) -> str:
-        """The next line that holds a text."""
+        """Wait for the next line with a text."""
         deadline, seen = time.monotonic() + PATIENCE_S, []
         while time.monotonic() < deadline:
             try:
@@ -59,15 +59,15 @@ class Watched:
                 continue
             if text in seen[-1]:
                 return seen[-1]
-        raise AssertionError(f"{text!r} was not said: {seen}")
+        raise AssertionError(f"{text!r} was not printed: {seen}")
 
     def stop(self) -> int:
-        """Ctrl-C."""
+        """Press Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
         return self.process.wait(PATIENCE_S)
 
     def end(self) -> None:
-        """Gone, whatever it does."""
+        """Kill it."""
         self.process.kill()
         self.process.wait()
         self.reader.join()
@@ -89,16 +89,16 @@ def watched(folder: Path) -> Iterator[Watched]:
 
 
 def saved(path: Path, text: str) -> None:
-    """Save as editors do: a new file in the place of the old one."""
+    """Save as editors do: a new file replaces the old one."""
     beside = path.with_suffix(".tmp")
     beside.write_text(text, encoding="utf-8")
     beside.replace(path)
 
 
 def test_a_job_is_reported_whenever_it_is_saved(folder: Path, watched: Watched) -> None:
-    """5 mm of jump and 5 mm of mark; then 15 mm of mark; then a fault; then right again."""
+    """5 mm of jump and 5 mm of mark; then 15 mm of mark; then an error; then none again."""
     assert "marks 5 mm, jumps 5 mm" in watched.until("segments in")
-    watched.until("no faults")
+    watched.until("no problems")
     saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE X 20"))
     assert "marks 15 mm, jumps 5 mm" in watched.until("segments in")
     saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE Q 10"))
@@ -109,12 +109,12 @@ def test_a_job_is_reported_whenever_it_is_saved(folder: Path, watched: Watched) 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C can't be sent to a single process elsewhere")
 def test_ctrl_c_ends_it(watched: Watched) -> None:
-    watched.until("no faults")
+    watched.until("no problems")
     assert watched.stop() == 0
 
 
 def test_profile_and_includes_are_watched(folder: Path) -> None:
-    """A profile that comes, an included file that comes and that changes, a file that is none of the job's."""
+    """A new profile, an included file that is new and that changes, a file that the job does not include."""
     (folder / "parts").mkdir()
     write(folder, GOOD.replace("LINE X 10", 'INCLUDE "parts/part.job"'))
     found = Watched(folder, "--summary")
@@ -136,7 +136,7 @@ def test_the_page_follows(folder: Path) -> None:
     found = Watched(folder, "--page")
     try:
         host = found.until("http://").split("http://")[1].split("/")[0]
-        found.until("no faults")
+        found.until("no problems")
         old = events_of(got(host, "/")[1])
         events = http.client.HTTPConnection(host, timeout=PATIENCE_S)
         events.request("GET", old)
@@ -152,7 +152,7 @@ def test_the_page_follows(folder: Path) -> None:
 
 
 def events_of(page: bytes) -> str:
-    """Where a page listens."""
+    """The address of a page."""
     found = re.search(rb'"watched":"(/events/[0-9a-f]{16})"', page)
     assert found is not None
     return found[1].decode()
@@ -188,8 +188,8 @@ def test_only_this_computer_is_served() -> None:
         server.close()
 
 
-def test_a_page_that_is_old_is_told_at_once() -> None:
-    """Saved while the page was on its way; or the page of another run of watch at the same port."""
+def test_an_outdated_page_is_notified_at_once() -> None:
+    """The job was saved while the page was sent, or the page is of another `watch` at the same port."""
     server = PageServer()
     try:
         host = server.url.split("/")[2]
@@ -203,7 +203,7 @@ def test_a_page_that_is_old_is_told_at_once() -> None:
 
 
 def test_a_browser_that_goes_away(capfd: pytest.CaptureFixture[str]) -> None:
-    """In the middle of a page: nothing of it is said, and others are served."""
+    """It leaves in the middle of a page: nothing is printed, and others are served."""
     server = PageServer()
     try:
         server.show(b"x" * 10_000_000, server.new_events())
@@ -226,7 +226,7 @@ def test_a_port_that_is_taken(folder: Path) -> None:
         port = server.url.rstrip("/").split(":")[-1]
         found = gusjob("watch", folder / "x.job", "--page", "--port", port)
         assert found.exit_code == 2
-        assert f"can't listen at port {port}" in found.output
+        assert f"can't listen on port {port}" in found.output
     finally:
         server.close()
 

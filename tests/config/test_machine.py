@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gusjob.config.machine import Laser, Machine
-from gusjob.config.profile import find_profile, parse_machine, read_machine
+from gusjob.config.profile import find_profile, parse_profile, read_profile
 from gusjob.controllers.gus.ranges import PowerMode
 
 
@@ -34,11 +34,12 @@ def test_nearest_profile_upwards_is_found(tmp_path: Path) -> None:
 
 
 def test_a_whole_profile() -> None:
-    machine, diagnostics = parse_machine(
+    profile = parse_profile(
         'name = "A"\npulses_per_mm = [800, 400]\nfield_x_mm = [-10, 20]\n[lookahead]\ntime_ms = 2\n'
         '[[laser]]\nchannel = 1\nrated_w = 50\nname = "YAG"\n'
     )
-    assert diagnostics == []
+    assert profile.diagnostics == ()
+    machine = profile.machine
     assert machine.pulses_per_mm == (800, 400)
     assert not machine.equal_axes
     assert machine.lookahead_time_ms == 2
@@ -57,10 +58,10 @@ def test_watts_by_mode() -> None:
 
 
 def test_a_profile_that_is_none(tmp_path: Path) -> None:
-    assert [f.rule.code for f in read_machine(tmp_path / "no.toml")[1]] == ["GJ001"]
+    assert [f.rule.code for f in read_profile(tmp_path / "no.toml").diagnostics] == ["GJ001"]
     (tmp_path / "bytes.toml").write_bytes(b"name = '\xff'")
-    assert [f.rule.code for f in read_machine(tmp_path / "bytes.toml")[1]] == ["GJ002"]
-    assert [f.rule.code for f in parse_machine("laser = 3\nlookahead = 1\n")[1]] == ["GJ603", "GJ603"]
-    machine, diagnostics = parse_machine("period_us = 1e400\nchord_tolerance_um = true\n")
-    assert sorted(f.rule.code for f in diagnostics) == ["GJ603", "GJ604"]
-    assert machine == Machine()
+    assert [f.rule.code for f in read_profile(tmp_path / "bytes.toml").diagnostics] == ["GJ002"]
+    assert [f.rule.code for f in parse_profile("laser = 3\nlookahead = 1\n").diagnostics] == ["GJ603", "GJ603"]
+    profile = parse_profile("period_us = 1e400\nchord_tolerance_um = true\n")
+    assert sorted(f.rule.code for f in profile.diagnostics) == ["GJ603", "GJ604"]
+    assert profile.machine == Machine()

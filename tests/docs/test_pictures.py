@@ -1,4 +1,4 @@
-"""The pictures in grammar/ are what the trace shows: drawn anew they are the same, and they hold what they say."""
+"""The pictures in grammar/ show the trace: drawn again they are the same, and they show what their texts say."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_without_sky_writing_it_burns_deep_at_ends_and_in_the_corner() -> None:
     assert close[0] >= 2 * 3, "at mark speed: at 0, 0.1, 0.2 mm"
     assert close[1] >= 2 * 5, "on both sides"
     assert close[2] >= 3 + 1, "though it ends before E"
-    # It stops short of E: light goes when the command is there.
+    # It stops short of E: the laser is switched off when the command is there.
     assert min(dot.away(view.px(Point(*CORNER[2]))) for dot in found) > 0.05 * view.scale
     energy = pictures.burnt(pictures.run(pictures.beam_job(sky=False), pictures.beam_machine()))[0].energy
     assert energy[0] > 4 and energy[len(energy) // 2 - 2 : len(energy) // 2 + 3].max() > 4 and energy[-1] > 2

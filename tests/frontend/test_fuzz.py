@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.tools import ROOT
 
-from gusjob.cli.text import diagnostic_text
 from gusjob.config.machine import Machine
-from gusjob.config.profile import parse_machine
+from gusjob.config.profile import parse_profile
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.gus.lower import compile_job
 from gusjob.controllers.gus.model import simulate_stream
+from gusjob.diagnostics.formats.text import diagnostic_text
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.frontend import Source, check_text, read_job, read_listing
 from gusjob.lint import check
@@ -140,8 +140,8 @@ def test_call_soup(calls: list[tuple[str, list[str]]]) -> None:
 @given(st.text(max_size=200))
 @settings(max_examples=100)
 def test_random_profiles(text: str) -> None:
-    machine, diagnostics = parse_machine(text)
-    assert machine == Machine() or not diagnostics
+    profile = parse_profile(text)
+    assert profile.machine == Machine() or not profile.diagnostics
 
 
 def mutated(text: str, rng: random.Random) -> str:

@@ -33,7 +33,7 @@ EXAMPLES = int(os.environ.get("PROPERTY_EXAMPLES", "60"))
 HARD = {"GJ704", "GJ705", "GJ706"}
 """What our planner must not ask of the path."""
 RUNS = (SegmentKind.RUN_IN, SegmentKind.RUN_OUT)
-"""A listing does not say what a dark motion is for."""
+"""A listing does not have the purpose of a motion with the laser off."""
 SEEDS = 120
 PASSING = 0.5
 """At least this part of the jobs passes check; measured: four fifths."""
@@ -51,7 +51,7 @@ def errors(diagnostics: list[Diagnostic]) -> list[str]:
 
 
 def interpreted(stream: Stream, machine: Machine, *, is_listing: bool) -> Trace | None:
-    """A run without an error, whose light has a mode and a power and ends; None if it is too long."""
+    """A run without an error, whose laser has a mode and a power and is switched off; None if it is too long."""
     with np.errstate(all="raise", under="ignore"):
         trace, diagnostics = simulate_stream(stream, machine, is_listing=is_listing)
         assert errors(diagnostics) == []
@@ -64,8 +64,8 @@ def interpreted(stream: Stream, machine: Machine, *, is_listing: bool) -> Trace 
     return trace
 
 
-def jumps_are_dark(text: str, report: Report) -> None:
-    """No light on a JUMP, in a job that delays no light (and sky writing delays it)."""
+def check_no_emission_in_jumps(text: str, report: Report) -> None:
+    """No emission in a JUMP, in a job that does not delay emission (as sky writing does)."""
     lines = text.upper().splitlines()
     if any("DELAY" in line or "SKYWRITE" in line for line in lines):
         return
@@ -107,7 +107,7 @@ def holds(text: str, machine: Machine) -> bool:
     theirs = interpreted(again, machine, is_listing=True)
     assert (own is None) == (theirs is None)
     if own is not None and theirs is not None:
-        jumps_are_dark(text, make_report(own, machine))
+        check_no_emission_in_jumps(text, make_report(own, machine))
         mine, other = make_report(own, machine).columns, make_report(theirs, machine).columns
         assert mine.keys() == other.keys()
         mine["kind"] = np.where(np.isin(mine["kind"], RUNS), SegmentKind.JUMP, mine["kind"])
@@ -130,7 +130,7 @@ HEAD = "LASER MODE DUTY CARRIER 10\nVEL 100\nACC 1000\n"
     ],
     ids=["expression in an axis", "power before a mode", "off at rest", "minus nothing", "no velocity"],
 )
-def test_found_by_search(text: str) -> None:
+def test_jobs_found_by_search(text: str) -> None:
     """Small jobs that once broke the promise."""
     holds(text, MACHINES[0])
 
@@ -146,7 +146,7 @@ def broken(text: str, machine: Machine) -> str:
 
 
 def smallest(text: str, machine: Machine, how: str) -> str:
-    """The job with every line left out that it can do without and still break in the same way."""
+    """The job without the lines that are not needed to break the promise in the same way."""
     lines = text.splitlines(keepends=True)
     size = len(lines) // 2
     while size:
@@ -171,7 +171,7 @@ def test_what_passes_check_runs(machine: Machine, seed: int) -> None:
 
 
 def test_most_jobs_pass_check() -> None:
-    """Else the test above would test little."""
+    """Otherwise the test above tests little."""
     passed = 0
     for seed in range(SEEDS):
         machine = MACHINES[seed % len(MACHINES)]

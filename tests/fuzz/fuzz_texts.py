@@ -19,14 +19,14 @@ from pathlib import Path
 import atheris  # type: ignore[import-untyped,import-not-found,unused-ignore]  # installed by hand
 
 with atheris.instrument_imports(include=["gusjob"]):
-    from gusjob.cli.text import diagnostic_text
     from gusjob.config.machine import Machine
     from gusjob.controllers.gus.lower import compile_job
     from gusjob.controllers.gus.model import simulate_stream
+    from gusjob.diagnostics.formats.text import diagnostic_text
     from gusjob.diagnostics.model import Diagnostic, has_errors
     from gusjob.frontend import check_text, read_job, read_listing
     from gusjob.frontend.expand import ledger
-    from gusjob.frontend.listing.reader import looks_like_listing
+    from gusjob.frontend.listing.listing_reader import looks_like_listing
     from gusjob.lint import check
     from gusjob.report.rows import make_report
 
@@ -79,8 +79,8 @@ def localized(diagnostics: list[Diagnostic]) -> None:
 def words() -> str:
     """Every keyword, unit and function, as libFuzzer's dictionary."""
     from gusjob.controllers.gus.calls import SIGNATURES
-    from gusjob.frontend.parse.expressions import FUNCTIONS
-    from gusjob.frontend.parse.lines import keywords
+    from gusjob.frontend.parse.grammar import keywords
+    from gusjob.frontend.parse.operators import FUNCTIONS
     from gusjob.kinematics.units import UNITS
 
     signs = (" (", ")", "==", "<=", "**", "\\x0a", " AS i")

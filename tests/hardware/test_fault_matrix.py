@@ -86,7 +86,7 @@ def test_fault_matrix_link_lost(gus: Bench, capsys: pytest.CaptureFixture[str]) 
             else:
                 # Nothing can be switched any more: that is said, first of all.
                 assert ran.codes[0] == "GJ912", case
-                assert "THE LIGHT OF CHANNEL 0 MAY BE ON" in said, case
+                assert "THE LASER OF CHANNEL 0 MAY BE ON" in said, case
                 assert "emergency stop" in said, case
             assert "cable" in said or not ran.faults, case
     with capsys.disabled():

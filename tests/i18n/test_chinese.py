@@ -1,4 +1,4 @@
-"""Simplified Chinese beside English: a catalogue without gaps, in the manual's terms, shown where it is asked for."""
+"""Simplified Chinese beside English: a complete catalogue in the manual's terms, used where it is chosen."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from babel.messages.mofile import read_mo
+from click import Context
 from click.testing import CliRunner, Result
 from support import catalogue
 from support.chinese import CHINESE
@@ -20,11 +21,11 @@ from support.cli import write
 from support.tools import ROOT
 
 from gusjob.cli import cli
-from gusjob.cli.text import width, wrapped
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import CATALOGUES, language, language_of, set_language, system_language, translated, typeset
 from gusjob.i18n.phrases import Phrase, localized
+from gusjob.i18n.width import width, wrapped
 
 TEXTS = catalogue.texts(catalogue.kept())
 
@@ -44,7 +45,7 @@ def gusjob(*arguments: str, env: Mapping[str, str] | None = None) -> Result:
 
 
 def test_the_catalogue_is_whole(rewrite: bool) -> None:
-    """Every text of the program is in it and has its translation, and nothing else is."""
+    """It has every text of the program with its translation, and no other."""
     now = catalogue.updated()
     if rewrite:
         catalogue.PO.write_bytes(catalogue.po_bytes(now))
@@ -68,33 +69,34 @@ def fields(text: str) -> list[str]:
     return sorted([*named, *re.findall(r"%\(\w+\)\w", text)])
 
 
-@pytest.mark.parametrize("text", [text for text in TEXTS if fields(text)], ids=lambda text: text[:40])
-def test_fields_agree(text: str) -> None:
-    assert fields(TEXTS[text]) == fields(text)
+def test_fields_agree() -> None:
+    assert sum(bool(fields(text)) for text in TEXTS) > 300
+    assert {text: chinese for text, chinese in TEXTS.items() if fields(chinese) != fields(text)} == {}
 
 
-@pytest.mark.parametrize(
-    ("term", "meant"),
-    [
-        (r"\bon delays?\b", "开光延时"),
-        (r"\boff delays?\b", "关光延时"),
-        (r"pre-voltage", "预电压"),
-        (r"first pulse killer", "首脉冲抑制"),
-        (r"\bstandby\b", "维持脉冲"),
-        (r"\bvelocity follow\b", "能量跟随"),
-        (r"\bduty modes?\b", "占空比"),
-        (r"\blook-ahead\b", "前瞻"),
-        (r"\bcarrier\b", "载波"),
-        (r"\bswitch line\b", "开关信号"),
-        (r"\bcoordinate system", "坐标系"),
-        (r"\bmachine profile\b", "配置文件"),
-        (r"\bGT_ calls?\b", "指令"),
-    ],
-)
-def test_the_manuals_terms(term: str, meant: str) -> None:
-    about = {text: localized for text, localized in TEXTS.items() if re.search(term, text, re.IGNORECASE)}
-    assert about
-    assert {text: localized for text, localized in about.items() if meant not in localized} == {}
+TERMS = {
+    r"\bon delays?\b": "开光延时",
+    r"\boff delays?\b": "关光延时",
+    r"pre-voltage": "预电压",
+    r"first pulse killer": "首脉冲抑制",
+    r"\bstandby\b": "维持脉冲",
+    r"\bvelocity follow\b": "能量跟随",
+    r"\bduty modes?\b": "占空比",
+    r"\blook-ahead\b": "前瞻",
+    r"\bcarrier\b": "载波",
+    r"\bswitch line\b": "开关信号",
+    r"\bcoordinate system": "坐标系",
+    r"\bmachine profile\b": "配置文件",
+    r"\bGT_ calls?\b": "指令",
+}
+"""Terms, and how the vendor's manual calls them."""
+
+
+def test_the_manuals_terms() -> None:
+    for term, meant in TERMS.items():
+        about = {text: chinese for text, chinese in TEXTS.items() if re.search(term, text, re.IGNORECASE)}
+        assert about, term
+        assert {text: chinese for text, chinese in about.items() if meant not in chinese} == {}, term
 
 
 def test_translations_are_chinese() -> None:
@@ -122,19 +124,19 @@ def test_chinese_is_typeset() -> None:
 
 
 @pytest.mark.parametrize(
-    ("locale", "spoken"),
+    ("locale", "used"),
     [
         ("zh_CN.UTF-8", "zh"), ("zh_CN", "zh"), ("zh", "zh"), ("zh_SG.utf8", "zh"), ("zh-Hans-CN", "zh"),
         ("zh_CN@pinyin", "zh"), ("zh_TW.UTF-8", "en"), ("zh-Hant", "en"), ("de_DE.UTF-8", "en"), ("C", "en"),
         ("", "en"),
     ],
 )  # fmt: skip
-def test_locales(locale: str, spoken: str) -> None:
-    assert language_of(locale) == spoken
+def test_locales(locale: str, used: str) -> None:
+    assert language_of(locale) == used
 
 
 @pytest.mark.parametrize(
-    ("environment", "spoken"),
+    ("environment", "used"),
     [
         ({"LANG": "zh_CN.UTF-8"}, "zh"),
         ({"LANG": "en_US.UTF-8", "LC_MESSAGES": "zh_CN.UTF-8"}, "zh"),
@@ -148,8 +150,8 @@ def test_locales(locale: str, spoken: str) -> None:
         ({"LANGUAGE": "", "LANG": "zh_CN.UTF-8"}, "zh"),
     ],
 )
-def test_the_systems_language(environment: dict[str, str], spoken: str) -> None:
-    assert system_language(environment) == spoken
+def test_the_systems_language(environment: dict[str, str], used: str) -> None:
+    assert system_language(environment) == used
 
 
 def test_one_language_after_the_other() -> None:
@@ -160,14 +162,14 @@ def test_one_language_after_the_other() -> None:
         assert (language(), translated("error")) == ("en", "error")
 
 
-def test_a_language_that_is_none_changes_nothing(chinese: None) -> None:
+def test_an_unknown_language_changes_nothing(chinese: None) -> None:
     for wrong in ("fr", "zh_CN", ""):
         with pytest.raises(ValueError, match="en, zh"):
             set_language(wrong)
         assert language() == "zh"
 
 
-def test_a_command_leaves_the_process_its_language(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_restores_the_language_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LANGUAGE", "fr")
     gettext.textdomain("host")
     try:
@@ -179,17 +181,24 @@ def test_a_command_leaves_the_process_its_language(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    ("encoding", "asked", "spoken"),
+    ("encoding", "chosen", "used"),
     [("utf-8", False, True), ("gbk", False, True), ("cp1252", False, False), ("cp1252", True, True)],
 )
-def test_what_can_not_be_shown_is_said_in_english(encoding: str, asked: bool, spoken: bool) -> None:
-    """Unless somebody asks for it. Tables and messages are in one encoding."""
-    line = [sys.executable, "-m", "gusjob", *(["--lang", "zh"] if asked else []), "run", str(ROOT / "jobs/co2_cut.job")]
+def test_an_encoding_without_chinese_gets_english(encoding: str, chosen: bool, used: bool) -> None:
+    """Unless --lang zh is given. Tables and messages are in one encoding."""
+    line = [
+        sys.executable,
+        "-m",
+        "gusjob",
+        *(["--lang", "zh"] if chosen else []),
+        "run",
+        str(ROOT / "jobs/co2_cut.job"),
+    ]
     env = {**os.environ, "LANGUAGE": "", "LC_ALL": "zh_CN.UTF-8", "PYTHONIOENCODING": encoding}
     done = subprocess.run(line, env=env, capture_output=True, timeout=60, check=False)
     text = (done.stdout + done.stderr).decode(encoding)
-    assert bool(CHINESE.search(text)) is (spoken and encoding != "cp1252")
-    assert ("\\u" in text) is (spoken and encoding == "cp1252")
+    assert bool(CHINESE.search(text)) is (used and encoding != "cp1252")
+    assert ("\\u" in text) is (used and encoding == "cp1252")
 
 
 def test_phrases(chinese: None) -> None:
@@ -239,10 +248,10 @@ def test_a_faulty_job_in_chinese(tmp_path: Path) -> None:
     assert done.exit_code == 1
 
 
-def test_how_chinese_is_asked_for(tmp_path: Path) -> None:
+def test_how_chinese_is_chosen(tmp_path: Path) -> None:
     path, system = str(write(tmp_path, JOB)), SYSTEM
-    for asked in (("--lang", "zh", "check", path), ("check", path, "--lang=zh"), ("check", "--lang", "zh", path)):
-        assert "错误[GJ102]" in gusjob(*asked).output
+    for chosen in (("--lang", "zh", "check", path), ("check", path, "--lang=zh"), ("check", "--lang", "zh", path)):
+        assert "错误[GJ102]" in gusjob(*chosen).output
     assert "错误[GJ102]" in gusjob("check", path, env=system).output
     assert "error[GJ102]" in gusjob("check", "--lang", "en", path, env=system).output
 
@@ -275,19 +284,16 @@ def test_explain_in_chinese() -> None:
     assert len({width(row[: row.index(row.split()[2])]) for row in rows}) == 1  # Titles begin in one column.
 
 
-COMMANDS = ["", *cli.list_commands(None)]  # type: ignore[arg-type]  # The names need no context.
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help_in_chinese(command: str) -> None:
-    """No English sentence is left, no line is wider than a terminal, and English is English again behind it."""
-    before = gusjob(*filter(None, [command]), "--help").output
-    text = gusjob(*filter(None, [command]), "--help", "--lang", "zh").output
-    assert max(map(width, text.splitlines())) <= 80
-    assert "用法" in text.splitlines()[0]
-    # Two lower-case words in a row are English; names of formats and options stand alone.
-    assert re.findall(r"(?<![\w.\[|/-])[a-z]{3,} [a-z]{2,} [a-z]{2,}", text) == []
-    assert gusjob(*filter(None, [command]), "--help").output == before
+def test_help_in_chinese() -> None:
+    """No English sentence is left, no line is wider than a terminal, and the language is English again afterwards."""
+    for command in ([], *([name] for name in cli.list_commands(Context(cli)))):
+        before = gusjob(*command, "--help").output
+        text = gusjob(*command, "--help", "--lang", "zh").output
+        assert max(map(width, text.splitlines())) <= 80, command
+        assert "用法" in text.splitlines()[0], command
+        # Lower-case words in a row are English; names of formats and options have no other word beside them.
+        assert re.findall(r"(?<![\w.\[|/-])[a-z]{3,} [a-z]{2,} [a-z]{2,}", text) == [], command
+        assert gusjob(*command, "--help").output == before, command
 
 
 def test_wrong_usage_in_chinese() -> None:

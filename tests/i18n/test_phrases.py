@@ -1,6 +1,6 @@
-"""Every English text that ends in a fault can be said in another language: it is a Phrase, and its fields are Phrases.
+"""Every English text of a diagnostic can be translated: it is a Phrase, and its fields are Phrases.
 
-The yardstick is a pseudo-language without a single Latin letter. What stays English in it, nobody can translate.
+The tests use a pseudo-language without Latin letters. What stays English in it cannot be translated.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ import errno
 import os
 import re
 import string
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from diagnostics import test_rules
 from support.catalogue import needed
+from support.faulty import bad_files, diagnostics_of_file, diagnostics_of_text
 from support.tools import ROOT
 
 from gusjob.config.machine import Abi, Budget, ControllerSettings, Interlock, Laser, Machine, parse_scanner
-from gusjob.config.profile import parse_machine, read_machine
+from gusjob.config.profile import parse_profile, read_profile
 from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, IGNORED_CALLS, SIGNATURES
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Remark, Rule
 from gusjob.diagnostics.rules import (
+    BAD_INCLUDE,
     CALL_OCTAL,
-    INCLUDE,
     OUT_OF_RANGE,
     PROFILE_SYNTAX,
     RULES,
@@ -36,12 +36,11 @@ from gusjob.diagnostics.rules import (
     VARIANTS,
 )
 from gusjob.frontend import check_text, read_job, read_source
-from gusjob.frontend.parse.expressions import FUNCTIONS
-from gusjob.frontend.parse.lines import END_OF_LINE
+from gusjob.frontend.parse.misread import END_OF_LINE
+from gusjob.frontend.parse.operators import FUNCTIONS
 from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, did_you_mean, localized
 from gusjob.kinematics.units import UNITS
-from jobs import test_bad
 
 PACKAGE = ROOT / "gusjob"
 _FIELD = re.compile(r"\{\{|\}\}|\{[A-Za-z_]*\}|[A-Za-z]")
@@ -57,7 +56,7 @@ class Pseudo:
 
 @pytest.fixture
 def pseudo(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pseudo-language is spoken."""
+    """Use the pseudo-language."""
     monkeypatch.setattr(translate, "_catalogue", Pseudo())
 
 
@@ -71,7 +70,7 @@ def phrases(path: Path) -> list[ast.Call]:
 
 
 def odd_phrase(call: ast.Call) -> str:
-    """What is wrong with a Phrase(...); '' if it is a literal with the fields that it names."""
+    """Why a Phrase(...) is not a literal with the fields that it names; '' if it is."""
     text = call.args[0] if len(call.args) == 1 else None
     if not isinstance(text, ast.Constant) or not isinstance(text.value, str):
         return "no literal"
@@ -81,14 +80,18 @@ def odd_phrase(call: ast.Call) -> str:
 
 
 RULE_TEXTS = {
-    "Phrase(self.rule.text, **self.fields)", "Phrase(self.text, **self.fields)", "Phrase(fault.rule.title)",
+    "Phrase(self.rule.text, **self.fields)", "Phrase(self.text, **self.fields)", "Phrase(diagnostic.rule.title)",
 }  # fmt: skip
 """Texts of rules and remarks, which the catalogue knows from their registries."""
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_phrases_are_literals_with_their_fields(path: Path) -> None:
-    odd = [(c.lineno, odd_phrase(c)) for c in phrases(path) if ast.unparse(c) not in RULE_TEXTS and odd_phrase(c)]
+def test_phrases_are_literals_with_their_fields() -> None:
+    odd = [
+        (str(path.relative_to(PACKAGE)), call.lineno, wrong)
+        for path in PACKAGE.rglob("*.py")
+        for call in phrases(path)
+        if ast.unparse(call) not in RULE_TEXTS and (wrong := odd_phrase(call))
+    ]
     assert odd == []
 
 
@@ -113,8 +116,8 @@ def test_babel_finds_what_the_parser_finds() -> None:
     assert texts <= {message.id for message in needed()}
 
 
-SAYS = {"hint", "reason", "wanted", "wants", "expected", "given", "found", "what", "mend", "lost", "begins"}
-"""Fields of faults that hold a text of ours, or a word of the user's."""
+TEXT_FIELDS = {"hint", "reason", "wanted", "wants", "expected", "given", "found", "what", "mend", "lost", "begins"}
+"""Fields of diagnostics that hold a text of the program, or a word of the user's."""
 OF_DIAGNOSTICS = ("frontend", "lint", "planner", "simulate", "controllers", "config", "kinematics", "ir")
 
 
@@ -136,7 +139,7 @@ def is_bare(value: ast.expr | None) -> bool:
 
 
 def bare_fields(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Line and name of every field of a fault that is bare English, in a call, a dict or a variable of its name."""
+    """Line and name of every field of a diagnostic that is bare English: in a call, a dict or a variable."""
     for node in ast.walk(tree):
         named: list[tuple[str | None, ast.expr]] = []
         match node:
@@ -148,14 +151,19 @@ def bare_fields(tree: ast.AST) -> Iterator[tuple[int, str]]:
                 ]
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 named = [(name, value)]
-        yield from ((value.lineno, name) for name, value in named if name in SAYS and is_bare(value))
+        yield from ((value.lineno, name) for name, value in named if name in TEXT_FIELDS and is_bare(value))
 
 
-@pytest.mark.parametrize("room", OF_DIAGNOSTICS)
-def test_no_field_of_a_fault_is_bare_english(room: str) -> None:
-    paths = [PACKAGE / room] if room.endswith(".py") else sorted((PACKAGE / room).rglob("*.py"))
-    assert paths
-    assert [(p.name, *f) for p in paths for f in bare_fields(ast.parse(p.read_text(encoding="utf-8")))] == []
+def test_no_field_of_a_diagnostic_is_bare_english() -> None:
+    paths = {package: sorted((PACKAGE / package).rglob("*.py")) for package in OF_DIAGNOSTICS}
+    assert all(paths.values())
+    bare = [
+        (str(path.relative_to(PACKAGE)), *field)
+        for of_package in paths.values()
+        for path in of_package
+        for field in bare_fields(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert bare == []
 
 
 def test_planted_bare_fields_are_seen() -> None:
@@ -196,12 +204,12 @@ _CALLS = {**SIGNATURES, **HOST_CALLS}
 ARGUMENTS = {*IGNORED_CALLS, *(a.name for s in _CALLS.values() for a in s.args), *(f[0] for f in CRD_FIELDS)}
 """Calls that are passed over (printf), arguments of calls, fields of their structs."""
 OF_CALLS = ("GJ7", *(f"GJ11{number}" for number in range(1, 7)))
-CODEC_SAYS = {"invalid start byte", "invalid continuation byte", "unexpected end of data"}
-SYSTEM_SAYS = {os.strerror(number).lower() for number in errno.errorcode}
+CODEC_TEXTS = {"invalid start byte", "invalid continuation byte", "unexpected end of data"}
+SYSTEM_TEXTS = {os.strerror(number).lower() for number in errno.errorcode}
 
 
 def allowed_by(rule: Rule, fields: dict[str, Any]) -> set[str]:
-    """Words that may stay as they are in a fault of a rule."""
+    """Words that may stay as they are in a diagnostic of a rule."""
     allowed = UNITS_SHOWN | FIGURES
     if rule.code.startswith(OF_CALLS) or str(fields.get("what", "")).startswith("GT_"):
         allowed = allowed | ARGUMENTS
@@ -210,8 +218,8 @@ def allowed_by(rule: Rule, fields: dict[str, Any]) -> set[str]:
     if "key" in fields:
         allowed = allowed | entries_of_the_profile()
     reason = fields.get("reason", "")
-    # What Python's TOML reader, its codecs and the operating system say is theirs.
-    if reason and (rule is PROFILE_SYNTAX or reason in CODEC_SAYS or reason.lower() in SYSTEM_SAYS):
+    # The texts of Python's TOML reader, its codecs and the operating system are not translated.
+    if reason and (rule is PROFILE_SYNTAX or reason in CODEC_TEXTS or reason.lower() in SYSTEM_TEXTS):
         allowed = allowed | words_of(reason)
     return allowed
 
@@ -225,7 +233,7 @@ def code_of(line: str) -> str:
 
 
 def allowed_in(diagnostic: Diagnostic, text: str) -> set[str]:
-    """Words that may stay as they are in a fault of a text."""
+    """Words that may stay as they are in a diagnostic of a text."""
     lines = [code_of(line) for line in text.splitlines()]
     spans = [diagnostic.span, *(remark.span for remark in diagnostic.remarks)]
     allowed = words_of(*(lines[s.line - 1] for s in spans if s.line <= len(lines)))
@@ -238,24 +246,41 @@ def allowed_in(diagnostic: Diagnostic, text: str) -> set[str]:
 
 
 def english_in(diagnostic: Diagnostic, text: str) -> set[str]:
-    """Words of a fault, as it is said, that should be in the user's language."""
+    """Words of a localized diagnostic that should be in the user's language."""
     words = words_of(diagnostic.localized_with_count, *(remark.localized for remark in diagnostic.remarks))
     left = {word for word in words if re.search("[a-z]", word)}
     left -= allowed_by(diagnostic.rule, diagnostic.fields) | allowed_in(diagnostic, text)
     return {word for word in left if not word.startswith("GT_") and not re.fullmatch("x[0-9a-f]+", word)}
 
 
-@pytest.mark.parametrize("rule", [r for r in RULES.values() if r.bad], ids=lambda r: r.code)
-@pytest.mark.usefixtures("pseudo")
-def test_examples_leave_no_english(rule: Rule) -> None:
-    assert [(f.message, w) for f in test_rules.diagnostics_of(rule.bad, rule) if (w := english_in(f, rule.bad))] == []
+def untranslated(found: Iterable[Diagnostic], text: str) -> list[tuple[str, set[str]]]:
+    """Messages that keep English words, with these words."""
+    return [(diagnostic.message, words) for diagnostic in found if (words := english_in(diagnostic, text))]
 
 
-@pytest.mark.parametrize("path", test_bad.files(), ids=lambda p: p.name)
+def wrong_of(texts: Iterable[str], rule: Rule) -> dict[str, object]:
+    """Texts without a diagnostic, or with one that keeps English words."""
+    found = {text: diagnostics_of_text(text, rule) for text in texts}
+    return {
+        text: untranslated(of_text, text)
+        for text, of_text in found.items()
+        if not of_text or untranslated(of_text, text)
+    }
+
+
 @pytest.mark.usefixtures("pseudo")
-def test_bad_files_leave_no_english(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert [(f.message, w) for f in test_bad.diagnostics_of(path) if (w := english_in(f, text))] == []
+def test_examples_of_rules_leave_no_english() -> None:
+    examples = [(rule, rule.bad) for rule in RULES.values() if rule.bad]
+    assert len(examples) > 100
+    wrong = {rule.code: untranslated(diagnostics_of_text(text, rule), text) for rule, text in examples}
+    assert {code: found for code, found in wrong.items() if found} == {}
+
+
+@pytest.mark.usefixtures("pseudo")
+def test_bad_files_leave_no_english() -> None:
+    wrong = {p.name: untranslated(diagnostics_of_file(p), p.read_text(encoding="utf-8")) for p in bad_files()}
+    assert len(wrong) > 40
+    assert {name: found for name, found in wrong.items() if found} == {}
 
 
 ODD_LINES = (
@@ -280,12 +305,9 @@ ODD_LINES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ODD_LINES)
 @pytest.mark.usefixtures("pseudo")
-def test_odd_lines_leave_no_english(text: str) -> None:
-    found = test_rules.diagnostics_of(text, UNEXPECTED)
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_lines_leave_no_english() -> None:
+    assert wrong_of(ODD_LINES, UNEXPECTED) == {}
 
 
 ODD_JOBS = (
@@ -303,12 +325,9 @@ ODD_JOBS = (
 )
 
 
-@pytest.mark.parametrize("text", ODD_JOBS, ids=range(len(ODD_JOBS)))
 @pytest.mark.usefixtures("pseudo")
-def test_odd_jobs_leave_no_english(text: str) -> None:
-    found = test_rules.diagnostics_of(text, UNEXPECTED)
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_jobs_leave_no_english() -> None:
+    assert wrong_of(ODD_JOBS, UNEXPECTED) == {}
 
 
 ODD_PROFILES = (
@@ -318,12 +337,11 @@ ODD_PROFILES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ODD_PROFILES)
 @pytest.mark.usefixtures("pseudo")
-def test_odd_profiles_leave_no_english(text: str) -> None:
-    found = parse_machine(text, "gusjob.toml")[1]
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_profiles_leave_no_english() -> None:
+    found = {text: parse_profile(text, "gusjob.toml").diagnostics for text in ODD_PROFILES}
+    assert [text for text, of_text in found.items() if not of_text] == []
+    assert [wrong for text, of_text in found.items() if (wrong := untranslated(of_text, text))] == []
 
 
 @pytest.mark.usefixtures("pseudo")
@@ -346,12 +364,9 @@ ODD_CALLS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ODD_CALLS, ids=range(len(ODD_CALLS)))
 @pytest.mark.usefixtures("pseudo")
-def test_odd_calls_leave_no_english(text: str) -> None:
-    found = test_rules.diagnostics_of(text, CALL_OCTAL)
-    assert found
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+def test_odd_calls_leave_no_english() -> None:
+    assert wrong_of(ODD_CALLS, CALL_OCTAL) == {}
 
 
 @pytest.mark.usefixtures("pseudo")
@@ -359,12 +374,12 @@ def test_files_that_are_no_text_leave_no_english(tmp_path: Path) -> None:
     contents = (b"LINE\0", b"\xff\xfea", b"LINE X 1\nLINE \xff")
     found = [f for data in contents for f in check_text(data, "a.job")[1]]
     assert len(found) == len(contents)
-    found += read_source(tmp_path / "none.job")[1]  # What the system says of it.
+    found += read_source(tmp_path / "none.job")[1]  # With the system's own text.
     found += read_source(Path("a\0b"))[1]
     (tmp_path / "gusjob.toml").write_bytes(b'name = "caf\xe9"')
-    found += [*read_machine(tmp_path / "gusjob.toml")[1], *read_machine(tmp_path)[1]]
+    found += [*read_profile(tmp_path / "gusjob.toml").diagnostics, *read_profile(tmp_path).diagnostics]
     assert len(found) == len(contents) + 4
-    assert [(f.message, w) for f in found if (w := english_in(f, ""))] == []
+    assert untranslated(found, "") == []
 
 
 @pytest.mark.usefixtures("pseudo")
@@ -376,9 +391,9 @@ def test_includes_leave_no_english(tmp_path: Path) -> None:
     (tmp_path / "a.job").write_text(text, encoding="utf-8")
     source, _ = read_source(tmp_path / "a.job", "a.job")
     assert source is not None
-    found = [f for f in read_job(source, Machine())[1] if f.rule is INCLUDE]
+    found = [f for f in read_job(source, Machine())[1] if f.rule is BAD_INCLUDE]
     assert len(found) == 8
-    assert [(f.message, w) for f in found if (w := english_in(f, text))] == []
+    assert untranslated(found, text) == []
 
 
 @pytest.mark.usefixtures("pseudo")
@@ -394,7 +409,7 @@ def test_glued_english_is_seen() -> None:
 # Phrase itself.
 
 
-def speak(monkeypatch: pytest.MonkeyPatch, texts: dict[str, str]) -> None:
+def use_catalogue(monkeypatch: pytest.MonkeyPatch, texts: dict[str, str]) -> None:
     """A catalogue of a few texts."""
 
     class Some:
@@ -418,8 +433,8 @@ def test_without_a_catalogue_all_is_english() -> None:
     assert localized(Phrase("")) == ""
 
 
-def test_fields_that_are_phrases_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    speak(monkeypatch, {"{what} of {word}": "{word} 的{what}", "the {size}": "{size}", "size": "大小"})
+def test_fields_that_are_phrases_are_localized(monkeypatch: pytest.MonkeyPatch) -> None:
+    use_catalogue(monkeypatch, {"{what} of {word}": "{word} 的{what}", "the {size}": "{size}", "size": "大小"})
     inner = Phrase("the {size}", size=Phrase("size"))
     assert localized(Phrase("{what} of {word}", what=inner, word="LINE")) == "LINE 的大小"
 
@@ -427,13 +442,13 @@ def test_fields_that_are_phrases_are_said(monkeypatch: pytest.MonkeyPatch) -> No
 def test_floats_are_shown_as_number_shows_them(monkeypatch: pytest.MonkeyPatch) -> None:
     text = Phrase("at {value} of {count}", value=2.0, count=3)
     assert text == "at 2 of 3"
-    speak(monkeypatch, {"at {value} of {count}": "{count} 之 {value}"})
+    use_catalogue(monkeypatch, {"at {value} of {count}": "{count} 之 {value}"})
     assert localized(text) == "3 之 2"
     assert localized(Phrase("at {value} of {count}", value=float("inf"), count=0.1 + 0.2)) == "0.3 之 inf"
 
 
 def test_a_users_name_that_is_a_key_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    speak(monkeypatch, {"statements": "语句", "{name} is set": "已设置 {name}", "size": "大小"})
+    use_catalogue(monkeypatch, {"statements": "语句", "{name} is set": "已设置 {name}", "size": "大小"})
     assert localized("statements") == "statements"
     assert localized(Phrase("{name} is set", name="size")) == "已设置 size"
     fields = {"name": "size", "hint": ""}
@@ -445,18 +460,20 @@ def test_a_users_name_that_is_a_key_stays(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_users_braces_are_no_fields(monkeypatch: pytest.MonkeyPatch) -> None:
     text = Phrase("{found} does not belong here", found="{hint} {0} {")
     assert text == "{hint} {0} { does not belong here"
-    speak(monkeypatch, {"{found} does not belong here": "此处不应有 {found}"})
+    use_catalogue(monkeypatch, {"{found} does not belong here": "此处不应有 {found}"})
     assert localized(text) == "此处不应有 {hint} {0} {"
     assert localized(copy.deepcopy(text)) == localized(copy.copy(text)) == localized(text)
 
 
-def test_lists_are_said_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lists_are_localized_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
     assert any_of(("A", "B", "C")) == "A, B or C"
     assert all_of(("A", "B", "C")) == "A, B, C"
     assert both_of(("A", "B", "C")) == "A and B and C"
     assert (any_of(("A",)), all_of(("A",)), all_of(()), both_of(("A",))) == ("A", "A", "", "A")
     assert (did_you_mean("LINE"), did_you_mean("")) == ("; did you mean LINE?", "")
-    speak(monkeypatch, {"{first} or {last}": "{first}或{last}", "{first}, {second}": "{first}、{second}", "a b": "甲"})
+    use_catalogue(
+        monkeypatch, {"{first} or {last}": "{first}或{last}", "{first}, {second}": "{first}、{second}", "a b": "甲"}
+    )
     assert localized(any_of((Phrase("a b"), "B", END_OF_LINE))) == "甲、B或the end of the line"
 
 

@@ -1,6 +1,6 @@
-"""What people see can be said in their language: reports, comparisons, tune, devices, run, watch, faults of a run.
+"""Output for people can be translated: reports, comparisons, tune, devices, run, watch, errors of a run.
 
-Said in a language of dots, no English word is left but those of the job, of files, units and options.
+In a language of dots only the words of the job, of files, units and options are left.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -86,7 +88,7 @@ LASER OFF CHANNEL 1
 LONG = MARK + "LASER POWER 40\nREPEAT 60 AS i\nLASER ON\nLINE X (i % 2 + 1) Y (i / 10)\nLASER OFF\nJUMP X 0 Y 0\nEND\n"
 
 
-class _Said:
+class _Letters:
     """A catalogue: each letter of a text that was looked up is another one."""
 
     def __init__(self, letter: str) -> None:
@@ -99,12 +101,12 @@ class _Said:
 
 @pytest.fixture(name="dots")
 def _dots(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
 
 
 @pytest.fixture(name="wide")
 def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translate, "_catalogue", _Said("中"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("中"))
 
 
 def left(text: str, *known: str) -> set[str]:
@@ -115,30 +117,35 @@ def left(text: str, *known: str) -> set[str]:
 
 
 JSON_READER = re.compile(r"(?<=·: )[a-z][^·(]*(?= \(·)")
-"""What the reader of JSON says of a text that is none: words of a library."""
+"""The JSON reader's own text, which is not translated."""
 
 
 def out(command: click.Command, *arguments: object) -> str:
-    """What a command tells, on both streams."""
+    """Output of a command, on both streams."""
     result = CliRunner().invoke(command, [str(a) for a in arguments], catch_exceptions=False)
     assert result.exit_code in (0, 1, 2)
     return str(result.output)
 
 
 def wrong(command: click.Command, *arguments: object) -> str:
-    """What a command has against its arguments; what click puts round that is click's."""
+    """The message of a command about its arguments, without click's own text."""
     with pytest.raises(click.ClickException) as found:
         command.main([str(a) for a in arguments], standalone_mode=False)
     return found.value.message
 
 
+@cache
+def texts() -> dict[str, str]:
+    """The files of a folder."""
+    left_on = [call for call in calls_of(TWO) if not call.startswith("GT_BufLaserOff")]
+    listing = "\n".join([*left_on, "GT_GetHSIOOpt(&V,0)"])
+    return {"J.job": JOB, "S.job": SKY, "T.job": TWO, "L.job": LONG, "B.job": "LINE X 1\n", "C.gts": listing}
+
+
 @pytest.fixture(name="folder")
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    left_on = [call for call in calls_of(TWO) if not call.startswith("GT_BufLaserOff")]
-    listing = "\n".join([*left_on, "GT_GetHSIOOpt(&V,0)"])
-    texts = {"J.job": JOB, "S.job": SKY, "T.job": TWO, "L.job": LONG, "B.job": "LINE X 1\n", "C.gts": listing}
-    for name, text in texts.items():
+    for name, text in texts().items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     return tmp_path
 
@@ -146,25 +153,28 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 # Reports.
 
 
-@pytest.mark.parametrize("name", ["J.job", "S.job", "T.job", "L.job", "C.gts"])
-@pytest.mark.parametrize("form", ["table", "markdown"])
-@pytest.mark.parametrize("more", [(), ("--summary",), ("--no-marks",), ("--marks", "--scanner", "first-order:100us")])
 @pytest.mark.usefixtures("dots")
-def test_reports(folder: Path, name: str, form: str, more: tuple[str, ...]) -> None:
+def test_reports(folder: Path) -> None:
     (folder / "M.toml").write_text("[[laser]]\nchannel = 0\nrated_w = 30\n", encoding="utf-8")
-    text = out(report_command.command, name, "--machine", "M.toml", "--format", form, *more)
-    assert "·" in text
-    # The model of the scanner is an option's value.
-    assert left(text, name, "first-order ") == set()
+    names = ("J.job", "S.job", "T.job", "L.job", "C.gts")
+    options = ((), ("--summary",), ("--no-marks",), ("--marks", "--scanner", "first-order:100us"))
+    wrong = {}
+    for name, form, more in product(names, ("table", "markdown"), options):
+        text = out(report_command.command, name, "--machine", "M.toml", "--format", form, *more)
+        # The model of the scanner is an option's value.
+        wrong[name, form, more] = left(text, name, "first-order ") if "·" in text else text
+    assert {case: words for case, words in wrong.items() if words} == {}
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "jobs").rglob("*.job")), ids=lambda path: path.stem)
-@pytest.mark.parametrize("form", ["table", "markdown"])
 @pytest.mark.usefixtures("dots")
-def test_reports_of_jobs(path: Path, form: str) -> None:
-    text = out(report_command.command, path, "--format", form, "--no-marks")
-    files = [str(path), *(str(found) for found in path.parent.rglob("*.job"))]
-    assert left(text, *files, "first-order") == set()
+def test_reports_of_jobs() -> None:
+    wrong = {}
+    for path, form in product(sorted((ROOT / "jobs").rglob("*.job")), ("table", "markdown")):
+        text = out(report_command.command, path, "--format", form, "--no-marks")
+        files = [str(path), *(str(found) for found in path.parent.rglob("*.job"))]
+        wrong[path.stem, form] = left(text, *files, "first-order")
+    assert len(wrong) > 40
+    assert {case: words for case, words in wrong.items() if words} == {}
 
 
 @pytest.mark.usefixtures("dots")
@@ -172,28 +182,35 @@ def test_a_job_that_was_not_run(folder: Path) -> None:
     assert left(out(report_command.command, "B.job", "--format", "markdown"), "B.job") == set()
 
 
-@pytest.mark.parametrize("form", ["table", "markdown", "csv"])
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [(JOB, JOB), (JOB, JOB.replace("ACC 10000", "ACC 20000")), (JOB, "// new\n" + JOB.replace("10 + i", "20 + i")),
-     (JOB, JOB.replace("JUMP X 0 Y 0\n", "JUMP X 0 Y 0\nDWELL 5\n")), (LONG, LONG.replace("REPEAT 60", "REPEAT 6")),
-     (JOB, JOB.replace("LASER ON\n", "")), (TWO, TWO.replace("FREQ 5kHz", "FREQ 6kHz")), (SKY, SKY.replace("20", "30")),
-     (TWO, JOB), (JOB, JOB.replace("MODE DUTY CARRIER 10", "MODE ANALOG").replace("10 + i * 10", "1 + i"))],
+CHANGES = (
+    (JOB, JOB), (JOB, JOB.replace("ACC 10000", "ACC 20000")), (JOB, "// new\n" + JOB.replace("10 + i", "20 + i")),
+    (JOB, JOB.replace("JUMP X 0 Y 0\n", "JUMP X 0 Y 0\nDWELL 5\n")), (LONG, LONG.replace("REPEAT 60", "REPEAT 6")),
+    (JOB, JOB.replace("LASER ON\n", "")), (TWO, TWO.replace("FREQ 5kHz", "FREQ 6kHz")), (SKY, SKY.replace("20", "30")),
+    (TWO, JOB), (JOB, JOB.replace("MODE DUTY CARRIER 10", "MODE ANALOG").replace("10 + i * 10", "1 + i")),
 )  # fmt: skip
-def test_comparisons(folder: Path, monkeypatch: pytest.MonkeyPatch, before: str, after: str, form: str) -> None:
-    (folder / "J.job").write_text(before, encoding="utf-8")
-    out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json")
-    (folder / "J.job").write_text(after, encoding="utf-8")
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
-    output = ("-o", "X") if form == "csv" else ()
-    text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--format", form, *output)
-    assert "OLD.JSON" in text
-    assert left(text, "J.job", "OLD.JSON") == set()
+"""Jobs before and after a change."""
+
+
+def test_comparisons(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = {}
+    for number, (before, after) in enumerate(CHANGES):
+        (folder / "J.job").write_text(before, encoding="utf-8")
+        with monkeypatch.context() as english:
+            english.setattr(translate, "_catalogue", None)
+            out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json")
+        (folder / "J.job").write_text(after, encoding="utf-8")
+        monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
+        for form in ("table", "markdown", "csv"):
+            output = ("-o", "X") if form == "csv" else ()
+            text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--format", form, *output)
+            assert "OLD.JSON" in text
+            wrong[number, form] = left(text, "J.job", "OLD.JSON")
+    assert {case: words for case, words in wrong.items() if words} == {}
 
 
 def test_totals_only(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json", "--summary")
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     assert left(out(report_command.command, "L.job", "--against", "OLD.JSON"), "L.job", "OLD.JSON") == set()
 
 
@@ -212,7 +229,7 @@ def test_no_earlier_report(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         {**good, "segments": {**segments, "line": [0.5] * len(segments["line"])}},
     ]  # fmt: skip
     texts = [*(json.dumps(one).encode() for one in broken), b"\xff\xfe{", b"{1"]
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     path = folder / "BAD.JSON"
     # Names of fields of the JSON.
     names = [*good, *totals, *segments, *channel, "mark, jump, run_in, run_out, dwell"]
@@ -228,17 +245,19 @@ def test_no_earlier_report(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 # Other commands.
 
 
-@pytest.mark.parametrize(
-    "scanner", ["first-order:200us", "delay:200us", "first-order:5ms", "delay:0us", "first-order:0us", "delay:90ms"]
-)
-@pytest.mark.parametrize("name", ["J.job", "S.job", "T.job", "C.gts"])
-@pytest.mark.parametrize("more", [(), ("--skywrite",), ("--channel", "1"), ("--write",)])
 @pytest.mark.usefixtures("dots")
-def test_tune(folder: Path, name: str, scanner: str, more: tuple[str, ...]) -> None:
-    text = out(tune_command.command, name, "--scanner", scanner, *more)
-    model = scanner.partition(":")[0]
-    lines = [line for line in text.splitlines() if not re.match(r"(LASER DELAY|SKYWRITE) ", line)]
-    assert left("\n".join(lines), name, "gusjob: ", f"{model} ", f"{model}:", "us") <= {"·"}, text
+def test_tune(folder: Path) -> None:
+    scanners = ("first-order:200us", "delay:200us", "first-order:5ms", "delay:0us", "first-order:0us", "delay:90ms")
+    options = ((), ("--skywrite",), ("--channel", "1"), ("--write",))
+    wrong = {}
+    for scanner, name, more in product(scanners, ("J.job", "S.job", "T.job", "C.gts"), options):
+        (folder / name).write_text(texts()[name], encoding="utf-8")
+        text = out(tune_command.command, name, "--scanner", scanner, *more)
+        model = scanner.partition(":")[0]
+        lines = [line for line in text.splitlines() if not re.match(r"(LASER DELAY|SKYWRITE) ", line)]
+        known = (name, "gusjob: ", f"{model} ", f"{model}:", "us")
+        wrong[scanner, name, more] = left("\n".join(lines), *known) - {"·"}
+    assert {case: words for case, words in wrong.items() if words} == {}
 
 
 @pytest.mark.parametrize(
@@ -247,11 +266,11 @@ def test_tune(folder: Path, name: str, scanner: str, more: tuple[str, ...]) -> N
      JOB.replace("VEL", "LASER DELAY ON 1us OFF 1us\nSKYWRITE MODE 1 TIMELAG 10us NPREV 2 NPOST 2\nVEL")],
 )  # fmt: skip
 @pytest.mark.usefixtures("dots")
-def test_what_can_not_be_tuned(folder: Path, text: str) -> None:
+def test_jobs_that_can_not_be_tuned(folder: Path, text: str) -> None:
     (folder / "J.job").write_text(text, encoding="utf-8")
     for more in ((), ("--skywrite",)):
-        told = out(tune_command.command, "J.job", "--scanner", "first-order:200us", *more)
-        lines = [line for line in told.splitlines() if not re.match(r"(LASER DELAY|SKYWRITE) ", line)]
+        texts_shown = out(tune_command.command, "J.job", "--scanner", "first-order:200us", *more)
+        lines = [line for line in texts_shown.splitlines() if not re.match(r"(LASER DELAY|SKYWRITE) ", line)]
         assert left("\n".join(lines), "J.job", "gusjob: ", "first-order") == set()
     assert left(out(tune_command.command, "J.job"), "gusjob: ") == set()
 
@@ -294,10 +313,13 @@ def test_libraries(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "CUT.so").write_bytes(b"\x7fELF")
     (folder / "F").mkdir()
     signs = ("[WinError 193]", "one of its dependencies", "WinError 126")
-    told = [_load_error("/bin/sh", sign) for sign in signs]
+    texts_shown = [_load_error("/bin/sh", sign) for sign in signs]
     libraries = [
         *(inspect_library(str(path)) for path in ("/NO.so", folder / "F", folder / "CUT.so")),
-        *(replace(inspect_library("/NO.so"), reason=why, next_steps=inspection._next_steps(why)) for why in told),
+        *(
+            replace(inspect_library("/NO.so"), reason=why, next_steps=inspection._next_steps(why))
+            for why in texts_shown
+        ),
         *(replace(inspect_library("/NO.so"), next_steps=(step,)) for _, step in inspection._NEXT_STEPS),
         *(replace(inspect_library("/NO.so"), loaded=True, abis=tuple(abis)) for abis in (Abi, [Abi.GUS])),
         replace(inspect_library("/NO.so"), loaded=True, missing={Abi.GTS: ("GT_A", "GT_B")}),
@@ -312,26 +334,26 @@ def test_libraries(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert left(text.replace(str(folder), ""), *NAMES, "/bin/sh", "GT_A", *abis) == set()
 
 
-@pytest.mark.parametrize("name", ["J.job", "T.job", "C.gts"])
 @pytest.mark.usefixtures("dots")
-def test_run(folder: Path, name: str) -> None:
-    assert left(out(run_command.command, name), name) == set()
+def test_run(folder: Path) -> None:
+    for name in ("J.job", "T.job", "C.gts"):
+        assert left(out(run_command.command, name), name) == set(), name
 
 
 def test_status(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[str] = []
+    texts_shown: list[str] = []
 
-    class Told:
+    class Collected:
         def __enter__(self) -> Callable[[str], None]:
-            return told.append
+            return texts_shown.append
 
         def __exit__(self, *_: object) -> None: ...
 
-    monkeypatch.setattr(run_command, "_status_line", lambda _path: Told())
+    monkeypatch.setattr(run_command, "_status_line", lambda _path: Collected())
     out(run_command.command, "J.job")
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
-    assert len(told) == 3
-    assert {word for text in told for word in left(localized(text))} == set()
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
+    assert len(texts_shown) == 3
+    assert {word for text in texts_shown for word in left(localized(text))} == set()
 
 
 @pytest.mark.parametrize("name", ["J.job", "B.job"])
@@ -343,12 +365,12 @@ def test_watch(folder: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None
     monkeypatch.setattr(watch_command, "_wait_for_change", ended)
     head, _, text = out(watch_command.command, name).partition("\n")
     assert left(head, name) == set()
-    # The job's own line is shown below a fault.
+    # The job's own line is shown below an error.
     assert left(text, name, "LINE X 1") == set()
 
 
 def test_wrong_usage(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     cases: list[tuple[click.Command, tuple[str, ...]]] = [
         *((report_command.command, ("J.job", *more)) for more in (
             ("--tolerance", "X"), ("--tolerance", "1"), ("--tolerance", "1%"), ("--marks", "--format", "csv"),
@@ -390,7 +412,7 @@ def test_too_long() -> None:
     assert left(localized(too_long(Long()))) == set()  # type: ignore[arg-type]
 
 
-# The panel, and faults of a run.
+# The panel, and errors of a run.
 
 NOW = Progress(
     job="J.job", phase=Phase.RUNNING, row=1, rows=9, segment=1000, segments=2000, location="J.job:7",
@@ -414,19 +436,19 @@ def test_panel_and_lines(phase: Phase) -> None:
         assert left(text, "J.job") == set()
 
 
-def test_faults_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     stream.buffered.crd[-1] = 2
     diagnostics = [*check_single_fifo(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
     diagnostics += [_laser_diagnostic(0, code, powered) for code in MEANINGS for powered in (False, True)]
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     for diagnostic in diagnostics:
         assert left(diagnostic.localized) == set()
     assert [left(localized(text)) for code in (*MEANINGS, 99, -99) for text in meaning(code)] == [set()] * 20
 
 
 @pytest.mark.usefixtures("dots")
-def test_journals_that_are_none(folder: Path) -> None:
+def test_files_that_are_not_journals(folder: Path) -> None:
     head = b'{"schema":"gusjob-journal/1","begin":null,"resumes":"OTHER"}\n'
     path = folder / "J.JOURNAL"
     for text in (b"{}\n", head, head + b'{"t":0,"resumed":"OTHER"}\n', head + b'{"t":0,"part":0}\n'):
@@ -442,7 +464,7 @@ def test_runs_on_a_controller(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     library = build(folder)
     monkeypatch.setenv("VC_OPTIONS", "speed=50,log=0")
     monkeypatch.setattr("gusjob.cli.hardware._can_ask", lambda: True)
-    monkeypatch.setattr(translate, "_catalogue", _Said("·"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     (folder / "D.job").write_text(MARK + "LINE X 1\n", encoding="utf-8")
     (folder / "N.job").write_text("COORDS ABS\n", encoding="utf-8")
     hardware = ("--backend", "gts", "--library", library, "--abi", "gus", "--progress", "lines")
@@ -455,7 +477,7 @@ def test_runs_on_a_controller(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
         return re.sub(r" \[y/N\]: [yn]|^ .*\|.*$|--··· gus", "", text, flags=re.MULTILINE)
 
     known = ("J.job", "D.job", "N.job", "L.job", "gusjob: ", "--frame", "--from-line", "--no-laser")
-    told = [
+    texts_shown = [
         run("J.job", "--journal", "A.JOURNAL"),
         run("J.job", "--journal", "A.JOURNAL"),
         run("J.job", "--journal", "NONE/A.JOURNAL"),
@@ -473,7 +495,7 @@ def test_runs_on_a_controller(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
         run("A.JOURNAL"),
         wrong(run_command.command, "J.job", *hardware, "--from-line", "1", "--resume", "A.JOURNAL"),
     ]
-    for text in told:
+    for text in texts_shown:
         assert "·" in text
         assert left(text, *known) == set(), text
 
@@ -526,7 +548,7 @@ def test_wide_characters_keep_columns_straight(folder: Path) -> None:
 def test_wide_characters_in_a_comparison(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json")
     (folder / "J.job").write_text(JOB.replace("10 + i", "20 + i"), encoding="utf-8")
-    monkeypatch.setattr(translate, "_catalogue", _Said("中"))
+    monkeypatch.setattr(translate, "_catalogue", _Letters("中"))
     text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--summary")
     _, totals, segments = text.rstrip("\n").split("OLD.JSON")[1].split("\n\n")
     power = [line for line in totals.splitlines() if "%" in line.partition("->")[0]]

@@ -58,8 +58,8 @@ def test_extent_holds_every_point_and_no_more(seed: int) -> None:
         assert found == pytest.approx(drawn, abs=1e-4 * np.abs(radius).max())
 
 
-def test_a_segment_of_no_length_bears_the_direction_before_it() -> None:
-    laid = segments(a(0, 10, 10), a(0, 0, 0), a(10, 10, 10), a(0, 0, 10), np.empty(0, dtype=np.intp), NO_ARCS)
-    assert laid.length.tolist() == [10, 0, 10]
-    assert (laid.start_x[1], laid.start_y[1]) == (1, 0)
-    assert (laid.start_x[2], laid.start_y[2]) == (0, 1)
+def test_a_segment_of_no_length_has_the_direction_before_it() -> None:
+    found = segments(a(0, 10, 10), a(0, 0, 0), a(10, 10, 10), a(0, 0, 10), np.empty(0, dtype=np.intp), NO_ARCS)
+    assert found.length.tolist() == [10, 0, 10]
+    assert (found.start_x[1], found.start_y[1]) == (1, 0)
+    assert (found.start_x[2], found.start_y[2]) == (0, 1)

@@ -88,7 +88,7 @@ def test_look_ahead_equals_the_loop(seed: int) -> None:
     found = look_ahead(length, acc, limit, breaks)
     plain = plain_look_ahead(length.tolist(), acc.tolist(), limit.tolist(), breaks.tolist())
     assert found == pytest.approx(plain, rel=1e-8, abs=1e-12)
-    # What it gives can be driven: no segment asks for more than length and acceleration give.
+    # The result can be driven: no segment needs more than length and acceleration allow.
     start = np.concatenate([[0.0], found[:-1]])
     start[breaks] = 0
     forward = ~np.append(breaks[1:], False)
@@ -96,7 +96,7 @@ def test_look_ahead_equals_the_loop(seed: int) -> None:
 
 
 def test_reached_ends_take_the_nearest_and_go_on_from_there() -> None:
-    # 100 pulse at 2: from 0 at most 20. Then 100 pulse from 20: 0 wanted, 400 - 400 = 0 reached. Then 30 from 0.
+    # 100 pulse at 2: from 0 at most 20. Then 100 pulse from 20: 0 given, 400 - 400 = 0 reached. Then 30 from 0.
     found = reached_ends(
         A([100.0, 100.0, 225.0]), A([99.0] * 3), A([50.0, 0.0, 30.0]), A([2.0] * 3), A([True, False, False])
     )
@@ -104,7 +104,7 @@ def test_reached_ends_take_the_nearest_and_go_on_from_there() -> None:
 
 
 def test_reached_ends_carry_a_miss_through_a_chain() -> None:
-    # 10 pulse at 2 gain 40 each: 40, 80, 120, 160 where 60 (3600) is wanted each time.
+    # 10 pulse at 2 gain 40 each: 40, 80, 120, 160 where 60 (3600) is given each time.
     found = reached_ends(A([10.0] * 4), A([99.0] * 4), A([60.0] * 4), A([2.0] * 4), A([True, False, False, False]))
     assert found**2 == pytest.approx([40, 80, 120, 160])
 

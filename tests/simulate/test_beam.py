@@ -17,7 +17,7 @@ from support.tools import run_listing
 
 from gusjob.cli import cli
 from gusjob.config.machine import Machine, Scanner, ScannerModel, parse_scanner
-from gusjob.config.profile import parse_machine
+from gusjob.config.profile import parse_profile
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.model import find_diagnostics, simulate_stream
 from gusjob.frontend import check_text, read_listing
@@ -448,10 +448,31 @@ def test_a_scanner_is_read(text: str, model: ScannerModel, us: float) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "delay", "delay:", "delay:us", "third-order:1us", "Delay:1us", "delay:-1us", "delay:nan", "delay:inf",
-     "delay:1e400", "delay:1000000.1", "delay:1.0001s", "delay:1m", "delay:1 2us", "delay:0x10", "delay:١us",
-     "delay:1us;", "250us", "delay=250us", "delay:1us:2", "delay:1e", "delay:\x1b[31m"],
-)  # fmt: skip
+    [
+        "",
+        "delay",
+        "delay:",
+        "delay:us",
+        "third-order:1us",
+        "Delay:1us",
+        "delay:-1us",
+        "delay:nan",
+        "delay:inf",
+        "delay:1e400",
+        "delay:1000000.1",
+        "delay:1.0001s",
+        "delay:1m",
+        "delay:1 2us",
+        "delay:0x10",
+        "delay:١us",
+        "delay:1us;",
+        "250us",
+        "delay=250us",
+        "delay:1us:2",
+        "delay:1e",
+        "delay:\x1b[31m",
+    ],
+)
 def test_the_message_of_an_invalid_scanner_shows_the_format(text: str) -> None:
     reason = parse_scanner(text)
     assert isinstance(reason, str)
@@ -460,9 +481,9 @@ def test_the_message_of_an_invalid_scanner_shows_the_format(text: str) -> None:
 
 
 def test_the_scanner_of_a_profile() -> None:
-    machine, diagnostics = parse_machine('scanner = "second-order:0.3ms"\n')
-    assert diagnostics == []
-    assert machine.scanner == Scanner(model=ScannerModel.SECOND_ORDER, tracking_error_us=300)
+    profile = parse_profile('scanner = "second-order:0.3ms"\n')
+    assert profile.diagnostics == ()
+    assert profile.machine.scanner == Scanner(model=ScannerModel.SECOND_ORDER, tracking_error_us=300)
     assert Machine().scanner is None
 
 
@@ -477,10 +498,11 @@ def test_the_scanner_of_a_profile() -> None:
     ],
 )
 def test_a_wrong_scanner_in_a_profile(text: str, code: str, line: int, says: str) -> None:
-    machine, (diagnostic,) = parse_machine("period_us = 100\n" + text + "\n")
+    profile = parse_profile("period_us = 100\n" + text + "\n")
+    (diagnostic,) = profile.diagnostics
     assert (diagnostic.rule.code, diagnostic.span.line) == (code, line)
     assert says in diagnostic.message
-    assert machine == Machine()
+    assert profile.machine == Machine()
 
 
 # The command line.

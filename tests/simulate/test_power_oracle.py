@@ -1,4 +1,4 @@
-"""The interpreter against numbers worked out by hand, and against the plain reference on random listings."""
+"""The simulation against numbers worked out by hand, and against the plain reference on random listings."""
 
 from __future__ import annotations
 

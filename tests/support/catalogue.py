@@ -1,13 +1,14 @@
-"""The catalogue of Chinese texts: which texts of the program have to be in it, and how Babel keeps it.
+"""The catalogue of Chinese texts: which texts of the program it must have, and how Babel stores it.
 
-Rules and the command line are asked for their texts; all others are the literals of Phrase(...) in the code, and of
-_(...) in the page's template.
+Texts of rules and of the command line come from their objects; all others are the literals of Phrase(...) in the
+code, and of _(...) in the page's template.
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import click
@@ -37,7 +38,7 @@ OF_CLICK = (
     "Option {name!r} does not take a value.", "(DEPRECATED)", "env var: {var}",
     "%(prog)s, version %(version)s",
 )  # fmt: skip
-"""What click says of itself in a help or of a wrong usage, as its versions 8.1 and later have it."""
+"""click's own texts in help and usage errors, of versions 8.1 and later."""
 OF_CLICK_COUNTED = (
     ("Got unexpected extra argument ({args})", "Got unexpected extra arguments ({args})"),
     ("Option {name!r} requires an argument.", "Option {name!r} requires {nargs} arguments."),
@@ -47,6 +48,7 @@ OF_CLICK_COUNTED = (
 """The same for one and for many; Chinese has one form for both."""
 
 
+@cache
 def needed() -> Catalog:
     """Every text of the program that people read, without translations."""
     catalog = Catalog(fuzzy=False)
@@ -64,7 +66,7 @@ def needed() -> Catalog:
         catalog.add(pair, auto_comments=["click"])
     for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("**.py", "python")], keywords={"Phrase": None}):
         catalog.add(phrase, auto_comments=[Path(file).as_posix()])
-    for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("page/static/*.html", "jinja2")], keywords={"_": None}):
+    for file, _, phrase, _, _ in extract_from_dir(PACKAGE, [("**/static/*.html", "jinja2")], keywords={"_": None}):
         catalog.add(phrase, auto_comments=[Path(file).as_posix()])
     return catalog
 
@@ -125,9 +127,11 @@ def updated() -> Catalog:
     )  # fmt: skip
     for message in needed():
         if message.id:
-            said = old.get(key(message), "")
+            translation = old.get(key(message), "")
             catalog.add(
-                message.id, said if isinstance(message.id, str) else (said,), auto_comments=message.auto_comments
+                message.id,
+                translation if isinstance(message.id, str) else (translation,),
+                auto_comments=message.auto_comments,
             )
     return catalog
 

@@ -10,7 +10,7 @@ from support.tools import MARK
 from gusjob.cli import cli
 
 GOOD = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
-"""A job without a fault."""
+"""A job without diagnostics."""
 
 
 def gusjob(*args: object) -> Result:

@@ -1,4 +1,4 @@
-"""Writes whole random jobs that use every statement of the language, most of them without a fault."""
+"""Whole random jobs that use every statement of the language, most of them without an error."""
 
 from __future__ import annotations
 
@@ -23,28 +23,30 @@ ODD = ("0", "-1", "1e9", "1e308", "99999", "0.5", "-0.0", "1e-15", "50%", "5kHz"
 NUMBERS = ("a", "b", "n1")
 """Names for plain numbers from 0.5 to 5."""
 TOP = 2
-"""How deep blocks stand in each other."""
+"""How deep blocks are nested."""
 
 
 @dataclass(slots=True)
 class State:
-    """What is in force at the place written at."""
+    """What is in force at the line to be written."""
 
     units: str = "MM"
     coords: str = "ABS"
     channel: int = 0
     modes: list[str] = field(default_factory=lambda: ["", ""])
     powered: list[bool] = field(default_factory=lambda: [False, False])
-    lit: list[bool] = field(default_factory=lambda: [False, False])
+    is_on: list[bool] = field(default_factory=lambda: [False, False])
     distance: list[bool] = field(default_factory=lambda: [False, False])
 
     def copy(self) -> State:
-        return replace(self, modes=[*self.modes], powered=[*self.powered], lit=[*self.lit], distance=[*self.distance])
+        return replace(
+            self, modes=[*self.modes], powered=[*self.powered], is_on=[*self.is_on], distance=[*self.distance]
+        )
 
 
 @dataclass
 class Writer:
-    """Writes one job. `odd`: one number or order in so many is off, 0 for none; `unequal`: for unequal axes."""
+    """Write one job. `odd`: one number or statement in so many is wrong, 0 for none; `unequal`: for unequal axes."""
 
     rng: Random
     odd: int = 0
@@ -54,13 +56,13 @@ class Writer:
     names: list[str] = field(default_factory=list)
     lengths: list[str] = field(default_factory=list)
     routines: list[tuple[str, int]] = field(default_factory=list)
-    rounds: int = 1
+    iterations: int = 1
     kept: bool = False
     """Whether a routine relies on the modes as they are."""
     local: bool = False
-    """Whether the place is inside a routine."""
+    """Whether the line is inside a routine."""
     sky: bool = False
-    """Whether the job sky-writes somewhere: then light goes with the path everywhere in it."""
+    """Whether the job uses sky writing: then the laser is switched along the path everywhere."""
 
     # Choices.
 
@@ -74,7 +76,7 @@ class Writer:
         return values[self.rng.randrange(len(values))]
 
     def slip(self) -> bool:
-        """Now and then, in some jobs: do it wrong."""
+        """Whether to make a mistake here: now and then, in some jobs."""
         return bool(self.odd) and self.one_in(self.odd)
 
     # Spelling.
@@ -86,7 +88,7 @@ class Writer:
             case 0:
                 line = line.lower()
             case 1:
-                line += "   ; said twice: LINE X 1"
+                line += "   ; written twice: LINE X 1"
             case 2:
                 line = f"  {line} // {len(self.lines)}"
             case _:
@@ -175,7 +177,7 @@ class Writer:
                 return self.number(mm_s2 if self.state.units == "MM" else mm_s2 * 4e-4)
 
     def power(self, channel: int, *, whole: bool = False, low: float = 0.0, high: float = 1.0) -> str:
-        """A power in the channel's mode, between two parts of what fits it."""
+        """A power in the channel's mode, between two shares of its range."""
         mode = self.state.modes[channel] or "DUTY"
         least, most = POWERS[mode]
         value = least + (most - least) * self.rng.uniform(low, high)
@@ -269,8 +271,8 @@ class Writer:
                     self.put("LOOKAHEAD", self.some("", time, acc, self.words(time, acc)))
 
     def skywrite(self) -> None:
-        """SKYWRITE, only where it is dark."""
-        if any(self.state.lit) and not self.slip():
+        """SKYWRITE, only while the laser is off."""
+        if any(self.state.is_on) and not self.slip():
             return
         if self.one_in(4):
             self.put("SKYWRITE OFF")
@@ -329,7 +331,7 @@ class Writer:
 
     def switch(self, channel: int) -> None:
         state = self.state
-        on = not state.lit[channel]
+        on = not state.is_on[channel]
         if self.one_in(12):
             on = not on
         if on and not self.slip():
@@ -339,17 +341,17 @@ class Writer:
                 self.give_power(channel)
         now = "NOW" if self.one_in(8) and (not self.sky or self.slip()) else ""
         self.laser(channel, "ON" if on else "OFF", now)
-        state.lit[channel] = on
+        state.is_on[channel] = on
 
     def dark(self) -> None:
         """Every channel off."""
         for channel in (0, 1):
-            if self.state.lit[channel] and not self.slip():
+            if self.state.is_on[channel] and not self.slip():
                 self.laser(channel, "OFF", "NOW" if self.one_in(8) and not self.sky else "")
-                self.state.lit[channel] = False
+                self.state.is_on[channel] = False
 
-    def place(self) -> tuple[float, float]:
-        """Where to, or how far: near and far, on round numbers and between them."""
+    def target(self) -> tuple[float, float]:
+        """A target or a distance: near and far, on whole numbers and between them."""
         if self.state.coords == "REL":
             signs = self.rng.choice((-1, 1)), self.rng.choice((-1, 1))
             near = LENGTHS[:-2]
@@ -365,21 +367,21 @@ class Writer:
             found.append(self.word("VEL", self.speed(self.of(SPEEDS[3:6]))))
         if self.one_in(8):
             found.append(self.word("ACC", self.acceleration(self.of(ACCELERATIONS[1:]))))
-        if self.one_in(12) and not (self.sky and any(self.state.lit)):
+        if self.one_in(12) and not (self.sky and any(self.state.is_on)):
             found.append(self.word("END", self.speed(self.of((0.0, 0.0, 0.5, 5.0)))))
         return " ".join(found)
 
     def straight(self, head: str) -> None:
         if head == "JUMP":
             self.dark()
-        x, y = self.place()
+        x, y = self.target()
         words = [self.word("X", self.length(x)), self.word("Y", self.length(y))]
         if self.one_in(3):
             del words[self.rng.randrange(2)]
         self.put(head, self.words(*words, self.motion_words() if head == "LINE" else ""))
 
     def arc(self) -> None:
-        """Full circles, and arcs from a place that is known."""
+        """Full circles, and arcs from a known position."""
         state = self.state
         turn = f"ARC {self.some('CW', 'CCW')}"
         radius = self.of((0.0004, 0.001, 0.01, 0.5, 3.0, 12.0, 40.0))
@@ -394,8 +396,8 @@ class Writer:
         dy = cy - cx * math.sin(swept) - cy * math.cos(swept)
         x0 = y0 = 0.0
         if state.coords == "ABS":
-            x0, y0 = self.place()
-            self.put(self.some("LINE", "LINE", "LINE" if any(state.lit) else "JUMP"), f"X {x0!r}mm Y {y0!r}mm")
+            x0, y0 = self.target()
+            self.put(self.some("LINE", "LINE", "LINE" if any(state.is_on) else "JUMP"), f"X {x0!r}mm Y {y0!r}mm")
         ends = self.words(self.word("X", self.exact(x0 + dx)), self.word("Y", self.exact(y0 + dy)))
         if self.one_in(2):
             centre = self.word("I", self.exact(cx)), self.word("J", self.exact(cy))
@@ -431,7 +433,7 @@ class Writer:
             grown = f"{name}*1.1 + {self.of((0.0, 0.5, -0.25))!r}"
             self.put(f"LET {name} = min(max({grown}, 0.5), 5)")
             return
-        if self.rounds > 1 or self.local:
+        if self.iterations > 1 or self.local:
             return
         if self.one_in(4):
             self.put(f"LET pitch = {self.some('500um', '1.5mm', '250pulse')}")
@@ -448,24 +450,24 @@ class Writer:
 
     @contextmanager
     def body(self, *, runs: int) -> Iterator[None]:
-        """A block: what is in force behind it is what was before, whether it is carried out or not."""
-        before, rounds, names = self.state.copy(), self.rounds, list(self.names)
-        self.rounds *= max(runs, 1)
+        """A block: after it the same is in force as before it, whether it runs or not."""
+        before, iterations, names = self.state.copy(), self.iterations, list(self.names)
+        self.iterations *= max(runs, 1)
         yield
         now = self.state
         for channel in (0, 1):
-            if now.lit[channel] != before.lit[channel] and not self.slip():
-                if before.lit[channel] and not now.powered[channel]:
+            if now.is_on[channel] != before.is_on[channel] and not self.slip():
+                if before.is_on[channel] and not now.powered[channel]:
                     self.give_power(channel)
-                self.laser(channel, "ON" if before.lit[channel] else "OFF")
+                self.laser(channel, "ON" if before.is_on[channel] else "OFF")
             if now.distance[channel] != before.distance[channel] and not self.slip():
                 self.laser(channel, "DISTANCE OFF")
                 before.distance[channel] = True
-            now.lit[channel] = before.lit[channel]
+            now.is_on[channel] = before.is_on[channel]
         for word in ("units", "coords", "channel"):
             if getattr(now, word) != getattr(before, word) and not self.slip():
                 self.put(word.upper(), str(getattr(before, word)))
-        self.state, self.rounds, self.names = before, rounds, names
+        self.state, self.iterations, self.names = before, iterations, names
 
     def block(self, depth: int) -> None:
         state, kept = self.state, self.kept
@@ -511,13 +513,13 @@ class Writer:
         self.kept = kept
 
     def routine(self) -> None:
-        """A DEF that needs nothing but modes, velocities and darkness."""
+        """A DEF that needs modes and velocities only, with the laser off."""
         name = f"part{len(self.routines)}"
         values = self.rng.randrange(3)
         outside, names, lengths = self.state.copy(), self.names, self.lengths
         self.put(f"DEF {name}" + (f"({', '.join('pq'[:values])})" if values or self.one_in(2) else ""))
         self.state.units, self.state.coords, self.state.channel = "MM", "REL", 0
-        self.state.lit, self.state.powered = [False, False], [False, False]
+        self.state.is_on, self.state.powered = [False, False], [False, False]
         self.names, self.lengths, self.local = list("pq"[:values]), [], True
         self.kept = True
         for line in ("UNITS MM", "COORDS REL", "CHANNEL 0"):
@@ -559,11 +561,11 @@ class Writer:
         elif pick < 18:
             self.give_power(self.a_channel())
         elif pick < 19:
-            if self.sky and any(state.lit) and not self.slip():
+            if self.sky and any(state.is_on) and not self.slip():
                 return
             self.put(self.word("DWELL", self.whole(self.rng.choice((0, 1, 2, 20)), self.some("", "ms"))))
         elif pick < 22:
-            if not any(state.lit) or (self.one_in(4) and not self.sky):
+            if not any(state.is_on) or (self.one_in(4) and not self.sky):
                 self.setup(self.a_channel())
         elif pick < 23:
             state.units = self.some("MM", "PULSE")
@@ -579,7 +581,7 @@ class Writer:
         elif pick < 27:
             self.let()
         elif pick < 30:
-            if depth and self.rounds < 30:
+            if depth and self.iterations < 30:
                 self.block(depth)
         elif pick < 33:
             if self.routines:
@@ -589,7 +591,7 @@ class Writer:
         elif pick < 34:
             if depth == TOP and len(self.routines) < 3:
                 self.routine()
-        elif pick < 35 and not self.kept and not any(state.lit) and self.one_in(2):
+        elif pick < 35 and not self.kept and not any(state.is_on) and self.one_in(2):
             self.mode(self.a_channel(), self.some(*MODES))
         else:
             self.straight("LINE")

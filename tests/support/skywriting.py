@@ -35,11 +35,11 @@ LONGER = NEAR + 3
 
 BEAM = 1.5
 
-"""The beam at light on and off: a switch stands at a whole pulse."""
+"""Error of the beam at laser-on and laser-off: a switch is at a whole pulse."""
 
 HARD = {"GJ704", "GJ705", "GJ706"}
 
-"""END_NOT_MET, START_TOO_FAST, STOPS_HARD: what is compiled must not ask for it."""
+"""END_NOT_MET, START_TOO_FAST, STOPS_HARD: compiled jobs must not have them."""
 
 # Random jobs.
 _ROUND = [(x, y) for x in range(-65, 66) for y in range(-65, 66) if x * x + y * y == 65 * 65]
@@ -111,10 +111,10 @@ class Jobs:
                 return Step(op="line", at=(here[0] + dx, here[1] + dy))
 
     def block(self, steps: list[Step], here: Point) -> Point:
-        """What leads there, light on, marks, light off."""
+        """Motions to a mark, laser on, marks, laser off."""
         rng = self.rng
         written = [s.sky for s in steps if s.op == "sky"][-1]
-        least = 1 if written is not None and written.mode == 3 else 0  # Light that changes at a flat corner: below.
+        least = 1 if written is not None and written.mode == 3 else 0  # Switches at a flat corner: tested elsewhere.
         for _ in range(max(rng.choice((0, 1, 1, 1, 2)), least)):
             step = rng.choice((Step(op="jump", at=self.point()), Step(op="line", at=self.point()), self.arc(here)))
             if max(map(abs, here)) > 60000:
@@ -198,15 +198,15 @@ def moves_of(stream: Stream) -> Moves:
 
 
 def matched(legs: list[Leg], moves: Moves) -> list[int]:
-    """For each leg the number of its last motion; a leg may be split anywhere on its way.
+    """For each leg the number of its last motion; a leg may be split anywhere.
 
-    All ways to share the motions out are followed at once. Ends of marks must be met exactly: they are whole.
+    All assignments of motions to legs are followed at once. Ends of marks must be met exactly: they are whole.
     """
     furthest = 0
-    ways: dict[int, tuple[int, ...]] = {0: ()}
+    assigned: dict[int, tuple[int, ...]] = {0: ()}
     for number, at in enumerate(moves.at):
         after: dict[int, tuple[int, ...]] = {}
-        for done, ends in ways.items():
+        for done, ends in assigned.items():
             if done == len(legs) or not _runs(legs[done], moves, number):
                 continue
             leg = legs[done]
@@ -220,9 +220,9 @@ def matched(legs: list[Leg], moves: Moves) -> list[int]:
         if not after:
             expected = legs[furthest] if furthest < len(legs) else None
             raise AssertionError(f"motion {number} to {at} (v {moves.vel[number]:g}) is none of {furthest}: {expected}")
-        ways, furthest = after, max(after)
-    assert len(legs) in ways, f"{len(legs)} motions expected, {furthest} found; the next: {legs[furthest]}"
-    return list(ways[len(legs)])
+        assigned, furthest = after, max(after)
+    assert len(legs) in assigned, f"{len(legs)} motions expected, {furthest} found; the next: {legs[furthest]}"
+    return list(assigned[len(legs)])
 
 
 def _is_whole(at: Point) -> bool:
@@ -253,7 +253,7 @@ def compiled(text: str, machine: Machine = MACHINE) -> tuple[Stream, list[Diagno
 
 
 def ran(stream: Stream, machine: Machine = MACHINE) -> Trace:
-    """A run without a fault that a planned path must not have."""
+    """Simulate a stream that must have no error."""
     trace, diagnostics = simulate_stream(stream, machine)
     assert trace is not None
     assert [f"{f.span.line}: {f.rule.code} {f.message}" for f in diagnostics if f.severity is Severity.ERROR] == []
@@ -292,7 +292,7 @@ class Case:
 
 def case_of(steps: list[Step], *, pulses: bool = False, head: str = "", frame: tuple[int, Point] | None = None,
             gap_us: float = 0.0) -> Case | None:  # fmt: skip
-    """A job that must be planned as the reference says; None where a switch finds no motion, or no mark."""
+    """A job that must be planned as by the oracle; None where a switch has no motion, or no mark."""
     text = ref.job_text(steps, pulses=pulses, head=head, frame=frame)
     plan = ref.planned(steps)
     stream, localized = compiled(text)
@@ -306,12 +306,11 @@ def case_of(steps: list[Step], *, pulses: bool = False, head: str = "", frame: t
 
 def on_circles(case: Case) -> None:
     """Arcs lie on the reference's arcs, not only their ends."""
-    laid = case.trace.segments
-    rounds = set(laid.arc_at.tolist())
+    arcs = set(case.trace.segments.arc_at.tolist())
     first = 0
     for leg, last in zip(case.plan.legs, case.ends, strict=True):
         for motion in range(first, last + 1):
-            if motion in rounds:
+            if motion in arcs:
                 a, b = case.trace.schedule.times_ms[motion], case.trace.schedule.times_ms[motion + 1]
                 for share in (0.25, 0.5, 0.75):
                     at, _ = path_at(case.trace, float(a + (b - a) * share))
@@ -344,7 +343,7 @@ def emissions(case: Case) -> None:
         found = [c.emission for c in case.trace.channels if c.channel == channel]
         count = len(found[0].start_ms) if found else 0
         assert count == len(marks) + _plain_emissions(case.steps, channel), (channel, len(marks))
-        # Nothing but marks between the first and the last: light of marks without sky writing lies in between.
+        # Nothing but marks between the first and the last: emission of marks without sky writing is in between.
         starts = found[0].start_ms if found else np.empty(0)
         for mark in marks:
             early = (mark.sky.on_us + case.gap_us) / 1000
@@ -368,7 +367,7 @@ def _switched_at(case: Case, what: str, moment: float, passed: float, late_us: f
 
 
 def _plain_emissions(steps: list[Step], channel: int) -> int:
-    """Emissions of marks without sky writing: light that goes off and on between two motions stays on."""
+    """Emissions of marks without sky writing: a laser that goes off and on between two motions stays on."""
     rows = ref.rows_of(steps)
     channels_on = [channel in row.channels_on and row.kind != "dwell" and row.sky is None for row in rows]
     same = [False, *(a and b.stage == c.stage for a, b, c in zip(channels_on, rows, rows[1:], strict=False))]
@@ -408,6 +407,6 @@ LATE = replace(MACHINE, scanner=Scanner(model=ScannerModel.DELAY, tracking_error
 
 
 def diagnostics_of(text: str, machine: Machine = MACHINE) -> list[Diagnostic]:
-    """What check and planning say, errors too."""
+    """Diagnostics of lint and planner, errors included."""
     job = job_of(text, machine)
     return [*check(job, machine), *compile_job(job, machine)[1]]

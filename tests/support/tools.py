@@ -1,4 +1,4 @@
-"""Short ways for tests: text in, job, calls or report out."""
+"""Shortcuts for tests: from a text to a job, to calls or to a report."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ MARK = """LASER MODE DUTY CARRIER 10
 VEL 100
 ACC 10000
 """
-"""The head of a job that may mark."""
+"""The head of a job that can mark."""
 
 
 def job_of(text: str, machine: Machine = MACHINE) -> Job:
-    """A job that must read without a fault."""
+    """Read a job that has no errors."""
     source, _ = check_text(text.encode(), "test.job")
     assert source is not None
     job, diagnostics = read_job(source, machine)

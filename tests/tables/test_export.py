@@ -127,17 +127,17 @@ def test_many_files_in_parquet(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
-        (["--format", "parquet", "--marks"], "parquet has segments only"),
-        (["--format", "parquet", "--summary"], "--summary is for"),
-        (["--format", "html", "--summary"], "--summary is for"),
+        (["--format", "parquet", "--marks"], "--marks can't be used with parquet"),
+        (["--format", "parquet", "--summary"], "--summary needs --format"),
+        (["--format", "html", "--summary"], "--summary needs --format"),
     ],
 )
-def test_what_does_not_go_together(tmp_path: Path, arguments: list[str], said: str) -> None:
+def test_what_does_not_go_together(tmp_path: Path, arguments: list[str], message: str) -> None:
     found = gusjob("report", write(tmp_path, "LINE X 1\n"), *arguments)
     assert found.exit_code == 2
-    assert said in found.output
+    assert message in found.output
 
 
 @pytest.mark.parametrize(

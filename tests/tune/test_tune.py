@@ -186,7 +186,7 @@ def test_each_channel_has_its_own(model: str) -> None:
         assert worst(found, 1 - channel)["on_miss_um"] == pytest.approx(21 if channel else 25)
 
 
-def test_the_channel_is_said_where_another_is_in_force() -> None:
+def test_the_channel_is_written_if_several_are_used() -> None:
     text = (
         "LASER MODE DUTY CARRIER 10 CHANNEL 0\nCHANNEL 1\nLASER DELAY ON 1 OFF 2 CHANNEL 0\nCHANNEL 0\n"
         + SPEEDS + AT_SPEED
@@ -206,19 +206,19 @@ def test_no_more_than_the_controller_takes(model: str) -> None:
 def test_a_scanner_that_lags_too_much_is_refused(tune: Tune, model: str, args: tuple[str, ...]) -> None:
     result = tune(MODE + BODY, *args, "--scanner", f"{model}:66ms")
     assert result.exit_code == 2
-    assert "can be, 65535 us" in result.output
+    assert ", 65535 us" in result.output
 
 
 @pytest.mark.parametrize("model", FILTERS)
 def test_a_slow_scanner_is_not_searched_us_by_us(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[float] = []
-    miss = search._MarkEnds.miss_mm
+    miss = search._TargetPoints.miss_mm
 
-    def counted(side: search._MarkEnds, delay_us: float) -> float:
+    def counted(side: search._TargetPoints, delay_us: float) -> float:
         tried.append(delay_us)
         return miss(side, delay_us)
 
-    monkeypatch.setattr(search._MarkEnds, "miss_mm", counted)
+    monkeypatch.setattr(search._TargetPoints, "miss_mm", counted)
     delays(DUTY + SPEEDS + FROM_REST, f"{model}:65ms")
     assert len(tried) < 1500
     assert max(tried) <= 65535
@@ -313,21 +313,21 @@ def test_a_run_in_that_finds_no_room_is_not_tried(model: str) -> None:
 @pytest.mark.parametrize(
     ("text", "sky", "says"),
     [
-        (DUTY, False, "channel 0 marks nothing"),
-        (DUTY + SPEEDS + "JUMP X 5\n", True, "channel 0 marks nothing"),
-        (DUTY + SPEEDS + "LASER ON\nLINE X 0\nLASER OFF\n", False, "channel 0 marks nothing"),
+        (DUTY, False, "channel 0 has no mark"),
+        (DUTY + SPEEDS + "JUMP X 5\n", True, "channel 0 has no mark"),
+        (DUTY + SPEEDS + "LASER ON\nLINE X 0\nLASER OFF\n", False, "channel 0 has no mark"),
         (DUTY + SPEEDS + "LASER ON NOW\nDWELL 5\nLASER OFF NOW\n", False, "no mark of channel 0 is switched"),
         (DUTY + SPEEDS + "LASER ON\nLINE X 3\nWAIT\nLINE X 5\nLASER OFF\n", False, "no mark of channel 0 is switched"),
         (DUTY + "LASER DELAY ON 1 OFF 2\nLASER DELAY ON 1 OFF 3\n" + SPEEDS + FROM_REST, False, "in lines 2, 3"),
         (DUTY + SPEEDS + "SKYWRITE MODE 3 TIMELAG 9\n" + FROM_REST, False, "--skywrite"),
-        (DUTY + "SKYWRITE OFF\n" + SPEEDS + FROM_REST, True, "taken back by a SKYWRITE OFF"),
+        (DUTY + "SKYWRITE OFF\n" + SPEEDS + FROM_REST, True, "a SKYWRITE OFF before the first mark"),
         (
             "REPEAT 2 AS i\nLASER MODE DUTY CARRIER 10 CHANNEL (i)\nLASER DELAY ON 1 OFF 2 CHANNEL (i)\nEND\n"
             + SPEEDS + FROM_REST, False, "more than one channel",
         ),
     ],
 )  # fmt: skip
-def test_what_can_not_be_tuned_is_told(text: str, sky: bool, says: str) -> None:
+def test_a_reason_is_given_if_nothing_can_be_tuned(text: str, sky: bool, says: str) -> None:
     found = tuned(text, "delay:250us", sky=sky)
     assert isinstance(found, str)
     assert says in found
@@ -336,7 +336,7 @@ def test_what_can_not_be_tuned_is_told(text: str, sky: bool, says: str) -> None:
 def test_a_scanner_that_does_not_lag_needs_no_sky_writing() -> None:
     found = tuned(DUTY + SPEEDS + FROM_REST, "first-order:0.4us", sky=True)
     assert isinstance(found, str)
-    assert "does not lag" in found
+    assert "has no lag" in found
 
 
 # The command line, and the job's text.
@@ -448,7 +448,7 @@ def test_before_and_after_are_shown_and_nothing_is_written_unasked(tune: Tune, t
     # Off 77 us early, 3 pulse/0.3 ms2 before rest: 10/2 * 0.077^2 = 0.0296 um.
     assert table["off miss"] == ["off", "miss", "um", "0.02964", "0", "0.02964", "0"]
     assert (tmp_path / "a.job").read_bytes() == MODE + BODY
-    assert "search on the interpreter" in tune(MODE + BODY, scanner="first-order:77us").output
+    assert "search in the simulator" in tune(MODE + BODY, scanner="first-order:77us").output
 
 
 def test_the_scanner_may_be_the_profiles(tune: Tune, tmp_path: Path) -> None:
@@ -460,7 +460,7 @@ def test_the_scanner_may_be_the_profiles(tune: Tune, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("data", "args", "code", "says"),
     [
-        (MODE + BODY, {"scanner": ""}, 2, "no scanner to tune for"),
+        (MODE + BODY, {"scanner": ""}, 2, "no scanner is set"),
         (b"GT_LaserPowerMode(0,100,0,0)\n", {"name": "a.gts"}, 2, "this is a listing"),
         (MODE + BODY + b"LINE X\n", {}, 1, "GJ1"),
         (MODE + BODY + b"LASER ON\n", {}, 1, "GJ401"),
@@ -468,8 +468,8 @@ def test_the_scanner_may_be_the_profiles(tune: Tune, tmp_path: Path) -> None:
         (MODE + BODY.replace(b"100\n", b"1e-9\n").replace(b"10000", b"1e-9"), {}, 1, "GJ713"),
         (b"\0", {}, 2, "GJ002"),
         (None, {}, 2, "GJ001"),
-        (b"", {}, 2, "marks nothing"),
-        (MODE, {}, 2, "marks nothing"),
+        (b"", {}, 2, "has no mark"),
+        (MODE, {}, 2, "has no mark"),
         (MODE + b"LASER DELAY ON 1 OFF 2\n" * 2 + BODY, {}, 2, "in lines 2, 3"),
     ],
 )
@@ -517,7 +517,7 @@ def test_an_included_file_that_sets_it_again_is_refused(tune: Tune, tmp_path: Pa
     (tmp_path / "setup.inc").write_bytes(MODE + b"LASER DELAY ON 1 OFF 2\n")
     result = tune(MODE + b'LASER DELAY ON 5 OFF 6\nINCLUDE "setup.inc"\n' + BODY, "--write")
     assert result.exit_code == 2
-    assert "sets LASER DELAY again behind line" in result.output
+    assert "sets LASER DELAY again after line" in result.output
 
 
 def test_a_files_mode_and_a_link_to_it_stay(tune: Tune, tmp_path: Path) -> None:
@@ -542,7 +542,7 @@ def refuse(*_: object, **__: object) -> NoReturn:
 
 
 @pytest.mark.parametrize("where", ["the folder", "the last step"])
-def test_what_can_not_be_written_is_told_and_leaves_nothing(
+def test_a_failed_write_is_reported_and_leaves_nothing(
     tune: Tune, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     if where == "the folder":
@@ -573,7 +573,7 @@ def test_a_job_that_changed_meanwhile_stays(tune: Tune, tmp_path: Path, monkeypa
     monkeypatch.setattr("gusjob.tune.tune_delays", touched)
     result = tune(MODE + BODY, "--write")
     assert result.exit_code == 2
-    assert "has changed" in result.output
+    assert "the file was changed" in result.output
     assert (tmp_path / "a.job").read_bytes() == b"; new\n"
 
 

@@ -52,6 +52,14 @@ def test_cut_where_emission_begins_and_ends() -> None:
     assert np.isnan(found.per_mm(emission)[dwell]).all()
 
 
+def test_energy_per_mm_is_of_emission_only() -> None:
+    found = strokes(DUTY + "LASER POWER 40\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n")
+    emission = found.emissions[0]
+    assert {row: bool(emission.on[found.row == row].all()) for row in (0, 1)} == {0: False, 1: True}
+    assert np.isnan(found.per_mm(emission)[found.row == 0]).all()
+    assert np.isfinite(found.per_mm(emission)[found.row == 1]).all()
+
+
 def test_following_is_cut_at_the_ticks() -> None:
     """Power is 0.4 * v at the last tick (v in pulse/ms), and v grows by 2.5 pulse/ms a tick."""
     found = strokes(DUTY + "LASER FOLLOW RATIO 0.4 MIN 0 MAX 100\nLASER ON\nLINE X 10\nLASER OFF\n")

@@ -1,4 +1,4 @@
-"""Whether mends keep their word: the diagnostics are gone, and nothing else is wrong that was not wrong before."""
+"""The proof of fixes: their diagnostics are gone, and no problem is new."""
 
 from __future__ import annotations
 
@@ -7,72 +7,75 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.fixes.table import READS
-from gusjob.diagnostics.fixes.text import Mend
+from gusjob.diagnostics.fixes.edits import Fix
+from gusjob.diagnostics.fixes.table import SYNTAX_RULES
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.pipeline import Checked, FileResult
 
 Key = tuple[str, str, int]
-"""Rule, file and line: mends leave every line in its place."""
+"""Rule, file and line of a diagnostic. Fixes do not move lines."""
 
 
 def key_of(diagnostic: Diagnostic) -> Key:
-    """What stays the same of a diagnostic when its line is written otherwise."""
+    """Return what identifies a diagnostic before and after its line is edited."""
     return diagnostic.rule.code, diagnostic.span.path, diagnostic.span.line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """`left`: mends whose diagnostic is still there. `worse`: lines of the text in which something is wrong now that
-    was not before; with a line of 0 where no line can be named."""
+class Proof:
+    """The result of checking a text with fixes.
 
-    left: tuple[Mend, ...]
-    worse: frozenset[int]
+    `remaining`: the fixes whose diagnostic is still there. `new_problems`: the lines with a new problem, 0 for a
+    problem that belongs to no line of this text.
+    """
+
+    remaining: tuple[Fix, ...]
+    new_problems: frozenset[int]
 
     @property
-    def good(self) -> bool:
-        """Whether the mends may stay."""
-        return not self.left and not self.worse
+    def holds(self) -> bool:
+        """Whether the fixes may be kept."""
+        return not self.remaining and not self.new_problems
 
 
-def verdict(before: Checked, after: FileResult, mends: Iterable[Mend]) -> Verdict:
-    """What the judge says of a text with its mends."""
-    if not isinstance(after, Checked) or after.job is None:  # It is taken for something else now.
-        return Verdict(left=tuple(mends), worse=frozenset({0}))
-    mends = tuple(mends)
+def prove(before: Checked, after: FileResult, fixes: Iterable[Fix]) -> Proof:
+    """Compare the diagnostics of a text before and after fixes."""
+    fixes = tuple(fixes)
+    if not isinstance(after, Checked) or after.job is None:  # The text is no longer read as a job.
+        return Proof(remaining=fixes, new_problems=frozenset({0}))
     keys = {key_of(diagnostic) for diagnostic in after.diagnostics}
-    left = tuple(mend for mend in mends if key_of(mend.diagnostic) in keys)
-    if any(mend.diagnostic.rule.code in READS for mend in mends):
-        return Verdict(left=left, worse=frozenset())
-    return Verdict(left=left, worse=frozenset(_worse(before.diagnostics, after.diagnostics)))
+    remaining = tuple(fix for fix in fixes if key_of(fix.diagnostic) in keys)
+    if any(fix.diagnostic.rule.code in SYNTAX_RULES for fix in fixes):
+        return Proof(remaining=remaining, new_problems=frozenset())
+    return Proof(remaining=remaining, new_problems=frozenset(_new_problems(before.diagnostics, after.diagnostics)))
 
 
-def _worse(before: Sequence[Diagnostic], after: Sequence[Diagnostic]) -> set[int]:
-    """The lines of errors and warnings that are new or come more often; 0 for a line of another file.
+def _new_problems(before: Sequence[Diagnostic], after: Sequence[Diagnostic]) -> set[int]:
+    """Return the lines of errors and warnings that are new or more frequent; 0 for a line of another file.
 
-    Of a rule with more diagnostics than are listed, the next ones are listed when some are gone: there their number
-    counts.
+    If a rule has more diagnostics than are listed, others take the place of those that are gone. For such a rule only
+    the total is compared.
     """
-    uncounted = {str(f.fields["code"]) for f in (*before, *after) if f.rule.code == rules.MORE.code}
-    old, new = _serious(before, uncounted), _serious(after, uncounted)
+    unlisted = {str(f.fields["code"]) for f in (*before, *after) if f.rule.code == rules.NOT_LISTED.code}
+    old, new = _serious(before, unlisted), _serious(after, unlisted)
     found = {(0 if path else line) for (_, path, line), count in (new - old).items() if count}
-    old_totals, new_totals = _totals(before, uncounted), _totals(after, uncounted)
-    return found | {0 for _ in new_totals - old_totals}
+    return found | {0 for _ in _totals(after, unlisted) - _totals(before, unlisted)}
 
 
-def _serious(diagnostics: Sequence[Diagnostic], uncounted: set[str]) -> Counter[Key]:
+def _serious(diagnostics: Sequence[Diagnostic], unlisted: set[str]) -> Counter[Key]:
+    """Count the errors and warnings of rules that are listed completely."""
     counts: Counter[Key] = Counter()
     for diagnostic in diagnostics:
-        if diagnostic.severity is not Severity.NOTE and diagnostic.rule.code not in uncounted:
+        if diagnostic.severity is not Severity.NOTE and diagnostic.rule.code not in unlisted:
             counts[key_of(diagnostic)] += diagnostic.count
     return counts
 
 
 def _totals(diagnostics: Sequence[Diagnostic], codes: set[str]) -> Counter[str]:
-    """Of rules with diagnostics that are not listed: how many there are in all."""
+    """Count all diagnostics of rules that are not listed completely."""
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:
-        if diagnostic.rule.code == rules.MORE.code:
+        if diagnostic.rule.code == rules.NOT_LISTED.code:
             counts[str(diagnostic.fields["code"])] += int(diagnostic.fields["count"])
         elif diagnostic.rule.code in codes and diagnostic.severity is not Severity.NOTE:
             counts[diagnostic.rule.code] += 1

@@ -1,30 +1,30 @@
-"""Which diagnostics are mended, and by what: rules that leave exactly one thing to write, and that thing is safe.
+"""Which rules have a fix: those with exactly one possible correction that is safe.
 
-A function takes a diagnostic of its rule and gives the edits that take it away, none where this one is not so clear.
-What it gives is proved before it is kept (proof.py), so it need not look at the rest of the job.
+A function takes a diagnostic of its rule and returns the edits that remove it, or none if this case is not clear. The
+edits are proved before they are kept (proof.py), so the function need not look at the rest of the job.
 
-A mend that needs a guess has no place here, though an editor may offer it: what a misspelt word was meant to be, where
-a block was meant to end, which of two numbers is wrong, whether a power that nothing uses belongs to a mark that is
-missing, whether a comment with somebody's reason has had its day.
+A correction that needs a guess is not listed here, though an editor may offer it: the intended spelling of a word, the
+end of a block, which of two numbers is wrong, whether an unused power belongs to a missing mark, whether a comment with
+a reason is outdated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from gusjob.diagnostics.fixes import letters, light, reading, setup
-from gusjob.diagnostics.fixes.text import Edits, Look
+from gusjob.diagnostics.fixes import keywords, laser, setup, syntax
+from gusjob.diagnostics.fixes.edits import Edits, FixContext
 from gusjob.diagnostics.model import Diagnostic
 
-MENDS: dict[str, Callable[[Look, Diagnostic], Edits]] = {
-    "GJ101": reading.line,
-    "GJ102": reading.line,
-    "GJ143": letters.capitals,
+FIXES: dict[str, Callable[[FixContext, Diagnostic], Edits]] = {
+    "GJ101": syntax.fix_line,
+    "GJ102": syntax.fix_line,
+    "GJ143": keywords.upper_case,
     "GJ306": setup.off_delay,
-    "GJ401": light.left_on,
+    "GJ401": laser.left_on,
     "GJ805": setup.sky_writing_off,
 }
-"""By rule."""
+"""The function of each rule that has a fix."""
 
-READS = {"GJ101", "GJ102"}
-"""Rules of lines that say nothing as they stand: with such a line the rest of the job is heard for the first time."""
+SYNTAX_RULES = {"GJ101", "GJ102"}
+"""Rules of lines that can't be read: once such a line is fixed, the rest of the job is checked for the first time."""

@@ -1,11 +1,11 @@
-"""Diagnostics as SARIF 2.1.0, the form that code scanning reads. Sections (§) are those of the OASIS standard."""
+"""Diagnostics as SARIF 2.1.0, the format of code scanning. Sections (§) are those of the OASIS standard."""
 
 from __future__ import annotations
 
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 import orjson
 
+from gusjob.diagnostics.formats.text import TextOf
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import language, translated
@@ -22,9 +23,9 @@ from gusjob.version import __version__
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
-"""The folder that gusjob was called in: in a checkout, the checkout's."""
+"""The folder in which gusjob was called, usually the top of a checkout."""
 FINGERPRINT = "gusjobLine/v1"
-"""Our own name (§3.27.17): GitHub's upload adds its own, and complains of a foreign value under that name."""
+"""The project's own name (§3.27.17): GitHub adds its own fingerprint and rejects another value under that name."""
 
 _LANGUAGES = {"en": "en-US", "zh": "zh-CN"}
 _FULL_STOP, _BAD, _GOOD = Phrase("."), Phrase("Bad"), Phrase("Good")
@@ -33,58 +34,58 @@ _LINK = re.compile(r"\[(?=[^\[\]]*\]\()")
 
 @dataclass(slots=True, kw_only=True)
 class SarifLog:
-    """One run of the tool, gathered file by file; no source text is kept.
+    """One run of the tool, file by file; no source text is kept.
 
-    A diagnostic that is met through several jobs (in a file that they include, in their profile) is one result: it has
-    one place to mend.
+    A diagnostic that several jobs share (in a file that they include, or in their profile) is one result, since it has
+    one position to correct.
     """
 
     results: dict[tuple[object, ...], dict[str, Any]] = field(default_factory=dict)
     notifications: list[dict[str, Any]] = field(default_factory=list)
-    alike: Counter[tuple[str, str, str]] = field(default_factory=Counter)
+    equal: Counter[tuple[str, str, str]] = field(default_factory=Counter)
 
-    def add(
-        self, path: Path, diagnostics: Iterable[Diagnostic], text_of: Callable[[Span, str], str], *, readable: bool
-    ) -> None:
-        """What was found in a file. `text_of` gives a span's source line; `readable`: the file could be judged."""
+    def add(self, path: Path, diagnostics: Iterable[Diagnostic], text_of: TextOf, *, readable: bool) -> None:
+        """Add the diagnostics of a file. `readable`: the file could be checked at all."""
         for diagnostic in diagnostics:
-            place = _place(path, diagnostic.path, diagnostic.span)
+            location = _location(path, diagnostic.path, diagnostic.span)
             if readable:
-                self._result(path, diagnostic, place, text_of)
+                self._add_result(path, diagnostic, location, text_of)
             else:
-                self.notifications.append(_said(diagnostic) | {"locations": [place]})
+                self.notifications.append(_message(diagnostic) | {"locations": [location]})
 
-    def _result(
-        self, path: Path, diagnostic: Diagnostic, place: dict[str, Any], text_of: Callable[[Span, str], str]
-    ) -> None:
-        uri = str(place["physicalLocation"]["artifactLocation"]["uri"])
-        key = (diagnostic.rule.code, diagnostic.message, uri, *place["physicalLocation"]["region"].items())
+    def _add_result(self, path: Path, diagnostic: Diagnostic, location: dict[str, Any], text_of: TextOf) -> None:
+        uri = str(location["physicalLocation"]["artifactLocation"]["uri"])
+        key = (diagnostic.rule.code, diagnostic.message, uri, *location["physicalLocation"]["region"].items())
         result = self.results.get(key)
         if result is None:
-            result = self.results[key] = _said(diagnostic) | {
-                "locations": [place],
+            result = self.results[key] = _message(diagnostic) | {
+                "locations": [location],
                 "occurrenceCount": 0,
                 "partialFingerprints": {FINGERPRINT: self._fingerprint(diagnostic, uri, text_of)},
                 "relatedLocations": [],
             }
         result["occurrenceCount"] += diagnostic.count
         for remark in diagnostic.remarks:
-            other = _place(path, diagnostic.path, remark.span) | {"message": {"text": message_text(remark.localized)}}
-            if other not in result["relatedLocations"]:
-                result["relatedLocations"].append(other)
+            related = _location(path, diagnostic.path, remark.span)
+            related["message"] = {"text": message_text(remark.localized)}
+            if related not in result["relatedLocations"]:
+                result["relatedLocations"].append(related)
 
-    def _fingerprint(self, diagnostic: Diagnostic, uri: str, text_of: Callable[[Span, str], str]) -> str:
-        """The same for as long as the line reads the same, wherever it stands: equal lines are counted from the top."""
+    def _fingerprint(self, diagnostic: Diagnostic, uri: str, text_of: TextOf) -> str:
+        """Return a hash that stays the same while the line reads the same, wherever it moves in its file.
+
+        Equal lines are numbered from the top.
+        """
         span = diagnostic.span
         whole_file = span.line == 1 and span.column == 1 and not span.end_column
         text = "" if whole_file else " ".join(text_of(span, diagnostic.path).split())
-        alike = (diagnostic.rule.code, uri, text)
-        self.alike[alike] += 1
-        return sha256("\0".join([*alike, str(self.alike[alike])]).encode()).hexdigest()
+        key = (diagnostic.rule.code, uri, text)
+        self.equal[key] += 1
+        return sha256("\0".join([*key, str(self.equal[key])]).encode()).hexdigest()
 
-    def written(self) -> bytes:
-        """The log file."""
-        results = [_tidy(result) for result in self.results.values()]
+    def to_bytes(self) -> bytes:
+        """Return the log file."""
+        results = [_without_defaults(result) for result in self.results.values()]
         rules, notices = _numbered(results, "ruleId"), _numbered(self.notifications, "ruleId")
         run = {
             "language": _LANGUAGES[language()],
@@ -110,7 +111,7 @@ class SarifLog:
         return orjson.dumps(log, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
 
 
-def _said(diagnostic: Diagnostic) -> dict[str, Any]:
+def _message(diagnostic: Diagnostic) -> dict[str, Any]:
     return {
         "ruleId": diagnostic.rule.code,
         "level": diagnostic.severity.value,
@@ -119,12 +120,12 @@ def _said(diagnostic: Diagnostic) -> dict[str, Any]:
 
 
 def message_text(text: str) -> str:
-    """A message in which a user's text does nothing: braces are doubled (§3.11.5), links taken apart (§3.11.6)."""
+    """Escape a message: double its braces (§3.11.5) and break its links (§3.11.6), which may be a user's text."""
     return _LINK.sub(r"\\[", printable(text).replace("{", "{{").replace("}", "}}"))
 
 
-def _place(path: Path, name: str, span: Span) -> dict[str, Any]:
-    """A location (§3.28). `name`: what the text is called; of the file at `path` that may be a stand-in."""
+def _location(path: Path, name: str, span: Span) -> dict[str, Any]:
+    """Return a location (§3.28). `name`: the text's name in the diagnostics, in which odd characters are replaced."""
     shown = str(path).encode("utf-8", "backslashreplace").decode()
     file = Path(span.path or name)
     return {
@@ -136,8 +137,8 @@ def _place(path: Path, name: str, span: Span) -> dict[str, Any]:
 
 
 def artifact(path: Path) -> dict[str, str]:
-    """Where a file is (§3.4): below this folder relative to it, without '..'; elsewhere absolute."""
-    absolute = Path(os.path.abspath(path))  # noqa: PTH100  (resolve() would follow links: the name is wanted)
+    """Return the location of a file (§3.4): relative inside the current folder, without '..'; otherwise absolute."""
+    absolute = Path(os.path.abspath(path))  # noqa: PTH100  (resolve() would follow links)
     try:
         below = absolute.relative_to(Path.cwd()).as_posix()
     except ValueError:
@@ -146,7 +147,7 @@ def artifact(path: Path) -> dict[str, str]:
 
 
 def _region(span: Span) -> dict[str, int]:
-    """Lines and columns from 1, the end column behind the last character (§3.30)."""
+    """Return a region: lines and columns from 1, the end column after the last character (§3.30)."""
     region = {"startLine": span.line}
     if span.end_column:
         end_line = max(span.end_line, span.line)
@@ -157,8 +158,8 @@ def _region(span: Span) -> dict[str, int]:
     return region
 
 
-def _tidy(result: dict[str, Any]) -> dict[str, Any]:
-    """Without what says nothing: one occurrence, no other places."""
+def _without_defaults(result: dict[str, Any]) -> dict[str, Any]:
+    """Remove the count of a single occurrence and an empty list of locations."""
     return {
         name: value
         for name, value in result.items()
@@ -167,19 +168,19 @@ def _tidy(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def _numbered(entries: list[dict[str, Any]], name: str) -> dict[str, int]:
-    """Rules that are mentioned, in their order, with their indices."""
+    """Return the rules that occur in entries, sorted, with their indices."""
     return {code: index for index, code in enumerate(sorted({entry[name] for entry in entries}))}
 
 
-def _notification(localized: dict[str, Any], indices: dict[str, int]) -> dict[str, Any]:
-    """A file that could not be judged (§3.58)."""
-    code = localized["ruleId"]
-    rest = {name: value for name, value in localized.items() if name != "ruleId"}
+def _notification(entry: dict[str, Any], indices: dict[str, int]) -> dict[str, Any]:
+    """Return the notification of a file that could not be read (§3.58)."""
+    code = entry["ruleId"]
+    rest = {name: value for name, value in entry.items() if name != "ruleId"}
     return {"descriptor": {"id": code, "index": indices[code]}, **rest}
 
 
 def descriptor(rule: Rule) -> dict[str, Any]:
-    """A rule (§3.49)."""
+    """Return the descriptor of a rule (§3.49)."""
     words = re.findall(r"\w+", rule.title.replace("'", ""))
     return {
         "id": rule.code,
@@ -196,7 +197,7 @@ def _sentence(text: str) -> str:
 
 
 def _help(rule: Rule, example: str) -> str:
-    """Why a rule is there, and its examples in a form of their own."""
+    """Return the reason for a rule and its examples. `example`: the format of an example."""
     parts = [_sentence(translated(rule.why))]
     examples = ((_BAD, rule.bad), (_GOOD, rule.good))
     parts += [example.format(localized(name), text.rstrip("\n")) for name, text in examples if text]

@@ -1,4 +1,4 @@
-"""Rounds that are carried out together: one lane each, with a value of each name for all lanes or for each."""
+"""Lanes: loop iterations that run together, with one value of each name for all of them or one for each."""
 
 from __future__ import annotations
 
@@ -7,60 +7,82 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.frontend.parse.expressions import Number, Type
+from gusjob.frontend.parse.operators import Number, NumberType
 from gusjob.kinematics.arrays import Ints
 
 
 @dataclass(slots=True)
 class Scope:
-    """Names: values (one for all lanes, or one each) and kinds."""
+    """Names: values (one for all lanes, or one for each) and kinds."""
 
     values: dict[str, Number]
-    types: dict[str, Type]
+    types: dict[str, NumberType]
 
     def take(self, lanes: Ints) -> Scope:
         """The same names for some of the lanes, in any order and number."""
-        return Scope({k: taken(v, lanes) for k, v in self.values.items()}, self.types.copy())
+        return Scope({name: take_lanes(value, lanes) for name, value in self.values.items()}, self.types.copy())
 
+    def set(self, name: str, value: Number, kind: NumberType) -> None:
+        """Set a name."""
+        self.values[name], self.types[name] = value, kind
 
-def some(truth: Any) -> bool:
-    """Whether something holds in some lane; quick for one lane, which np.any is not."""
-    return bool(truth.any()) if isinstance(truth, np.ndarray) else bool(truth)
-
-
-def taken(value: Any, lanes: Ints) -> Any:
-    if not isinstance(value, np.ndarray):
-        return value
-    return value[lanes[0]] if len(lanes) == 1 else value[lanes]
+    def pop(self, name: str) -> tuple[Number, NumberType] | None:
+        """Remove a name; returns what it was."""
+        value = self.values.pop(name, None)
+        return None if value is None else (value, self.types.pop(name))
 
 
 @dataclass(slots=True)
 class Lanes:
-    """Rounds that are carried out together. With one lane every value is a number, with more it may be an array.
+    """Iterations that run together. With one lane every value is a number, with more it may be an array.
 
-    `scope`: names in force; `top`: those of the job, which a routine may read. `trail`, `frame`: numbers, one or one
-    a lane. `depth`: of calls and blocks.
+    Attributes:
+        count: How many there are.
+        scope: Names in force.
+        top: Names of the job, which a routine may read.
+        provenance: Node of Provenance, one for all lanes or one for each.
+        frame: Number of the frame, one for all lanes or one for each.
+        depth: Of calls and blocks.
     """
 
     count: int
     scope: Scope
     top: Scope
-    trail: Any = 0
+    provenance: Any = 0
     frame: Any = 0
     depth: int = 0
 
     def take(self, lanes: Ints) -> Lanes:
-        """Some of the lanes."""
+        """Some of the lanes, in any order and number."""
         top = self.top.take(lanes)
-        scope = top if self.scope is self.top else self.scope.take(lanes)
         return Lanes(
-            count=len(lanes), scope=scope, top=top, trail=taken(self.trail, lanes), frame=taken(self.frame, lanes),
+            count=len(lanes),
+            scope=top if self.scope is self.top else self.scope.take(lanes),
+            top=top,
+            provenance=take_lanes(self.provenance, lanes),
+            frame=take_lanes(self.frame, lanes),
             depth=self.depth,
-        )  # fmt: skip
+        )
 
-    def first_trail(self, where: Any) -> Any:
-        """The trail of the first lane at which something holds."""
-        if not isinstance(self.trail, np.ndarray) or np.ndim(where) == 0:
-            return self.trail
+    def numbered(self, first: int) -> Any:
+        """Consecutive numbers for the lanes: an array, or one number for one lane."""
+        return first + np.arange(self.count) if self.count > 1 else first
+
+    def first_provenance(self, where: Any) -> Any:
+        """The provenance of the first lane at which something holds."""
+        if not isinstance(self.provenance, np.ndarray) or np.ndim(where) == 0:
+            return self.provenance
         by_lane = where if np.ndim(where) == 1 else where.any(axis=1)
-        return self.trail[int(np.argmax(by_lane))] if len(by_lane) == self.count else self.trail
+        return self.provenance[int(np.argmax(by_lane))] if len(by_lane) == self.count else self.provenance
+
+
+def take_lanes(value: Any, lanes: Ints) -> Any:
+    """A value in some of the lanes."""
+    if not isinstance(value, np.ndarray):
+        return value
+    return value[lanes[0]] if len(lanes) == 1 else value[lanes]
+
+
+def any_lane(truth: Any) -> bool:
+    """Whether something holds in some lane; fast for one lane, which np.any is not."""
+    return bool(truth.any()) if isinstance(truth, np.ndarray) else bool(truth)

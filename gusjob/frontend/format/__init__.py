@@ -1,5 +1,5 @@
-"""One layout for all jobs: what `gusjob fmt` writes."""
+"""Canonical layout of a job's text: what `gusjob fmt` writes."""
 
-from gusjob.frontend.format.layout import formatted, laid_out
+from gusjob.frontend.format.formatter import format_source, format_text
 
-__all__ = ["formatted", "laid_out"]
+__all__ = ["format_source", "format_text"]

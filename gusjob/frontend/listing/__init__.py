@@ -1,1 +1,1 @@
-"""Text of calls to a stream."""
+"""Listings to streams: `.gts` files, and the GT_ calls of C programs and of the vendor's manual."""

@@ -1,1 +1,1 @@
-"""One line to one statement: the grammar, the statement forms, expressions."""
+"""One line to its statement: lark gives the tree, the table of statement forms says which words it takes."""

@@ -1,4 +1,4 @@
-"""The statements of the job language as a table: which words each takes, of which kind, and which it needs."""
+"""The forms of the statements as a table: which words each takes, of which kind, and which of them it needs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from gusjob.i18n.phrases import Phrase, both_of
 from gusjob.kinematics.units import QuantityKind
 
 
-class Field(IntEnum):
-    """Column of a word's number in the rows of a job."""
+class Column(IntEnum):
+    """Column of a word's number in the rows of a job text."""
 
     X = 0
     Y = 1
@@ -28,27 +28,34 @@ class Field(IntEnum):
     AT = 12
     CHANNEL = 13
     NODE = 14
-    """Which of the statements with expressions, or of those that steer (LET, FOR ...), the row is."""
+    """Index of the row's statement in JobText.nodes: one with expressions, or a control statement (LET, FOR ...)."""
     FRAME = 15
-    """The frame that a row stands in, a number of syntax/expand.py; absent: none."""
-    TRAIL = 16
-    """By which calls and rounds a row came about, a number of job.Trails; absent: it stands in the open."""
+    """The frame around the row, as numbered by the expansion; absent: none."""
+    PROVENANCE = 16
+    """By which calls and iterations the row came about, a number of ir Provenance; absent: it is outside of all."""
     CONSTANT = 17
-    """The first of the numbers in the expressions of a row; the others follow."""
+    """The first number in the expressions of a row; the others follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Word:
-    """What a word's number is. `ms`: its canonical time is ms instead of us."""
+    """The number of a word: its column and kind. `ms`: a time in ms, not us."""
 
-    field: Field
+    column: Column
     kind: QuantityKind
     ms: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
-    """The words a statement takes and the ones it needs. `name` is how messages call it."""
+class StatementForm:
+    """The words that a statement takes.
+
+    Attributes:
+        name: What messages call it.
+        words: By keyword; '' is the positional number.
+        needs: Keywords that must be there.
+        hints: What to do about a keyword that belongs to another statement.
+    """
 
     name: str
     words: dict[str, Word] = field(default_factory=dict)
@@ -56,36 +63,38 @@ class Form:
     hints: Mapping[str, str] = field(default_factory=dict)
 
 
-def _w(column: Field, kind: QuantityKind, *, ms: bool = False) -> Word:
-    return Word(field=column, kind=kind, ms=ms)
+def _word(column: Column, kind: QuantityKind, *, ms: bool = False) -> Word:
+    return Word(column=column, kind=kind, ms=ms)
 
 
-_XY = {"X": _w(Field.X, QuantityKind.LENGTH), "Y": _w(Field.Y, QuantityKind.LENGTH)}
-_SPEED = {"VEL": _w(Field.VEL, QuantityKind.VELOCITY), "ACC": _w(Field.ACC, QuantityKind.ACCELERATION)}
-_FORCED = {"END": _w(Field.END, QuantityKind.VELOCITY)}
-_LIMITS = {"MIN": _w(Field.LOW, QuantityKind.POWER), "MAX": _w(Field.HIGH, QuantityKind.POWER)}
+_XY = {"X": _word(Column.X, QuantityKind.LENGTH), "Y": _word(Column.Y, QuantityKind.LENGTH)}
+_SPEED = {"VEL": _word(Column.VEL, QuantityKind.VELOCITY), "ACC": _word(Column.ACC, QuantityKind.ACCELERATION)}
+_FORCED = {"END": _word(Column.END, QuantityKind.VELOCITY)}
+_LIMITS = {"MIN": _word(Column.LOW, QuantityKind.POWER), "MAX": _word(Column.HIGH, QuantityKind.POWER)}
 _CENTRE = {
-    "I": _w(Field.I, QuantityKind.LENGTH),
-    "J": _w(Field.J, QuantityKind.LENGTH),
-    "R": _w(Field.R, QuantityKind.LENGTH),
+    "I": _word(Column.I, QuantityKind.LENGTH),
+    "J": _word(Column.J, QuantityKind.LENGTH),
+    "R": _word(Column.R, QuantityKind.LENGTH),
 }
 _ARC_ONLY = dict.fromkeys("IJR", Phrase("it belongs to {statement}", statement="ARC"))
 _OF_FREQUENCY = Phrase("it belongs to {statement}", statement="LASER MODE FREQUENCY")
-_DUTY_LIMITS = {"MIN": _w(Field.LOW, QuantityKind.SHARE), "MAX": _w(Field.HIGH, QuantityKind.SHARE)}
-_CARRIER = {"CARRIER": _w(Field.VALUE, QuantityKind.FREQUENCY), **_DUTY_LIMITS}
-_WIDTH = {"WIDTH": _w(Field.VALUE, QuantityKind.TIME)}
+_DUTY_LIMITS = {"MIN": _word(Column.LOW, QuantityKind.SHARE), "MAX": _word(Column.HIGH, QuantityKind.SHARE)}
+_CARRIER = {"CARRIER": _word(Column.VALUE, QuantityKind.FREQUENCY), **_DUTY_LIMITS}
+_WIDTH = {"WIDTH": _word(Column.VALUE, QuantityKind.TIME)}
 
-FORMS: dict[str, Form] = {
-    "units": Form(name="UNITS"),
-    "coords": Form(name="COORDS"),
-    "crd": Form(name="CRD", words={"": _w(Field.VALUE, QuantityKind.PLAIN), "FIFO": _w(Field.LOW, QuantityKind.PLAIN)}),
-    "channel": Form(name="CHANNEL", words={"": _w(Field.VALUE, QuantityKind.PLAIN)}),
-    "VEL": Form(name="VEL", words={"": _w(Field.VALUE, QuantityKind.VELOCITY)}),
-    "ACC": Form(name="ACC", words={"": _w(Field.VALUE, QuantityKind.ACCELERATION)}),
-    "JUMPVEL": Form(name="JUMPVEL", words={"": _w(Field.VALUE, QuantityKind.VELOCITY)}),
-    "JUMPACC": Form(name="JUMPACC", words={"": _w(Field.VALUE, QuantityKind.ACCELERATION)}),
-    "line": Form(name="LINE", words={**_XY, **_SPEED, **_FORCED}, hints=_ARC_ONLY),
-    "jump": Form(
+FORMS: dict[str, StatementForm] = {
+    "units": StatementForm(name="UNITS"),
+    "coords": StatementForm(name="COORDS"),
+    "crd": StatementForm(
+        name="CRD", words={"": _word(Column.VALUE, QuantityKind.PLAIN), "FIFO": _word(Column.LOW, QuantityKind.PLAIN)}
+    ),
+    "channel": StatementForm(name="CHANNEL", words={"": _word(Column.VALUE, QuantityKind.PLAIN)}),
+    "VEL": StatementForm(name="VEL", words={"": _word(Column.VALUE, QuantityKind.VELOCITY)}),
+    "ACC": StatementForm(name="ACC", words={"": _word(Column.VALUE, QuantityKind.ACCELERATION)}),
+    "JUMPVEL": StatementForm(name="JUMPVEL", words={"": _word(Column.VALUE, QuantityKind.VELOCITY)}),
+    "JUMPACC": StatementForm(name="JUMPACC", words={"": _word(Column.VALUE, QuantityKind.ACCELERATION)}),
+    "line": StatementForm(name="LINE", words={**_XY, **_SPEED, **_FORCED}, hints=_ARC_ONLY),
+    "jump": StatementForm(
         name="JUMP",
         words=_XY,
         hints={
@@ -95,97 +104,112 @@ FORMS: dict[str, Form] = {
             "END": Phrase("it belongs to {statement}", statement=both_of(("LINE", "ARC"))),
         },
     ),
-    "arc": Form(name="ARC", words={**_XY, **_CENTRE, **_SPEED, **_FORCED}),
-    "dwell": Form(name="DWELL", words={"": _w(Field.VALUE, QuantityKind.TIME, ms=True)}),
-    "wait": Form(name="WAIT"),
-    "lookahead": Form(
+    "arc": StatementForm(name="ARC", words={**_XY, **_CENTRE, **_SPEED, **_FORCED}),
+    "dwell": StatementForm(name="DWELL", words={"": _word(Column.VALUE, QuantityKind.TIME, ms=True)}),
+    "wait": StatementForm(name="WAIT"),
+    "lookahead": StatementForm(
         name="LOOKAHEAD",
-        words={"TIME": _w(Field.VALUE, QuantityKind.TIME, ms=True), "ACC": _w(Field.ACC, QuantityKind.ACCELERATION)},
+        words={
+            "TIME": _word(Column.VALUE, QuantityKind.TIME, ms=True),
+            "ACC": _word(Column.ACC, QuantityKind.ACCELERATION),
+        },
     ),
-    "skywrite": Form(
+    "skywrite": StatementForm(
         name="SKYWRITE",
         words={
-            "MODE": _w(Field.VALUE, QuantityKind.PLAIN),
-            "TIMELAG": _w(Field.LOW, QuantityKind.TIME),
-            "SHIFT": _w(Field.HIGH, QuantityKind.TIME),
-            "NPREV": _w(Field.RATIO, QuantityKind.PLAIN),
-            "NPOST": _w(Field.AT, QuantityKind.PLAIN),
-            "LIMIT": _w(Field.END, QuantityKind.PLAIN),
+            "MODE": _word(Column.VALUE, QuantityKind.PLAIN),
+            "TIMELAG": _word(Column.LOW, QuantityKind.TIME),
+            "SHIFT": _word(Column.HIGH, QuantityKind.TIME),
+            "NPREV": _word(Column.RATIO, QuantityKind.PLAIN),
+            "NPOST": _word(Column.AT, QuantityKind.PLAIN),
+            "LIMIT": _word(Column.END, QuantityKind.PLAIN),
         },
         needs=("MODE", "TIMELAG"),
     ),
-    "DUTY": Form(
+    "DUTY": StatementForm(
         name="LASER MODE DUTY",
         words=_CARRIER,
         needs=("CARRIER",),
         hints={"WIDTH": _OF_FREQUENCY},
     ),
-    "DUTY2": Form(
+    "DUTY2": StatementForm(
         name="LASER MODE DUTY2",
         words=_CARRIER,
         needs=("CARRIER",),
         hints={"WIDTH": _OF_FREQUENCY},
     ),
-    "FREQUENCY": Form(
+    "FREQUENCY": StatementForm(
         name="LASER MODE FREQUENCY",
-        words={**_WIDTH, "MIN": _w(Field.LOW, QuantityKind.FREQUENCY), "MAX": _w(Field.HIGH, QuantityKind.FREQUENCY)},
+        words={
+            **_WIDTH,
+            "MIN": _word(Column.LOW, QuantityKind.FREQUENCY),
+            "MAX": _word(Column.HIGH, QuantityKind.FREQUENCY),
+        },
         needs=("WIDTH",),
         hints={"CARRIER": Phrase("in frequency mode the power is the frequency; a carrier belongs to LASER MODE DUTY")},
     ),
-    "ANALOG": Form(
+    "ANALOG": StatementForm(
         name="LASER MODE ANALOG",
-        words={"MIN": _w(Field.LOW, QuantityKind.VOLTAGE), "MAX": _w(Field.HIGH, QuantityKind.VOLTAGE)},
+        words={"MIN": _word(Column.LOW, QuantityKind.VOLTAGE), "MAX": _word(Column.HIGH, QuantityKind.VOLTAGE)},
         hints={
             "CARRIER": Phrase("it belongs to {statement}", statement=both_of(("LASER MODE DUTY", "DUTY2"))),
             "WIDTH": _OF_FREQUENCY,
         },
     ),
-    "laser_delay": Form(
+    "laser_delay": StatementForm(
         name="LASER DELAY",
-        words={"ON": _w(Field.VALUE, QuantityKind.TIME), "OFF": _w(Field.LOW, QuantityKind.TIME)},
+        words={"ON": _word(Column.VALUE, QuantityKind.TIME), "OFF": _word(Column.LOW, QuantityKind.TIME)},
         needs=("ON", "OFF"),
     ),
-    "laser_standby": Form(
+    "laser_standby": StatementForm(
         name="LASER STANDBY",
-        words={"FREQ": _w(Field.VALUE, QuantityKind.FREQUENCY), "DUTY": _w(Field.LOW, QuantityKind.SHARE)},
+        words={"FREQ": _word(Column.VALUE, QuantityKind.FREQUENCY), "DUTY": _word(Column.LOW, QuantityKind.SHARE)},
         needs=("FREQ", "DUTY"),
     ),
-    "laser_prevolt": Form(name="LASER PREVOLT", words={"": _w(Field.VALUE, QuantityKind.VOLTAGE)}),
-    "laser_fpk": Form(
+    "laser_prevolt": StatementForm(name="LASER PREVOLT", words={"": _word(Column.VALUE, QuantityKind.VOLTAGE)}),
+    "laser_fpk": StatementForm(
         name="LASER FPK",
         words={
-            "WIDTH": _w(Field.VALUE, QuantityKind.TIME),
-            "GAP": _w(Field.LOW, QuantityKind.TIME),
-            "OFFDELAY": _w(Field.HIGH, QuantityKind.TIME),
+            "WIDTH": _word(Column.VALUE, QuantityKind.TIME),
+            "GAP": _word(Column.LOW, QuantityKind.TIME),
+            "OFFDELAY": _word(Column.HIGH, QuantityKind.TIME),
         },
         needs=("WIDTH", "GAP", "OFFDELAY"),
     ),
-    "laser_distance": Form(name="LASER DISTANCE", words=_LIMITS, needs=("REF", "RATIO", "MIN", "MAX")),
-    "laser_power": Form(name="LASER POWER", words={"": _w(Field.VALUE, QuantityKind.POWER)}),
-    "laser_follow": Form(
+    "laser_distance": StatementForm(name="LASER DISTANCE", words=_LIMITS, needs=("REF", "RATIO", "MIN", "MAX")),
+    "laser_power": StatementForm(name="LASER POWER", words={"": _word(Column.VALUE, QuantityKind.POWER)}),
+    "laser_follow": StatementForm(
         name="LASER FOLLOW",
-        words={"RATIO": _w(Field.RATIO, QuantityKind.PLAIN), **_LIMITS, "AT": _w(Field.AT, QuantityKind.VELOCITY)},
+        words={
+            "RATIO": _word(Column.RATIO, QuantityKind.PLAIN),
+            **_LIMITS,
+            "AT": _word(Column.AT, QuantityKind.VELOCITY),
+        },
         needs=("MIN", "MAX"),
     ),
-    "laser_switch": Form(name="LASER ON"),
-    "let": Form(name="LET"),
-    "repeat": Form(name="REPEAT"),
-    "for": Form(name="FOR"),
-    "if": Form(name="IF"),
-    "else": Form(name="ELSE"),
-    "end": Form(name="END"),
-    "def": Form(name="DEF"),
-    "call": Form(name="CALL"),
-    "include": Form(name="INCLUDE"),
-    "frame": Form(
+    "laser_switch": StatementForm(name="LASER ON"),
+    "let": StatementForm(name="LET"),
+    "repeat": StatementForm(name="REPEAT"),
+    "for": StatementForm(name="FOR"),
+    "if": StatementForm(name="IF"),
+    "else": StatementForm(name="ELSE"),
+    "end": StatementForm(name="END"),
+    "def": StatementForm(name="DEF"),
+    "call": StatementForm(name="CALL"),
+    "include": StatementForm(name="INCLUDE"),
+    "frame": StatementForm(
         name="FRAME",
-        words={**_XY, "ROTATE": _w(Field.VALUE, QuantityKind.ANGLE), "SCALE": _w(Field.RATIO, QuantityKind.PLAIN)},
+        words={
+            **_XY,
+            "ROTATE": _word(Column.VALUE, QuantityKind.ANGLE),
+            "SCALE": _word(Column.RATIO, QuantityKind.PLAIN),
+        },
     ),
 }
 
 
-CHANNEL_WORD = _w(Field.CHANNEL, QuantityKind.PLAIN)
+CHANNEL_WORD = _word(Column.CHANNEL, QuantityKind.PLAIN)
 """CHANNEL n at the end of a LASER statement."""
 
-REF_WORD, RATIO_WORD = _w(Field.X, QuantityKind.LENGTH), _w(Field.X, QuantityKind.PLAIN)
-"""An axis behind REF and behind RATIO of LASER DISTANCE (they are no columns)."""
+REF_WORD, RATIO_WORD = _word(Column.X, QuantityKind.LENGTH), _word(Column.X, QuantityKind.PLAIN)
+"""An axis after REF and after RATIO of LASER DISTANCE (these numbers have no columns)."""

@@ -1,4 +1,4 @@
-"""FRAME: scale, then rotate, then shift, in mm; as maps between pulses, whatever an axis has of them per mm."""
+"""Frames as maps between pulses: scale, then rotate, then shift in mm, with any pulses per mm of the axes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.statement import RowOp
+from gusjob.frontend.resolve.columns import ResolvedColumns
 from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, running_sum
 from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
@@ -13,7 +16,10 @@ from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frames:
-    """x' = a x + b y + e, y' = c x + d y + f, all (frames + 1,); frame 0 is the machine itself. `scale`: in mm."""
+    """Maps x' = a x + b y + e, y' = c x + d y + f from a frame to the machine, in pulse.
+
+    All columns are (frames + 1,); frame 0 is the machine itself. `scale`: the frame's size in mm.
+    """
 
     a: Floats
     b: Floats
@@ -23,35 +29,43 @@ class Frames:
     f: Floats
     scale: Floats
 
-    def out(self, frame: Ints | int, x: Floats | float, y: Floats | float) -> tuple[Floats, Floats]:
-        """Frame to machine."""
+    def to_machine(self, frame: Ints | int, x: Floats | float, y: Floats | float) -> tuple[Floats, Floats]:
+        """Map points of a frame to the machine."""
         return (
             np.asarray(self.a[frame] * x + self.b[frame] * y + self.e[frame]),
             np.asarray(self.c[frame] * x + self.d[frame] * y + self.f[frame]),
         )
 
-    def unturned(self, frame: Ints | int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Machine to frame, but for the shift."""
-        size = self.a[frame] * self.d[frame] - self.b[frame] * self.c[frame]
+    def vectors_to_frame(self, frame: Ints | int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Map vectors of the machine to a frame: points without the shift."""
+        determinant = self.a[frame] * self.d[frame] - self.b[frame] * self.c[frame]
         return (
-            np.asarray((self.d[frame] * x - self.b[frame] * y) / size),
-            np.asarray((self.a[frame] * y - self.c[frame] * x) / size),
+            np.asarray((self.d[frame] * x - self.b[frame] * y) / determinant),
+            np.asarray((self.a[frame] * y - self.c[frame] * x) / determinant),
         )
 
-    def into(self, frame: int, x: float, y: float) -> tuple[float, float]:
-        """Machine to frame."""
-        inside_x, inside_y = self.unturned(frame, x - self.e[frame], y - self.f[frame])
+    def vectors_to_machine(self, frame: Ints | int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Map vectors of a frame to the machine: points without the shift."""
+        return self.a[frame] * x + self.b[frame] * y, self.c[frame] * x + self.d[frame] * y
+
+    def to_frame(self, frame: int, x: float, y: float) -> tuple[float, float]:
+        """Map a point of the machine to a frame."""
+        inside_x, inside_y = self.vectors_to_frame(frame, x - self.e[frame], y - self.f[frame])
         return float(inside_x), float(inside_y)
 
 
-def frames_of(
-    number: Ints, shift_x: Floats, shift_y: Floats, angle_deg: Floats, scale: Floats, parent: Ints,
-    pulses_per_mm: tuple[float, float],
-) -> Frames:  # fmt: skip
-    """All frames, each within those around it. `number` (from 1), shifts in pulse; `parent` by number, 0 for none."""
+def frames_of(columns: ResolvedColumns, parent: Ints) -> Frames:
+    """All frames of a job, each within those around it. `parent`: for each frame (from 1) the one around it, or 0."""
+    rows = np.flatnonzero(columns.op == RowOp.FRAME)
+    number = columns.raw(Column.FRAME)[rows].astype(np.int64)
+    px, py = columns.machine.pulses_per_mm
+    shift_x, shift_y = (
+        np.nan_to_num(columns.length(column, axis)[rows]) for axis, column in enumerate((Column.X, Column.Y))
+    )
+    sine, cosine = sin_cos_deg(np.nan_to_num(columns.raw(Column.VALUE)[rows]))
+    scale = columns.raw(Column.RATIO)[rows]
+    scale = np.where(np.isnan(scale) | ~(scale > 0), 1.0, scale)
     count = len(parent)
-    px, py = pulses_per_mm
-    sine, cosine = sin_cos_deg(angle_deg)
     a, b, c, d = np.ones(count), np.zeros(count), np.zeros(count), np.ones(count)
     e, f, size = np.zeros(count), np.zeros(count), np.ones(count)
     a[number], b[number] = scale * cosine, -scale * sine * (px / py)
@@ -79,52 +93,59 @@ def frames_of(
 
 
 def positions_in_frames(x: Floats, y: Floats, relative: Bools, frame: Ints, frames: Frames) -> tuple[Floats, Floats]:
-    """Machine positions behind each move, pulse.
+    """Machine positions after each move, pulse.
 
-    x, y: words in the frame's own pulses, NaN where left out; relative: to where the head is; frame of each move.
-    Within a frame an axis that is left out stays where it is as seen from that frame.
+    Within a frame an axis that is left out keeps its position as seen from that frame.
+
+    Args:
+        x: Words in the frame's own pulses, NaN where left out, (n,).
+        y: The same.
+        relative: Whether they are relative to the current position, (n,).
+        frame: Frame of each move, (n,).
+        frames: All frames.
     """
     n = len(x)
     if not n:
         return np.zeros(0), np.zeros(0)
     begins = np.concatenate([[True], frame[1:] != frame[:-1]])
     first = np.maximum.accumulate(np.where(begins, np.arange(n), 0))
-    locals_, open_ = [], []
+    in_frame, is_open = [], []
     for words in (x, y):
         given = ~np.isnan(words)
         sums = running_sum(np.where(relative & given, words, 0.0))
         base = np.maximum.accumulate(np.where(given & ~relative, np.arange(n), -1))
         known = base >= first
-        # Relative to the last absolute word in this frame, or to where the head came in.
+        # Relative to the last absolute word in this frame, or to the position at which the path entered it.
         since = sums[1:] - np.where(known, sums[base + 1], sums[first])
-        locals_.append(np.where(known, words[base], 0.0) + since)
-        open_.append(~known)
+        in_frame.append(np.where(known, words[base], 0.0) + since)
+        is_open.append(~known)
     group = np.cumsum(begins) - 1
     starts = np.flatnonzero(begins)
     enter_x, enter_y = np.zeros(len(starts)), np.zeros(len(starts))
-    # Where the head came in matters only where a frame's moves begin relative, or with one axis alone.
-    for one in np.unique(group[open_[0] | open_[1]]).tolist():
+    # The position of entry matters only where a frame's moves begin relative, or with one axis alone.
+    for one in np.unique(group[is_open[0] | is_open[1]]).tolist():
         before = (0.0, 0.0)
         if one:
             last, of = int(starts[one]) - 1, one - 1
-            lx = locals_[0][last] + (enter_x[of] if open_[0][last] else 0.0)
-            ly = locals_[1][last] + (enter_y[of] if open_[1][last] else 0.0)
-            gx, gy = frames.out(int(frame[last]), float(lx), float(ly))
+            lx = in_frame[0][last] + (enter_x[of] if is_open[0][last] else 0.0)
+            ly = in_frame[1][last] + (enter_y[of] if is_open[1][last] else 0.0)
+            gx, gy = frames.to_machine(int(frame[last]), float(lx), float(ly))
             before = (float(gx), float(gy))
-        enter_x[one], enter_y[one] = frames.into(int(frame[starts[one]]), *before)
-    local_x = locals_[0] + np.where(open_[0], enter_x[group], 0.0)
-    local_y = locals_[1] + np.where(open_[1], enter_y[group], 0.0)
-    return frames.out(frame, local_x, local_y)
+        enter_x[one], enter_y[one] = frames.to_frame(int(frame[starts[one]]), *before)
+    local_x = in_frame[0] + np.where(is_open[0], enter_x[group], 0.0)
+    local_y = in_frame[1] + np.where(is_open[1], enter_y[group], 0.0)
+    return frames.to_machine(frame, local_x, local_y)
 
 
 def bent_arcs(path: Path, at: Indices, frames: Frames, frame: Ints) -> tuple[Arcs, Floats]:
-    """The arcs at rows `at` as the circles that they are in the pulses of their frames, but for the frames' shift.
+    """The arcs at rows `at` as the circles that they are in the pulses of their frames, without the frames' shift.
 
-    With them how far the end of each lies from its centre, in the same pulses.
+    Returns:
+        The arcs, and the distance of the end of each from its centre in the same pulses.
     """
     before = np.concatenate([[0.0], path.x])[at], np.concatenate([[0.0], path.y])[at]
-    x1, y1 = frames.unturned(frame, path.x[at], path.y[at])
-    cx, cy = frames.unturned(frame, path.cx[at], path.cy[at])
+    x1, y1 = frames.vectors_to_frame(frame, path.x[at], path.y[at])
+    cx, cy = frames.vectors_to_frame(frame, path.cx[at], path.cy[at])
     radius, by_radius = path.radius[at] / frames.scale[frame], path.op[at] == Op.ARC_RADIUS
-    arcs = arcs_by_either((*frames.unturned(frame, *before), x1, y1), cx, cy, radius, path.ccw[at], by_radius)
+    arcs = arcs_by_either((*frames.vectors_to_frame(frame, *before), x1, y1), cx, cy, radius, path.ccw[at], by_radius)
     return arcs, np.hypot(x1 - arcs.cx, y1 - arcs.cy)

@@ -112,7 +112,7 @@ def _colored_path(strokes: Strokes, emission: EmissionStrokes, emitting: Bools, 
     joules, unit = group == _JOULES, emission.units[max(group, 0)]
     at, line, start, duration, velocity = _pieces(strokes, np.flatnonzero(emitting), by)
     length = line.length_mm
-    stands = strokes.actual.length_mm[at] < _REST_MM_S / MS_PER_S * strokes.duration_ms[at]
+    at_rest = strokes.actual.length_mm[at] < _REST_MM_S / MS_PER_S * strokes.duration_ms[at]
     label = "power"
     match by:
         case ColorBy.POWER:
@@ -120,7 +120,7 @@ def _colored_path(strokes: Strokes, emission: EmissionStrokes, emitting: Bools, 
         case ColorBy.ENERGY:
             label = "energy per mm"
             energy = emission.power[at] * duration * (emission.joules_per_unit_ms[at] if joules else 1.0)
-            value = np.divide(energy, length, out=np.full(len(at), np.inf), where=~stands & (length > 0))
+            value = np.divide(energy, length, out=np.full(len(at), np.inf), where=~at_rest & (length > 0))
             unit = f"{unit}*ms/mm"
             if joules:
                 factor, unit = _prefix(value[np.isfinite(value)])
@@ -141,7 +141,7 @@ def _colored_path(strokes: Strokes, emission: EmissionStrokes, emitting: Bools, 
         strokes=emitting,
         line=line,
         value=value,
-        at_rest=stands,
+        at_rest=at_rest,
         low=low,
         high=high,
         highest=highest,

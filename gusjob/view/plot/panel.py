@@ -42,7 +42,7 @@ FIELD_DASHES = (0, (7, 4))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Panel:
+class PlotPanel:
     """One panel. `colored`: None without emission. `jumps`: whether motion without emission is drawn."""
 
     strokes: Strokes

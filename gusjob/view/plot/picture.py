@@ -25,7 +25,7 @@ from gusjob.view.plot.lines import (
     LINE_STYLES,
     MARKERS,
 )
-from gusjob.view.plot.panel import FIELD_DASHES, Panel
+from gusjob.view.plot.panel import FIELD_DASHES, PlotPanel
 from gusjob.view.plot.text import INK, line_in, put_text, shortened, showable, style, wrapped
 from gusjob.view.strokes import Strokes, strokes_of
 
@@ -91,7 +91,7 @@ def figure_of(
         ).fitted(box)
         viewport = layout.viewport(box, dpi)
         panels = [
-            Panel(strokes=strokes, machine=machine, trace=trace, colored=colored, viewport=viewport, jumps=jumps)
+            PlotPanel(strokes=strokes, machine=machine, trace=trace, colored=colored, viewport=viewport, jumps=jumps)
             for colored in colored_paths or (None,)
         ]
         totals, general_notes = head(report, colored_paths), notes(report, strokes, colored_paths, channel)
@@ -109,7 +109,7 @@ def figure_of(
     return figure
 
 
-def _with_texts(layout: Layout, totals: list[str], general_notes: list[str], panels: list[Panel]) -> Layout:
+def _with_texts(layout: Layout, totals: list[str], general_notes: list[str], panels: list[PlotPanel]) -> Layout:
     """Return a layout with the texts around the panels."""
     all_notes = _all_notes(general_notes, panels)
     return replace(
@@ -120,7 +120,7 @@ def _with_texts(layout: Layout, totals: list[str], general_notes: list[str], pan
     )
 
 
-def _all_notes(general_notes: list[str], panels: list[Panel]) -> list[str]:
+def _all_notes(general_notes: list[str], panels: list[PlotPanel]) -> list[str]:
     return list(dict.fromkeys([*general_notes, *(note for panel in panels for note in panel.notes())]))
 
 

@@ -1,4 +1,4 @@
-"""gusjob check --fix: each mend against a text worked out by hand, what is refused, and that nothing else changes."""
+"""gusjob check --fix: each fix against a text worked out by hand, what is refused, and that nothing else changes."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from support.tools import MARK, ROOT, stream_in
 
 from gusjob.cli import cli
 from gusjob.controllers.gus.listing import listing
-from gusjob.diagnostics.fixes import MENDS, Mended, mended, rounds
-from gusjob.diagnostics.fixes.characters import as_meant
-from gusjob.diagnostics.fixes.reading import readable
+from gusjob.diagnostics.fixes import FIXES, FixResult, apply, apply_fixes
+from gusjob.diagnostics.fixes.characters import normalized
+from gusjob.diagnostics.fixes.syntax import corrected
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.diagnostics.rules import RULES
 from gusjob.frontend import check_text
-from gusjob.frontend.parse import spelling
+from gusjob.frontend.parse import keyword_case
 from gusjob.frontend.parse.job_reader import read_job_text
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.kinematics.units import UNITS
@@ -36,27 +36,27 @@ EXAMPLES = int(os.environ.get("PROPERTY_EXAMPLES", "40"))
 LIT = MARK + "LASER POWER 30\nLASER ON\n"
 
 
-def judge(data: bytes, path: Path = Path("x.job"), profile: Path | None = None) -> Checked:
+def check(data: bytes, path: Path = Path("x.job"), profile: Path | None = None) -> Checked:
     loaded = load(path, profile, data=data)
     assert isinstance(loaded, Checked)
     return loaded
 
 
-def judged(text: str | bytes) -> Checked:
-    return examine(judge(text if isinstance(text, bytes) else text.encode()))
+def checked(text: str | bytes) -> Checked:
+    return examine(check(text if isinstance(text, bytes) else text.encode()))
 
 
 def with_a_misread_line(found: Checked, text: str) -> Checked:
     """The same with one more error, that of the last line of a text."""
-    return replace(found, diagnostics=(*found.diagnostics, judged(text).diagnostics[0]))
+    return replace(found, diagnostics=(*found.diagnostics, checked(text).diagnostics[0]))
 
 
-def mend(text: str | bytes, *codes: str) -> Mended:
-    return mended(judged(text), judge, lambda diagnostic: not codes or diagnostic.rule.code in codes)
+def fix(text: str | bytes, *codes: str) -> FixResult:
+    return apply_fixes(checked(text), check, lambda diagnostic: not codes or diagnostic.rule.code in codes)
 
 
 def after(text: str, *codes: str) -> str:
-    return mend(text, *codes).data.decode()
+    return fix(text, *codes).data.decode()
 
 
 def codes_of(loaded: FileResult) -> list[str]:
@@ -72,7 +72,7 @@ def serious(loaded: FileResult) -> Counter[tuple[str, int]]:
     return found
 
 
-# Each mend.
+# Each fix.
 
 
 @pytest.mark.parametrize(
@@ -96,15 +96,15 @@ def serious(loaded: FileResult) -> Counter[tuple[str, int]]:
     ],
 )  # fmt: skip
 def test_light_left_on(before: str, wanted: str) -> None:
-    assert "GJ401" in codes_of(judged(before))
+    assert "GJ401" in codes_of(checked(before))
     assert after(before) == wanted
-    assert not has_errors(mend(before).loaded.diagnostics)
+    assert not has_errors(fix(before).loaded.diagnostics)
 
 
 def test_two_channels_are_two_faults() -> None:
     """Whichever of them was on first."""
     for first, then in ((0, 1), (1, 0)):
-        done = mend(f"CHANNEL {first}\n{LIT}CHANNEL {then}\n{LIT}LINE X 1\n")
+        done = fix(f"CHANNEL {first}\n{LIT}CHANNEL {then}\n{LIT}LINE X 1\n")
         assert done.count == 2
         assert done.data.endswith(b"LINE X 1\nLASER OFF CHANNEL 0\nLASER OFF CHANNEL 1\n")
 
@@ -122,7 +122,7 @@ def test_two_channels_are_two_faults() -> None:
 )
 def test_off_delay_below_on_delay(before: str, wanted: str) -> None:
     before, wanted = f"WAIT\n  {before}\nWAIT\n", f"WAIT\n  {wanted}\nWAIT\n"
-    assert codes_of(judged(before)).count("GJ306") == 1
+    assert codes_of(checked(before)).count("GJ306") == 1
     assert after(before) == wanted
 
 
@@ -152,7 +152,7 @@ def test_comments_that_allow_stay() -> None:
 )
 def test_words_in_capitals(before: str, wanted: str) -> None:
     """Words and nothing else: no blank, name, unit, function or comment."""
-    words = dict(spelling.in_capitals(before.encode()))
+    words = dict(keyword_case.in_upper_case(before.encode()))
     lines = before.split("\n")
     for number, code in words.items():
         lines[number - 1] = code.decode() + lines[number - 1][len(code.decode()) :]
@@ -162,12 +162,12 @@ def test_words_in_capitals(before: str, wanted: str) -> None:
 
 def test_small_words_are_said_once_and_counted() -> None:
     text = "WAIT\nline X 1 ; vel\nLINE x 2\nVEL 1mm/s\nLINE X 3\nline X 14\n"
-    notes = [f for f in judged(text).diagnostics if f.rule.code == "GJ143"]
+    notes = [f for f in checked(text).diagnostics if f.rule.code == "GJ143"]
     assert [(f.span.line, f.span.column, f.span.end_column, f.count) for f in notes] == [(2, 1, 5, 3)]
     assert notes[0].fields == {"word": "line", "meant": "LINE"}
-    assert "GJ143" not in codes_of(judged("LINE X (x + min(x, y)) ; line\nVEL 1mm/s\nQQ x\nwait wait\n"))
+    assert "GJ143" not in codes_of(checked("LINE X (x + min(x, y)) ; line\nVEL 1mm/s\nQQ x\nwait wait\n"))
     columns = [
-        (f.span.column, f.span.end_column) for f in judged("LINE X 1 y 2\n").diagnostics if f.rule.code == "GJ143"
+        (f.span.column, f.span.end_column) for f in checked("LINE X 1 y 2\n").diagnostics if f.rule.code == "GJ143"
     ]
     assert columns == [(10, 11)]
 
@@ -202,8 +202,8 @@ def test_small_words_are_said_once_and_counted() -> None:
     ],
 )
 def test_lines_that_read_then(before: str, wanted: str) -> None:
-    assert readable(before) == wanted
-    assert readable(before + "\r") == wanted + "\r"
+    assert corrected(before) == wanted
+    assert corrected(before + "\r") == wanted + "\r"
 
 
 @pytest.mark.parametrize(
@@ -217,7 +217,7 @@ def test_lines_that_read_then(before: str, wanted: str) -> None:
     ],
 )  # fmt: skip
 def test_lines_that_need_a_guess(line: str) -> None:
-    assert readable(line) is None
+    assert corrected(line) is None
     assert after(f"WAIT\n{line}\nWAIT\n") == f"WAIT\n{line}\nWAIT\n"
 
 
@@ -226,25 +226,25 @@ def test_full_width_is_what_unicode_says() -> None:
     for c in range(0xFF01, 0xFF5F):
         meant = unicodedata.normalize("NFKC", chr(c))
         if meant not in ';"/':
-            assert as_meant(f"A{chr(c)}B") == f"A{meant}B"
-    assert as_meant("A；Ｂ") == "A;Ｂ"
-    assert as_meant("A／Ｂ") == "A/B"
-    assert as_meant("A／／Ｂ") == as_meant("A/／Ｂ") == "A//Ｂ"
-    assert as_meant("＂Ｂ＂Ｂ") == '"Ｂ"B'
-    assert as_meant("　") == unicodedata.normalize("NFKC", "　")
+            assert normalized(f"A{chr(c)}B") == f"A{meant}B"
+    assert normalized("A；Ｂ") == "A;Ｂ"
+    assert normalized("A／Ｂ") == "A/B"
+    assert normalized("A／／Ｂ") == normalized("A/／Ｂ") == "A//Ｂ"
+    assert normalized("＂Ｂ＂Ｂ") == '"Ｂ"B'
+    assert normalized("　") == unicodedata.normalize("NFKC", "　")
 
 
 def test_time_lag_of_nothing() -> None:
     text = MARK + "LASER POWER 30\n  SKYWRITE MODE 2 TIMELAG {} SHIFT 5 ; off\nLASER ON\nLINE X 1\nLASER OFF\n"
     for zero in ("0", "0us", "0.0ms", "-0"):
         before = text.replace("{}", zero)
-        if "GJ805" in codes_of(judged(before)):
+        if "GJ805" in codes_of(checked(before)):
             assert after(before) == text.replace("SKYWRITE MODE 2 TIMELAG {} SHIFT 5", "SKYWRITE OFF")
-            assert calls(mend(before).loaded) == calls(judged(before))
-    assert "GJ805" in codes_of(judged(text.replace("{}", "0us")))
+            assert calls(fix(before).loaded) == calls(checked(before))
+    assert "GJ805" in codes_of(checked(text.replace("{}", "0us")))
     for other in ("0.1us", "(0)", "0.0001ms"):
         before = text.replace("{}", other)
-        assert "GJ805" in codes_of(judged(before))
+        assert "GJ805" in codes_of(checked(before))
         assert after(before) == before
 
 
@@ -257,7 +257,7 @@ def test_all_at_once() -> None:
         "LASER MODE DUTY CARRIER 10kHz\r\nVEL 100\r\nACC 5000;加速\r\nLASER DELAY ON 60us OFF 60us\r\n"
         "LASER POWER 30\r\nLASER ON\r\nLINE X 1mm Y 2\r\nLASER OFF\r\n\r\n"
     )
-    done = mend(before)
+    done = fix(before)
     assert done.data.decode() == wanted
     assert codes_of(done.loaded) == []
     assert done.count == 6
@@ -279,17 +279,17 @@ def test_all_at_once() -> None:
     ],
 )
 def test_refused(text: str) -> None:
-    loaded = judged(text)
+    loaded = checked(text)
     assert codes_of(loaded)
-    done = mended(loaded, judge, lambda _: True)
+    done = apply_fixes(loaded, check, lambda _: True)
     assert (done.data.decode(), done.count) == (text, 0)
     assert done.loaded is loaded
 
 
-def test_a_mend_that_makes_another_fault_is_dropped() -> None:
+def test_a_fix_that_causes_another_problem_is_rejected() -> None:
     """Light that is off again at once marks nothing: perhaps the LASER ON is too much. The others are made."""
     text = MARK + "LASER POWER 30\nLASER DELAY ON 60 OFF 50\nLINE X 1\nlaser ON\n"
-    done = mend(text)
+    done = fix(text)
     assert done.data.decode() == text.replace("OFF 50", "OFF 60").replace("laser", "LASER")
     assert codes_of(done.loaded) == ["GJ401"]
     assert done.count == 2
@@ -302,22 +302,22 @@ def test_bad_ones_are_found_among_many(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def strict(data: bytes) -> FileResult:
         asked.append(data)
-        found = judge(data)
+        found = check(data)
         for bad in (b"OFF 107", b"OFF 140", b"OFF 141"):
             if bad in data:
                 found = with_a_misread_line(found, "\n" * 200 + "QQ\n")
         return found
 
     text = "\n".join(lines)
-    done = mended(judged(text), strict, lambda _: True)
+    done = apply_fixes(checked(text), strict, lambda _: True)
     bad = (107, 140, 141)
     assert done.data.decode().split("\n") == [
         line if i in bad else line.replace("OFF 5", f"OFF {i}") for i, line in enumerate(lines, 100)
     ]
     assert done.count == 61
     assert len(asked) < 40
-    monkeypatch.setattr(rounds, "MAX_TRIES", 3)
-    few = mended(judged(text), strict, lambda _: True)
+    monkeypatch.setattr(apply, "MAX_CHECKS", 3)
+    few = apply_fixes(checked(text), strict, lambda _: True)
     assert few.count < 61
 
 
@@ -345,10 +345,10 @@ def test_a_light_from_an_included_file_stays_on(tmp_path: Path) -> None:
 def test_faults_that_others_hide_are_no_new_ones() -> None:
     """A line that is read again, and a job that can be planned again, say what they could not say before."""
     text = LIT + "LASER ON；\nLINE X 500\nLINE X 5 END 50\n"
-    done = mend(text)
+    done = fix(text)
     assert done.data.decode() == LIT + "LASER ON;\nLINE X 500\nLINE X 5 END 50\n"
     assert sorted(codes_of(done.loaded)) == ["GJ401", "GJ408", "GJ503"]
-    done = mend(LIT + "LINE X 5 END 50\n")
+    done = fix(LIT + "LINE X 5 END 50\n")
     assert done.data.decode() == LIT + "LINE X 5 END 50\nLASER OFF\n"
     assert codes_of(done.loaded) == ["GJ510"]
 
@@ -357,7 +357,7 @@ def test_faults_that_others_hide_are_no_new_ones() -> None:
 def test_light_stays_on_where_something_else_is_wrong(rest: str) -> None:
     """The file may be a part, or the LASER OFF be the statement that is wrong."""
     text = LIT + "LINE X 1\n" + rest
-    assert has_errors(judged(text).diagnostics)
+    assert has_errors(checked(text).diagnostics)
     assert after(text) == text
 
 
@@ -376,18 +376,18 @@ def test_a_part_may_leave_the_light_on(tmp_path: Path, part: str, main: str, inc
     for name in (part, main):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
     put(tmp_path, part, text)
-    assert "1 mended" in gusjob("--fix", tmp_path / part).stderr
+    assert "1 fixed" in gusjob("--fix", tmp_path / part).stderr
     put(tmp_path, part, text)
     put(tmp_path, main, f'WAIT\nINCLUDE "{include}"\nLINE Y 10\nLASER OFF\n')
     if "/" in main:  # A job may only include what lies in its folder: this one is a part itself.
         put(tmp_path, "top.job", f'INCLUDE "{main}"\n')
     ran = gusjob("--fix", tmp_path)
-    assert "0 mended" in ran.stderr
+    assert "0 fixed" in ran.stderr
     assert (tmp_path / part).read_text() == text
 
 
-def test_every_mend_has_a_rule() -> None:
-    assert set(MENDS) <= set(RULES)
+def test_every_fix_has_a_rule() -> None:
+    assert set(FIXES) <= set(RULES)
 
 
 # Time.
@@ -398,43 +398,43 @@ def test_a_shape_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def counted(code: str) -> list[tuple[int, int]]:
         asked.append(code)
-        return small_words(code)
+        return lower_case_keywords(code)
 
-    small_words = spelling.small_words
-    monkeypatch.setattr(spelling, "small_words", counted)
+    lower_case_keywords = keyword_case.lower_case_keywords
+    monkeypatch.setattr(keyword_case, "lower_case_keywords", counted)
     text = "\n".join(f"laser power {i}\nline X {i}.5mm" for i in range(20_000)).encode()
-    assert sum(1 for _ in spelling.in_capitals(text)) == 40_000
+    assert sum(1 for _ in keyword_case.in_upper_case(text)) == 40_000
     assert len(asked) == 2
-    assert not read_job_text(judged(b"LINE X 1mm ; line\nVEL 5mm/s\n").source).small_words
+    assert not read_job_text(checked(b"LINE X 1mm ; line\nVEL 5mm/s\n").source).has_lower_case
 
 
-def test_many_mends_are_proved_together() -> None:
-    """The judge looks once at as many as he lists."""
+def test_many_fixes_are_proved_together() -> None:
+    """One check for as many diagnostics as are listed at once."""
     count = 1500
     text = "\n".join(f"LASER DELAY ON {i + 9} OFF {i}" for i in range(count))
     asked: list[int] = []
 
     def counted(data: bytes) -> FileResult:
         asked.append(1)
-        return judge(data)
+        return check(data)
 
-    done = mended(judged(text), counted, lambda _: True)
+    done = apply_fixes(checked(text), counted, lambda _: True)
     assert done.count == count
     assert done.data.decode() == "\n".join(f"LASER DELAY ON {i + 9} OFF {i + 9}" for i in range(count))
     assert len(asked) == 2
 
 
-def test_hopeless_mends_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rounds, "MAX_TRIES", 10)
+def test_a_search_without_success_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(apply, "MAX_CHECKS", 10)
     asked: list[int] = []
 
     def refuses(data: bytes) -> FileResult:
         asked.append(1)
-        found = judge(data)
+        found = check(data)
         return with_a_misread_line(found, "\n" * 300 + "QQ\n")
 
     text = "\n".join(f"LASER DELAY ON {i + 9} OFF {i}" for i in range(200))
-    done = mended(judged(text), refuses, lambda _: True)
+    done = apply_fixes(checked(text), refuses, lambda _: True)
     assert (done.count, done.data.decode()) == (0, text)
     assert len(asked) == 10
 
@@ -460,7 +460,7 @@ def wide(rng: Random, text: str) -> str:
 
 
 def damaged(rng: Random, line: str) -> str:
-    """A line with faults that have a mend and leave what it says as it is."""
+    """A line with problems that have a fix and keep their meaning."""
     code = code_of(line)
     behind = line[len(code) :]
     match rng.randrange(5):
@@ -482,7 +482,7 @@ _TIME = r"(-?[0-9.]+(?:e[+-]?\d+)?(?:us)?)(?![\w.])"
 
 
 def with_delays_raised(lines: list[str], at: set[int]) -> list[str]:
-    """The change that the mend of GJ306 announces, made by hand in these lines (from 1) where both are numbers."""
+    """The change that the fix of GJ306 makes, made by hand in these lines (from 1) where both are numbers."""
     found = list(lines)
     for number in at:
         line = lines[number - 1]
@@ -503,7 +503,7 @@ def calls(loaded: FileResult) -> str:
 def test_random_jobs(seed: int) -> None:
     rng = Random(seed)
     text = Writer(rng, odd=rng.choice((0, 0, 80))).job()
-    whole = judged(text)
+    whole = checked(text)
     assert whole.source is not None
     if read_job_text(whole.source).diagnostics:  # Something odd that can't be read.
         return
@@ -512,18 +512,18 @@ def test_random_jobs(seed: int) -> None:
     if not has_errors(whole.diagnostics) and rng.random() < 0.6:  # Leave the light on.
         while cut and _OFF.fullmatch(code_of(original[cut - 1]).rstrip()):
             cut -= 1
-        dark = judged("\n".join(original[:cut]) + "\n")
+        dark = checked("\n".join(original[:cut]) + "\n")
         # Where a LASER OFF has a warning of its own, it is not put there again.
         fair = codes_of(dark).count("GJ401") == len(original) - cut and not serious(whole) - serious(dark)
         cut = cut if fair else len(original)
-    left_lit = judged("\n".join(original[:cut]) + "\n")
+    left_lit = checked("\n".join(original[:cut]) + "\n")
     broken = [damaged(rng, line) if rng.random() < 0.3 else line for line in original[:cut]]
     end = rng.choice(("\n", "\r\n"))
     last = rng.choice(("", end))
     before = end.join(broken) + last
-    done = mend(before)
-    # Mending again changes nothing.
-    again = mend(done.data)
+    done = fix(before)
+    # Fixing again changes nothing.
+    again = fix(done.data)
     assert (again.data, again.count) == (done.data, 0)
     # It reads as the undamaged job, but for what is announced.
     left = {f.span.line for f in done.loaded.diagnostics if f.rule.code == "GJ306"}
@@ -540,7 +540,7 @@ def test_random_jobs(seed: int) -> None:
             assert got.upper() == want.upper()
     assert bool(last) == done.data.endswith(b"\n")
     assert done.data.count(b"\r\n") == (done.data.count(b"\n") if end == "\r\n" else 0)
-    reference = judged("\n".join(wanted) + "\n")
+    reference = checked("\n".join(wanted) + "\n")
     assert "GJ143" not in codes_of(done.loaded)
     known = serious(reference)
     for code, line in list(known):
@@ -550,14 +550,14 @@ def test_random_jobs(seed: int) -> None:
     assert calls(done.loaded) == calls(reference)
 
 
-def test_most_random_jobs_are_mended() -> None:
+def test_most_random_jobs_are_fixed() -> None:
     """Else the test above would test little."""
     found: Counter[str] = Counter()
     for seed in range(60):
         rng = Random(seed)
         lines = [damaged(rng, line) for line in Writer(rng).job().splitlines()]
-        loaded = judged("\n".join(lines))
-        found += Counter(set(codes_of(loaded)) - set(codes_of(mended(loaded, judge, lambda _: True).loaded)))
+        loaded = checked("\n".join(lines))
+        found += Counter(set(codes_of(loaded)) - set(codes_of(apply_fixes(loaded, check, lambda _: True).loaded)))
     assert min(found[code] for code in ("GJ101", "GJ102", "GJ143", "GJ306")) > 2
 
 
@@ -569,11 +569,11 @@ def test_files_lose_nothing_but_the_fault(path: Path) -> None:
     profile = path.with_suffix(".machine.toml")
     profile_or_none = profile if profile.exists() else None
 
-    def judge_there(data: bytes) -> FileResult:
+    def check_there(data: bytes) -> FileResult:
         return load(path, profile_or_none, data=data)
 
-    loaded = examine(judge(path.read_bytes(), path, profile_or_none))
-    done = mended(loaded, judge_there, lambda _: True)
+    loaded = examine(check(path.read_bytes(), path, profile_or_none))
+    done = apply_fixes(loaded, check_there, lambda _: True)
     if "bad" not in path.parts:
         assert (done.count, done.data) == (0, loaded.source.data)
         return
@@ -582,7 +582,7 @@ def test_files_lose_nothing_but_the_fault(path: Path) -> None:
         assert not serious(done.loaded) - serious(loaded)
         if not {"GJ306"} & set(codes_of(loaded)):
             assert calls(done.loaded) == calls(loaded)
-    again = mended(done.loaded, judge_there, lambda _: True)
+    again = apply_fixes(done.loaded, check_there, lambda _: True)
     assert (again.count, again.data) == (0, done.data)
 
 
@@ -613,22 +613,22 @@ def test_fix_writes_and_shows_what_is_left(tmp_path: Path) -> None:
     assert ran.exit_code == 1
     assert "GJ143" not in ran.stdout
     assert "a.job:8:13: error[GJ201]" in ran.stdout
-    assert ran.stderr.splitlines()[-1].endswith("; 1 mended")
+    assert ran.stderr.splitlines()[-1].endswith("; 1 fixed")
     path.write_text(LEFT)
     ran = gusjob("--fix", path)
-    assert (ran.exit_code, ran.stdout, ran.stderr) == (0, "", "1 file: clean; 1 mended\n")
+    assert (ran.exit_code, ran.stdout, ran.stderr) == (0, "", "1 file: clean; 1 fixed\n")
     assert path.read_text() == DONE
     os.utime(path, (1, 1))
     ran = gusjob("--fix", path)
-    assert (ran.exit_code, ran.stderr) == (0, "1 file: clean; 0 mended\n")
+    assert (ran.exit_code, ran.stderr) == (0, "1 file: clean; 0 fixed\n")
     assert path.stat().st_mtime == 1
 
 
-def test_what_is_mended_is_not_written_over(tmp_path: Path) -> None:
+def test_a_fixed_file_is_not_overwritten_by_the_output(tmp_path: Path) -> None:
     path = put(tmp_path, "a.job", LEFT)
     ran = gusjob("--fix", "--format", "json", path, "-o", path)
     assert (ran.exit_code, path.read_text()) == (2, LEFT)
-    assert "name another file with -o" in ran.stderr
+    assert "name another output file with -o" in ran.stderr
 
 
 def test_diff_writes_nothing(tmp_path: Path) -> None:
@@ -637,23 +637,23 @@ def test_diff_writes_nothing(tmp_path: Path) -> None:
     ran = gusjob("--diff", tmp_path)
     assert ran.exit_code == 1
     assert ran.stdout == f"--- {path}\n+++ {path}\n@@ -4,3 +4,4 @@\n LASER POWER 30\n LASER ON\n LINE X 1\n+LASER OFF\n"
-    assert ran.stderr == "2 files: clean; 1 to mend\n"
+    assert ran.stderr == "2 files: clean; 1 can be fixed\n"
     assert path.read_text() == LEFT
     assert gusjob("--diff", "--fix", tmp_path).stdout == ran.stdout
     assert path.read_text() == LEFT
     ran = gusjob("--diff", tmp_path / "b.job")
     assert (ran.exit_code, ran.stdout) == (0, "")
     other = put(tmp_path, "c.job", "LINE X 1\n")
-    ran = gusjob("--diff", other)  # Nothing to mend: as check, and what is wrong does not go into the patch.
+    ran = gusjob("--diff", other)  # Nothing to fix: diagnostics as in check, none in the patch.
     assert (ran.exit_code, ran.stdout) == (1, "")
     assert "GJ501" in ran.stderr
 
 
 def test_the_diff_has_both_ends() -> None:
-    from gusjob.frontend.format.difference import difference
+    from gusjob.frontend.format.unified_diff import unified_diff
 
     def shown(before: bytes, new: bytes) -> list[str]:
-        return b"".join(difference("a", before, new)).decode().splitlines()[2:]
+        return b"".join(unified_diff("a", before, new)).decode().splitlines()[2:]
 
     assert shown(b"A", b"A\nB") == [
         "@@ -1,1 +1,2 @@", "-A", "\\ No newline at end of file", "+A", "+B", "\\ No newline at end of file",
@@ -662,7 +662,7 @@ def test_the_diff_has_both_ends() -> None:
     assert shown(b"A\n\n", b"A\nB\n\n") == ["@@ -1,2 +1,3 @@", " A", "-", "+B", "+"]
 
 
-def test_only_chosen_rules_are_mended(tmp_path: Path) -> None:
+def test_only_selected_rules_are_fixed(tmp_path: Path) -> None:
     text = LEFT.replace("VEL", "vel") + "LASER DELAY ON 60 OFF 50\n"
     path = put(tmp_path, "a.job", text)
     gusjob("--fix", "--select", "GJ306", path)
@@ -684,7 +684,7 @@ def test_fix_with_formats(tmp_path: Path) -> None:
     ran = gusjob("--fix", "--format", "json", path)
     assert ran.exit_code == 0
     assert '"diagnostics":[]' in ran.stdout.replace(" ", "").replace("\n", "")
-    assert ran.stderr.splitlines()[-1].endswith("; 1 mended")
+    assert ran.stderr.splitlines()[-1].endswith("; 1 fixed")
     assert path.read_text() == DONE
 
 
@@ -694,7 +694,7 @@ def test_folders_and_the_same_file_twice(tmp_path: Path) -> None:
     listed = put(tmp_path, "in/a.gts", "gt_buflaseron(1,0,0);\nGT_BufDelay(1,010,0);\n")
     ran = gusjob("--fix", tmp_path / "in", tmp_path / "in" / "a.job", tmp_path / "in" / ".." / "in" / "a.job")
     assert ran.stderr.splitlines()[-1].startswith("4 files:")
-    assert ran.stderr.splitlines()[-1].endswith("; 3 mended")
+    assert ran.stderr.splitlines()[-1].endswith("; 3 fixed")
     assert (tmp_path / "in/deep/c.job").read_text() == (tmp_path / "in/b.JOB").read_text() == DONE
     assert (tmp_path / "in/.hidden/d.job").read_text() == LEFT
     assert listed.read_text() == "gt_buflaseron(1,0,0);\nGT_BufDelay(1,010,0);\n"
@@ -719,7 +719,7 @@ def test_a_file_that_changes_meanwhile_stays(tmp_path: Path, monkeypatch: pytest
     assert ran.exit_code == 2
     assert f"gusjob: {path}: can't write: the file was changed in the meantime" in ran.stderr
     assert "GJ401" in ran.stdout
-    assert ran.stderr.splitlines()[-1].endswith("; 0 mended")
+    assert ran.stderr.splitlines()[-1].endswith("; 0 fixed")
     assert path.read_text() == "; mine\n"
 
 
@@ -743,5 +743,5 @@ def test_links_stay_and_what_may_not_be_written_too(tmp_path: Path, monkeypatch:
 
 def test_a_line_too_long_is_left_alone() -> None:
     text = "wait ;" + "c" * MAX_LINE + "\nwait\n"
-    done = mend(text)
+    done = fix(text)
     assert done.data.decode() == text.replace("\nwait", "\nWAIT")

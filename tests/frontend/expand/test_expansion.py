@@ -1,4 +1,4 @@
-"""Loops, names, routines and frames against calls and places worked out by hand."""
+"""Loops, names, routines and frames: calls and positions worked out by hand."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def diagnostics(text: str, machine: Machine = MACHINE) -> list[Diagnostic]:
 
 
 def codes(text: str, machine: Machine = MACHINE) -> list[tuple[int, str]]:
-    """(line, code), the first line behind the head being 1."""
+    """Line (1 is the first after the head) and code of each diagnostic."""
     return [(f.span.line - MARK.count("\n"), f.rule.code) for f in diagnostics(text, machine)]
 
 
@@ -144,13 +144,13 @@ def test_a_square_by_for() -> None:
     assert ends(text) == [(0, 10000), (-10000, 0), (0, -10000), (10000, 0)]
 
 
-@pytest.mark.parametrize("rounds", [0, 1, 2, 3, 4, 5, 6, 100])
-def test_repeat_counts_from_nothing(rounds: int) -> None:
-    text = f"REPEAT {rounds} AS i\nLINE X (i/10) Y (i % 3)\nEND\nLINE X -1 Y 0\n"
-    assert ends(text) == [(100 * i, 1000 * (i % 3)) for i in range(rounds)] + [(-1000, 0)]
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 6, 100])
+def test_repeat_counts_from_zero(count: int) -> None:
+    text = f"REPEAT {count} AS i\nLINE X (i/10) Y (i % 3)\nEND\nLINE X -1 Y 0\n"
+    assert ends(text) == [(100 * i, 1000 * (i % 3)) for i in range(count)] + [(-1000, 0)]
 
 
-def test_for_reaches_both_ends_and_adds_nothing_up() -> None:
+def test_for_includes_both_ends_and_accumulates_nothing() -> None:
     assert xs("FOR v FROM 0 TO 1 STEP 0.1\nLINE X (v)\nEND\n") == [100 * k for k in range(11)]
     assert xs("FOR v FROM 0 TO 100 STEP 0.1\nLINE X (v)\nEND\n")[-1] == 100000
     assert xs("FOR v FROM 3 TO 1 STEP -1\nLINE X (v)\nEND\n") == [3000, 2000, 1000]
@@ -178,14 +178,14 @@ def test_loops_that_cannot_be_counted(head: str, code: str) -> None:
 def test_a_raster_of_two_loops() -> None:
     text = "FOR row FROM 0 TO 9\nIF row % 2 == 0\nJUMP X 0 Y (row)\nLINE X 20\nELSE\nJUMP X 20 Y (row)\nLINE X 0\n"
     text += "END\nEND\n"
-    wanted = []
+    expected = []
     for row in range(10):
         sides = (0, 20000) if row % 2 == 0 else (20000, 0)
-        wanted += [(x, 1000 * row) for x in sides]
-    assert ends(text) == wanted
+        expected += [(x, 1000 * row) for x in sides]
+    assert ends(text) == expected
 
 
-def test_values_carried_from_round_to_round() -> None:
+def test_values_carried_from_one_iteration_to_the_next() -> None:
     fibonacci = "LET a = 0\nLET b = 1\nREPEAT 10\nLET t = a+b\nLET a = b\nLET b = t\nLINE X (a)\nEND\n"
     assert xs(fibonacci) == [1000 * n for n in (1, 1, 2, 3, 5, 8, 13, 21, 34, 55)]
     collatz = "LET n = 6\nREPEAT 8\nIF n % 2 == 0\nLET n = n/2\nELSE\nLET n = 3*n+1\nEND\nLINE X (n)\nEND\n"
@@ -197,14 +197,20 @@ def test_values_carried_from_round_to_round() -> None:
     assert xs(growing) == [round(a * 100)]
 
 
-def test_all_that_a_loop_may_hold() -> None:
+def test_all_statements_in_a_loop() -> None:
     text = "REPEAT 2 AS i\nLASER POWER (10*(i+1))\nLASER ON\nLINE X (i+1) VEL (50+i)\nLASER OFF\nDWELL (5*(i+1))\nEND\n"
     assert [c for c in calls_of(MARK + "LOOKAHEAD OFF\n" + text) if "_Buf" in c or "Ln" in c] == [
-        "GT_BufLaserPrfCmd(1,10,0,0)", "GT_BufLaserOn(1,0,0)", "GT_LnXY(1,1000,0,50,10,0,0)",
-        "GT_BufLaserOff(1,0,0)", "GT_BufDelay(1,5,0)",
-        "GT_BufLaserPrfCmd(1,20,0,0)", "GT_BufLaserOn(1,0,0)", "GT_LnXY(1,2000,0,51,10,0,0)",
-        "GT_BufLaserOff(1,0,0)", "GT_BufDelay(1,10,0)",
-    ]  # fmt: skip
+        "GT_BufLaserPrfCmd(1,10,0,0)",
+        "GT_BufLaserOn(1,0,0)",
+        "GT_LnXY(1,1000,0,50,10,0,0)",
+        "GT_BufLaserOff(1,0,0)",
+        "GT_BufDelay(1,5,0)",
+        "GT_BufLaserPrfCmd(1,20,0,0)",
+        "GT_BufLaserOn(1,0,0)",
+        "GT_LnXY(1,2000,0,51,10,0,0)",
+        "GT_BufLaserOff(1,0,0)",
+        "GT_BufDelay(1,10,0)",
+    ]
 
 
 def test_a_setup_statement_in_a_loop_makes_stages() -> None:
@@ -213,7 +219,7 @@ def test_a_setup_statement_in_a_loop_makes_stages() -> None:
     assert len([c for c in calls if "CrdStart" in c]) == 3
 
 
-def test_what_is_set_in_a_loop_holds_behind_it() -> None:
+def test_a_name_set_in_a_loop_keeps_its_value() -> None:
     text = "REPEAT 2\nCOORDS REL\nUNITS PULSE\nLINE X 100\nEND\nLINE X 7\n"
     assert xs(text) == [100, 200, 207]
 
@@ -221,17 +227,17 @@ def test_what_is_set_in_a_loop_holds_behind_it() -> None:
 # Names.
 
 
-def test_a_loop_hides_a_name_and_gives_it_back() -> None:
-    for rounds in (3, 6):
-        text = f"LET i = 7\nREPEAT {rounds} AS i\nLINE X (i)\nEND\nLINE X (i)\n"
-        assert xs(text) == [*(1000 * k for k in range(rounds)), 7000]
-        text = f"FOR i FROM 1 TO 2\nFOR i FROM 5 TO {4 + rounds}\nLINE X (i)\nEND\nLINE X (i)\nEND\n"
-        inner = [1000 * k for k in range(5, 5 + rounds)]
+def test_a_loop_variable_hides_a_name() -> None:
+    for count in (3, 6):
+        text = f"LET i = 7\nREPEAT {count} AS i\nLINE X (i)\nEND\nLINE X (i)\n"
+        assert xs(text) == [*(1000 * k for k in range(count)), 7000]
+        text = f"FOR i FROM 1 TO 2\nFOR i FROM 5 TO {4 + count}\nLINE X (i)\nEND\nLINE X (i)\nEND\n"
+        inner = [1000 * k for k in range(5, 5 + count)]
         assert xs(text) == [*inner, 1000, *inner, 2000]
     assert codes("REPEAT 3 AS i\nLINE X (i)\nEND\nLINE Y (i)\n") == [(4, "GJ121")]
 
 
-def test_a_name_set_in_a_block_lives_on() -> None:
+def test_a_name_set_in_a_block_keeps_its_value() -> None:
     assert xs("REPEAT 5 AS i\nLET a = i*2\nEND\nIF a == 8\nLET b = 3\nELSE\nLET b = 4\nEND\nLINE X (a+b)\n") == [11000]
     assert codes("REPEAT 0\nLET a = 1\nEND\nLINE X (a)\n")[-1] == (4, "GJ121")
 
@@ -242,7 +248,7 @@ def test_a_routine_has_its_own_names() -> None:
     assert codes("DEF r\nLET inner = 1\nLINE X (inner)\nEND\nCALL r\nLINE X (inner)\n") == [(6, "GJ121")]
 
 
-def test_a_routine_reads_the_job_as_it_stands() -> None:
+def test_a_routine_reads_the_names_of_the_job() -> None:
     text = "DEF r\nLINE X (a)\nLET a = a+1\nLINE X (a)\nEND\nLET a = 1\nCALL r\nLET a = 5\nCALL r\nLINE X (a)\n"
     assert xs(text) == [1000, 2000, 5000, 6000, 5000]
 
@@ -268,14 +274,14 @@ def test_a_long_run_of_calls() -> None:
     text = "COORDS REL\nDEF stair(a, b)\nLINE X (a)\nLINE Y (b)\nEND\n"
     text += "".join(f"CALL stair({k}/10, -{k}/100)\n" for k in range(40))
     text += "LINE X 1\nCALL stair(1, 2)\n"
-    wanted, x, y = [], 0, 0
+    expected, x, y = [], 0, 0
     for k in range(40):
         x += 100 * k
-        wanted.append((x, y))
+        expected.append((x, y))
         y -= 10 * k
-        wanted.append((x, y))
-    wanted += [(x + 1000, y), (x + 2000, y), (x + 2000, y + 2000)]
-    assert ends(text) == wanted
+        expected.append((x, y))
+    expected += [(x + 1000, y), (x + 2000, y), (x + 2000, y + 2000)]
+    assert ends(text) == expected
 
 
 KOCH = """COORDS REL
@@ -321,12 +327,12 @@ def test_sierpinski() -> None:
 # Frames.
 
 
-def test_a_turned_line() -> None:
+def test_a_rotated_line() -> None:
     assert ends("FRAME ROTATE 90\nLINE X 1\nLINE Y 1\nEND\nLINE X 5\n") == [(0, 1000), (-1000, 1000), (5000, 1000)]
 
 
 @pytest.mark.parametrize("words", ["SHIFT X 10 Y 0 ROTATE 90 SCALE 2", "SCALE 2 ROTATE 90deg SHIFT X 10mm"])
-def test_scale_then_turn_then_shift(words: str) -> None:
+def test_scale_then_rotate_then_shift(words: str) -> None:
     assert ends(f"FRAME {words}\nLINE X 1 Y 0\nLINE X 1 Y 1\nEND\n") == [(10000, 2000), (8000, 2000)]
 
 
@@ -342,7 +348,7 @@ def test_a_ring_of_frames() -> None:
     assert ends(text) == [(round(1000 + 10000 * math.cos(t)), round(10000 * math.sin(t))) for t in turns]
 
 
-def test_an_axis_left_out_stays_as_the_frame_sees_it() -> None:
+def test_an_axis_left_out_stays_as_seen_from_the_frame() -> None:
     # At (10, 0) a frame turned by 90 degrees sees (0, -10).
     assert ends("LINE X 10\nFRAME ROTATE 90\nLINE X 5\nLINE Y 0\nEND\n")[1:] == [(10000, 5000), (0, 5000)]
     assert ends("FRAME SHIFT X 10\nLINE X 1\nEND\nLINE Y 2\n") == [(11000, 0), (11000, 2000)]
@@ -366,7 +372,7 @@ def test_arcs_in_frames() -> None:
     assert path_calls(MARK + "FRAME SCALE 2 ROTATE 180\nARC CW X 10 R -6\nEND\n") == [
         "GT_ArcXYR(1,-20000,0,-12000,0,100,10,0,0)"
     ]
-    # A centre hangs on the start alone: it is not shifted.
+    # A centre depends on the start alone: it is not shifted.
     assert path_calls(MARK + "LINE X 1\nFRAME SHIFT X 50 Y 50 SCALE 3\nARC CW I 0 J 1\nEND\n")[1:] == [
         "GT_ArcXYC(1,1000,0,0,3000,0,100,10,0,0)"
     ]
@@ -387,14 +393,14 @@ def test_velocity_is_not_scaled() -> None:
     assert call == "GT_LnXY(1,50000,0,100,10,0,0)"
 
 
-def test_frames_turn_mm_not_pulses() -> None:
+def test_frames_rotate_mm_not_pulses() -> None:
     assert ends("FRAME ROTATE 90\nLINE X 10\nLINE Y 2\nEND\n", UNEQUAL) == [(0, 5000), (-2000, 5000)]
     assert ends("UNITS PULSE\nVEL 9\nACC 1\nFRAME ROTATE 90\nLINE X 1000\nEND\n", UNEQUAL) == [(0, 500)]
     assert ends("COORDS REL\nFRAME ROTATE 90\nLINE X 1\nLINE X 1\nEND\nLINE Y 1\n", UNEQUAL)[-1] == (0, 1500)
 
 
 @pytest.mark.parametrize("arc", ["ARC CCW I -1000 J 0", "ARC CCW X -1000 Y 0 R 1000\nARC CCW X 1000 Y 0 R 1000"])
-def test_an_arc_in_pulses_is_an_ellipse_in_a_turned_frame(arc: str) -> None:
+def test_an_arc_in_pulses_is_an_ellipse_in_a_rotated_frame(arc: str) -> None:
     """A circle of 1000 pulses is 1 mm by 2 mm here (500 pulses per mm on Y); scaled by 2 and turned: 4 mm by 2 mm."""
     head = "UNITS PULSE\nVEL 9\nACC 1\nFRAME SHIFT X 2000 ROTATE 90 SCALE 2\nJUMP X 1000 Y 0\n"
     points = ends(f"{head}{arc}\nWAIT\nLINE X 0 Y 0\nEND\n", UNEQUAL)
@@ -412,7 +418,7 @@ def test_a_frame_needs_a_size() -> None:
     assert codes("FRAME SCALE (1-2)\nLINE X 1\nEND\n")[0] == (1, "GJ139")
 
 
-# Faults.
+# Diagnostics.
 
 
 @pytest.mark.parametrize(
@@ -432,11 +438,11 @@ def test_a_frame_needs_a_size() -> None:
         ("LINE X (1 < 2 < 3)\n", [(1, "GJ101")]),
     ],
 )
-def test_faults_of_blocks_and_expressions(text: str, found: list[tuple[int, str]]) -> None:
+def test_errors_of_blocks_and_expressions(text: str, found: list[tuple[int, str]]) -> None:
     assert [f for f in codes(text) if f[1] not in ("GJ004", "GJ141", "GJ142")] == found
 
 
-def test_a_fault_tells_by_which_calls_and_rounds() -> None:
+def test_a_diagnostic_has_its_calls_and_iterations() -> None:
     text = "DEF corner(s)\nLINE X (s*100)\nEND\nREPEAT 9 AS k\nCALL corner(k/3)\nEND\n"
     (diagnostic,) = diagnostics(text)
     head = MARK.count("\n")
@@ -444,11 +450,11 @@ def test_a_fault_tells_by_which_calls_and_rounds() -> None:
     # 5/3 * 100 mm is the first beyond 150 mm.
     assert [(r.span.line - head, r.message) for r in diagnostic.remarks[:2]] == [
         (5, "called here: s = 1.666666667"),
-        (4, "in the round where k = 5"),
+        (4, "in the iteration where k = 5"),
     ]
 
 
-def test_a_fault_in_a_routine_of_routines() -> None:
+def test_a_diagnostic_in_a_routine_of_routines() -> None:
     text = "DEF inner(b)\nLINE X (b + nowhere)\nEND\nDEF outer(a)\nCALL inner(a+1)\nEND\nCALL outer(1)\nLINE X 1\n"
     diagnostic = diagnostics(text)[0]
     head = MARK.count("\n")
@@ -471,7 +477,7 @@ def test_a_fault_in_a_routine_of_routines() -> None:
         ("DWELL 0.5", "GJ204"),
     ],
 )
-def test_one_fault_in_many_rounds_is_one(statement: str, code: str) -> None:
+def test_one_diagnostic_for_many_iterations(statement: str, code: str) -> None:
     found = [f for f in diagnostics(f"REPEAT 300000 AS i\n{statement}\nEND\nLINE X 1\n") if f.rule.code == code]
     assert [f.count for f in found] == [300_000]
     assert found[0].span.line == MARK.count("\n") + 2
@@ -504,7 +510,7 @@ def test_an_include_is_read_in_place(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("body", ["LET a = a + 1\nWAIT\n", "WAIT\n", "LASER DELAY ON (a) OFF 9\nLET a = a + 1\n"])
-def test_too_many_setup_statements_end_in_a_word(body: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_setup_statements(body: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gusjob.frontend.expand.ledger.MAX_SETUPS", 3)
     assert "GJ130" in [code for _, code in diagnostics_in(f"LET a = 0\nREPEAT 10\n{body}END\n")]
 
@@ -514,23 +520,23 @@ def test_names_with_leading_zeros_are_others() -> None:
     assert ends(text) == [(1000, 0), (2000, 0)] * 3
 
 
-def test_a_name_that_some_rounds_set_is_carried() -> None:
-    """Eight rounds, so that they would be carried out at once if none hung on another."""
+def test_a_name_that_some_iterations_set_is_carried() -> None:
+    """Eight iterations: they would run at once if none depended on another."""
     text = "LET a = 1\nREPEAT 8 AS i\nIF i == 5\nLET a = 9\nEND\nLINE X (a) Y (i)\nEND\n"
     assert [x for x, _ in ends(text)] == [1000] * 5 + [9000] * 3
 
 
-def test_rounds_of_all_loops_together_are_bounded() -> None:
+def test_iterations_of_all_loops_together_are_bounded() -> None:
     machine = replace(MACHINE, expansion_max_statements=100)
     assert diagnostics_in("REPEAT 60\nEND\nDWELL 1\n", machine) == []
     assert [code for _, code in diagnostics_in("REPEAT 60\nEND\n" * 2, machine)] == ["GJ127"]
 
 
-def test_a_routine_whose_def_cant_be_read_is_not_missed() -> None:
+def test_no_error_for_calls_of_a_routine_that_can_not_be_parsed() -> None:
     assert "GJ136" not in [code for _, code in diagnostics_in("DEF f(\nDWELL 1\nEND\nCALL f(1)\n")]
 
 
-def test_what_stands_behind_a_bent_arc_stays_behind_it() -> None:
+def test_order_is_kept_after_an_arc_that_became_chords() -> None:
     text = "UNITS PULSE\nVEL 9\nACC 1\nFRAME ROTATE 90\nJUMP X 1000\nARC CCW I -1000\nEND\nWAIT\nDWELL 5\n"
     names = [call.split("(")[0] for call in calls_of(text, UNEQUAL)]
     assert names[-4:] == ["GT_CrdStatus", "GT_CrdClear", "GT_BufDelay", "GT_CrdStart"]

@@ -39,7 +39,7 @@ def test_nothing_outside_the_folder_is_read(folder: Path, name: str) -> None:
     assert "outside the job's folder" in message
 
 
-def test_no_link_leads_outside(folder: Path) -> None:
+def test_links_do_not_lead_outside(folder: Path) -> None:
     link = folder / "link.job"
     try:
         link.symlink_to(folder.parent / "outside.job")
@@ -80,12 +80,29 @@ def test_lines_are_those_of_their_files(folder: Path) -> None:
     report = make_report(trace, loaded.machine, loaded.files)
     names = [Path(name).name for name in report.notes["files"]]
     where = zip(report.columns["file"].tolist(), report.columns["line"].tolist(), strict=True)
-    rounds = [("move.job", 1), ("mark.job", 4), ("top.job", 7)]
-    assert [(names[file], line) for file, line in where] == [*rounds, *rounds, ("top.job", 9)]
+    iteration = [("move.job", 1), ("mark.job", 4), ("top.job", 7)]
+    assert [(names[file], line) for file, line in where] == [*iteration, *iteration, ("top.job", 9)]
+
+
+def test_the_last_line_of_a_file_is_its_own(folder: Path) -> None:
+    """Two files one after the other, of which the first ends with a segment, without a line end."""
+    write(folder / "a.job", "LINE X 5")
+    write(folder / "b.job", "LINE X 10\n")
+    loaded = examine_file(
+        write(folder / "top.job", HEAD + 'LASER ON\nINCLUDE "a.job"\nINCLUDE "b.job"\nLASER OFF\n'), None
+    )
+    assert loaded.diagnostics == ()
+    stream = stream_in(loaded)
+    assert stream is not None
+    trace, _ = simulate_stream(stream, loaded.machine)
+    assert trace is not None
+    report = make_report(trace, loaded.machine, loaded.files)
+    names = [Path(report.notes["files"][file]).name for file in report.columns["file"].tolist()]
+    assert list(zip(names, report.columns["line"].tolist(), strict=True)) == [("a.job", 1), ("b.job", 1)]
 
 
 @pytest.mark.parametrize(("first", "second"), [("a1", "a01"), ("a1.5", "a1.50"), ("p 007", "p 7")])
-def test_digits_of_a_name_are_no_numbers(folder: Path, first: str, second: str) -> None:
+def test_digits_of_a_name_are_not_numbers(folder: Path, first: str, second: str) -> None:
     """Names whose digits have one value are two files."""
     write(folder / f"{first}.job", "DWELL 1\n")
     write(folder / f"{second}.job", "DWELL 2\n")

@@ -37,9 +37,9 @@ def test_energy_per_mm_is_constant(mode: int, follow: bool, shift: float) -> Non
         emits = found.emission_ms > 0
         assert found.power_min[emits] == pytest.approx(power, rel=1e-3)
         assert found.power_max[emits] == pytest.approx(power, rel=1e-3)
-        wanted = sum(m.rows[0].way.length / vel - shift / 1000 for m in case.plan.marks) * power
+        expected = sum(m.rows[0].way.length / vel - shift / 1000 for m in case.plan.marks) * power
         slack = len(case.plan.marks) * 2 * BEAM / vel * power
-        assert found.power_ms.sum() == pytest.approx(wanted, abs=slack)
+        assert found.power_ms.sum() == pytest.approx(expected, abs=slack)
 
 
 @pytest.mark.parametrize("vel", [200.0, 1000.0])
@@ -83,7 +83,7 @@ _PATHS = {
 @pytest.mark.parametrize("mode", [1, 2, 3])
 @pytest.mark.parametrize("path", _PATHS)
 def test_marks_have_even_power_and_exact_ends(path: str, mode: int, power: str) -> None:
-    """With the pure delay for which TIMELAG stands: ends within a pulse, 50 % at 800 mm/s everywhere, none outside."""
+    """With a pure delay of TIMELAG: ends within a pulse, 50 % at 800 mm/s everywhere, none outside."""
     lines, count = _PATHS[path]
     found = run_job(
         f"LASER MODE DUTY CARRIER 10\n{power}\nVEL 800\nACC 500000\n"

@@ -56,7 +56,7 @@ def test_each_iteration_of_a_loop_is_a_mark_of_its_own() -> None:
 
 @pytest.mark.parametrize("radius", [0.5, 2.0])
 def test_chords_of_an_arc_are_slowed_as_the_arc_is(radius: float) -> None:
-    """v^2/r stays within the machine's acceleration at the narrowest place, where X has the finer pulses."""
+    """v^2/r stays within the machine's acceleration at the narrowest point, where X has the finer pulses."""
     machine = replace(MACHINE, pulses_per_mm=(1000.0, 800.0))
     text = HEAD_MM.replace("1000\n", "9000\n").replace("1000000", "5000000") + "SKYWRITE MODE 2 TIMELAG 250us\n"
     found = run_job(f"{text}JUMP X 20\nLASER ON\nARC CCW I {radius} J 0\nLASER OFF\nJUMP X 0\n", machine).report.marks

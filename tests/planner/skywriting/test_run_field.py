@@ -14,7 +14,6 @@ from support.tools import MACHINE, job_of
 from gusjob.controllers.gus.lower import compile_job
 
 
-# Faults.
 @pytest.mark.parametrize(
     ("at", "to", "what", "axis", "over"),
     [

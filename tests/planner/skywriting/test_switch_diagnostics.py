@@ -32,7 +32,7 @@ def test_how_much_slower_a_mark_may_end(length: float, slow: list[tuple[str, flo
 
 @pytest.mark.parametrize("other", [0, 1])
 def test_switching_at_a_flat_corner_is_no_mark_without_emission(other: int) -> None:
-    """Off and on at one point, of one channel or of two, is no mark without light."""
+    """Off and on at one point, of one channel or of two, is no mark without emission."""
     text = HEAD_MM + f"LASER MODE DUTY CARRIER 10 CHANNEL {other}\nLASER POWER 50 CHANNEL {other}\n"
     text += "SKYWRITE MODE 3 TIMELAG 250us\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
     text += f"LASER ON CHANNEL {other}\nLINE X 20\nLASER OFF CHANNEL {other}\n"

@@ -34,6 +34,11 @@ class Library:
     functions: dict[str, Callable[..., int]]
     handle: Any
 
+    @property
+    def abi_title(self) -> str:
+        """A phrase that describes the ABI."""
+        return ABI_PROFILES[self.abi].title
+
 
 def load_library(path: str, abi: Abi, card: int, needed: Iterable[str]) -> tuple[Library | None, list[Diagnostic]]:
     """Load a library with the calls that are needed. Loading it makes no call.

@@ -331,10 +331,10 @@
   }
 
   // "Equal" means an equal displayed text: a user can't type a float32.
-  function sameFigure(column, value, wanted) {
-    if (column.whole) return value === wanted;
-    if (Math.abs(value - wanted) > 1e-2 * Math.abs(wanted)) return false;
-    return figure(value) === figure(wanted);
+  function sameFigure(column, value, target) {
+    if (column.whole) return value === target;
+    if (Math.abs(value - target) > 1e-2 * Math.abs(target)) return false;
+    return figure(value) === figure(target);
   }
 
   function numberTest(column, one) {
@@ -355,10 +355,10 @@
   }
 
   function wordTest(column, one) {
-    const wanted = (one.filter || "").toLowerCase();
+    const target = (one.filter || "").toLowerCase();
     const fits = {
-      contains: (w) => w.includes(wanted), notContains: (w) => !w.includes(wanted), equals: (w) => w === wanted,
-      notEqual: (w) => w !== wanted, startsWith: (w) => w.startsWith(wanted), endsWith: (w) => w.endsWith(wanted),
+      contains: (w) => w.includes(target), notContains: (w) => !w.includes(target), equals: (w) => w === target,
+      notEqual: (w) => w !== target, startsWith: (w) => w.startsWith(target), endsWith: (w) => w.endsWith(target),
       blank: (w) => !w, notBlank: (w) => !!w,
     }[one.type] || (() => true);
     const known = (column.shown || column.words).map((word) => fits(word.toLowerCase()));

@@ -98,17 +98,17 @@
 
   // Selects the first segment of a line, else of the next line that has one. In a loop: the next one after the selected.
   function toLine() {
-    const wanted = Number(byId("line").value);
+    const target = Number(byId("line").value);
     const lines = gusjob.rows.line.values;
     let best = -1;
     const from = gusjob.selected === null ? 0 : gusjob.selected + 1;
     for (let n = 0; n < lines.length; n++) {
       const i = (from + n) % lines.length;
-      if (lines[i] === wanted) { best = i; break; }
-      if (lines[i] > wanted && (best < 0 || lines[i] < lines[best] || (lines[i] === lines[best] && i < best))) best = i;
+      if (lines[i] === target) { best = i; break; }
+      if (lines[i] > target && (best < 0 || lines[i] < lines[best] || (lines[i] === lines[best] && i < best))) best = i;
     }
-    byId("line-none").textContent = best < 0 ? localized("page", "no-line", { line: wanted })
-      : lines[best] === wanted ? "" : localized("page", "next-line", { line: wanted, next: lines[best] });
+    byId("line-none").textContent = best < 0 ? localized("page", "no-line", { line: target })
+      : lines[best] === target ? "" : localized("page", "next-line", { line: target, next: lines[best] });
     if (best >= 0) select(best, "line");
   }
 

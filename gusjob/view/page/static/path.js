@@ -197,9 +197,9 @@
 
   function hover(map, host) {
     const tip = window.L.tooltip({ direction: "top", offset: [0, -6], opacity: 1, className: "tip" });
-    let last = null, asked = false;
+    let last = null, scheduled = false;
     const look = () => {
-      asked = false;
+      scheduled = false;
       const i = last ? pick(last) : -1;
       host.classList.toggle("over-stroke", i >= 0);
       if (i < 0) return void map.closeTooltip(tip);
@@ -209,8 +209,8 @@
     };
     const ask = (latlng) => {
       last = latlng;
-      if (!asked) requestAnimationFrame(look);
-      asked = true;
+      if (!scheduled) requestAnimationFrame(look);
+      scheduled = true;
     };
     map.on("mousemove", (event) => ask(event.latlng));
     map.on("mouseout movestart zoomstart", () => ask(null));
@@ -271,9 +271,9 @@
   function drawScale() {
     const map = view.map, bar = document.getElementById("scale-bar");
     const perMm = map.options.crs.scale(map.getZoom());
-    const wanted = 110 / perMm;
-    const ten = Math.pow(10, Math.floor(Math.log10(wanted)));
-    const mm = [5, 2, 1].map((n) => n * ten).find((n) => n <= wanted);
+    const target = 110 / perMm;
+    const ten = Math.pow(10, Math.floor(Math.log10(target)));
+    const mm = [5, 2, 1].map((n) => n * ten).find((n) => n <= target);
     bar.style.width = `${mm * perMm}px`;
     bar.textContent = mm >= 0.1 ? `${figure(mm)} mm` : mm >= 1e-4 ? `${figure(mm * 1e3)} um` : `${figure(mm * 1e6)} nm`;
   }

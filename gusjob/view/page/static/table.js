@@ -54,7 +54,7 @@
         const rows = Array.from(grid.order.subarray(request.startRow, request.endRow), (row) => ({ row }));
         request.successCallback(rows, grid.order.length);
         // These rows get their data later; with a new order the selected row has moved.
-        if (grid.wanted !== null) setTimeout(() => (fresh ? show(grid.wanted, "order") : markChosen(grid)), 0);
+        if (grid.targetRow !== null) setTimeout(() => (fresh ? show(grid.targetRow, "order") : markChosen(grid)), 0);
       },
     };
   }
@@ -90,7 +90,7 @@
     const host = document.getElementById(`${name}-grid`);
     const columns = gusjob.columnsOf(table);
     const first = Object.values(gusjob.tables[table])[0];
-    const grid = { name, columns, count: first ? first.values.length : 0, order: null, wanted: null, moving: false };
+    const grid = { name, columns, count: first ? first.values.length : 0, order: null, targetRow: null, moving: false };
     grids[name] = grid;
     grid.api = window.agGrid.createGrid(host, optionsOf(grid, focused));
     document.getElementById(`${name}-csv`).addEventListener("click", () => save(grid));
@@ -109,7 +109,7 @@
   }
 
   function markChosen(grid) {
-    const node = grid.api.getRowNode(String(grid.wanted));
+    const node = grid.api.getRowNode(String(grid.targetRow));
     if (!node) return;
     node.setSelected(true, true);
   }
@@ -118,7 +118,7 @@
   function show(row, source) {
     const grid = grids.segments;
     if (!grid) return;
-    grid.wanted = row;
+    grid.targetRow = row;
     if (!grid.order) return; // The grid has not requested rows yet; it shows this row when it does.
     grid.api.deselectAll();
     if (row === null) return;

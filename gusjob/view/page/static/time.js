@@ -110,15 +110,15 @@
     document.getElementById("time-range").textContent = localized("time", "range", range);
   }
 
-  let asked = false;
+  let scheduled = false;
   function zoomTo(from, to) {
     const least = Math.max(view.end * 1e-9, 1e-5);
     const long = clamp(to - from, least, view.end);
     view.from = clamp(from, 0, view.end - long);
     view.to = view.from + long;
-    if (asked) return;
-    asked = true;
-    requestAnimationFrame(() => { asked = false; refresh(); });
+    if (scheduled) return;
+    scheduled = true;
+    requestAnimationFrame(() => { scheduled = false; refresh(); });
   }
 
   const reset = () => zoomTo(0, view.end);

@@ -1,0 +1,133 @@
+"""GJ5: motion: velocities, accelerations, arcs, the field."""
+
+from __future__ import annotations
+
+from gusjob.diagnostics.rules.examples import HEAD, LASER_ON
+from gusjob.diagnostics.rules.registry import ERROR, WARNING, rule, variant
+
+NO_VELOCITY = rule(
+    "GJ501",
+    ERROR,
+    title="no velocity",
+    text="{word} needs a velocity: write VEL before it",
+    why="No velocity is right for every laser and material.",
+    bad="ACC 5000\nLINE X 1\n",
+    good="ACC 5000\nVEL 100\nLINE X 1\n",
+)
+NO_ACCELERATION = rule(
+    "GJ502",
+    ERROR,
+    title="no acceleration",
+    text="{word} needs an acceleration: write ACC before it",
+    why="Only the machine builder knows how hard the mirrors may be driven.",
+    bad="VEL 100\nLINE X 1\n",
+    good="VEL 100\nACC 5000\nLINE X 1\n",
+)
+OUTSIDE_FIELD = rule(
+    "GJ503",
+    ERROR,
+    title="outside the field",
+    text="{axis} {value} mm is outside the machine's field {low}..{high} mm{hint}",
+    why="Outside the field the beam is clipped or hits something else. Arcs are checked with their whole curve.",
+    bad=HEAD + "LINE X 200\n",
+    good=HEAD + "LINE X 100\n",
+)
+TOO_FAST = rule(
+    "GJ504",
+    ERROR,
+    title="too fast",
+    text="{what} {value} {unit} is above the machine's limit of {limit} {unit}",
+    why="Mirrors that can't follow leave the path.",
+    bad="VEL 20m/s\n",
+    good="VEL 2m/s\n",
+)
+BAD_ARC = rule(
+    "GJ505",
+    ERROR,
+    title="impossible arc",
+    text="{reason}",
+    why="Start, end and centre are not on one circle: the controller would jump or refuse.",
+    bad=HEAD + "ARC CW X 10 Y 0 I 3 J 0\n",
+    good=HEAD + "ARC CW X 10 Y 0 I 5 J 0\n",
+)
+ARC_RADII_DIFFER = variant(
+    BAD_ARC,
+    text="the end is {end} mm from the centre, the start {start} mm: the difference must be at most {limit} mm",
+)
+ARC_RADIUS_TOO_SMALL = variant(
+    BAD_ARC,
+    text="the radius {value} mm is too small: the end is {chord} mm away, R must be at least {least} mm",
+)
+END_UNREACHABLE = rule(
+    "GJ506",
+    ERROR,
+    title="END can't be reached",
+    text="END {value} {speed} can't be reached: length and acceleration of this and the next segments allow at most "
+    "{high} {speed}",
+    why="The controller would stop abruptly or leave the path.",
+    bad=HEAD + "LINE X 0.001 END 100\nLINE X 10\n",
+    good=HEAD + "LINE X 5 END 100\nLINE X 10\n",
+)
+END_ABOVE_VEL = rule(
+    "GJ507",
+    ERROR,
+    title="END above VEL",
+    text="END {value} {speed} is above this segment's VEL {velocity} {speed}",
+    why="A segment can't end faster than its own velocity.",
+    bad=HEAD + "LINE X 5 END 200\nLINE X 10\n",
+    good=HEAD + "LINE X 5 END 100\nLINE X 10\n",
+)
+ARC_TOO_FAST = rule(
+    "GJ508",
+    WARNING,
+    title="arc too fast",
+    text="VEL {velocity} {speed} on a radius of {radius} {length} needs {value} {acceleration}, above the machine's "
+    "limit of {limit} {acceleration}: the planner reduces the velocity",
+    why="On a small circle the mirrors need more acceleration than the machine has.",
+    bad="VEL 5000\nACC 100000\nARC CW I 1 J 0\n",
+    good="VEL 500\nACC 100000\nARC CW I 1 J 0\n",
+)
+FOLLOW_UNEQUAL_AXES = rule(
+    "GJ509",
+    ERROR,
+    title="velocity follow in mm with unequal axes",
+    text="velocity follow in mm needs the same pulses per mm on X and Y; write it under UNITS PULSE",
+    why="The controller follows the velocity in pulses, which is another velocity in mm for each direction.",
+    section="四.2",
+)
+END_AT_STOP = rule(
+    "GJ510",
+    WARNING,
+    title="END before a stop",
+    text="the motion stops after this segment, abruptly from END {value} {speed}",
+    why="The axes stop abruptly, and the mirrors overshoot.",
+    bad=HEAD + "LINE X 5 END 50\n",
+    good=HEAD + "LINE X 5 END 50\nLINE X 10\n",
+)
+MARK_WITHOUT_LENGTH = rule(
+    "GJ513",
+    WARNING,
+    title="mark without length",
+    text="this {word} ends where it starts, with the laser on",
+    why="It marks nothing, or burns a point. Often a coordinate is missing or repeated.",
+    bad=LASER_ON + "LINE X 5\nLINE X 5\nLASER OFF\n",
+    good=LASER_ON + "LINE X 5\nLINE X 6\nLASER OFF\n",
+)
+CORNER_TOO_FAST = rule(
+    "GJ514",
+    WARNING,
+    title="corner too fast",
+    text="END takes the corner after this segment at {value} {speed}: the velocity vector changes by {jump} {speed}, "
+    "more than the {limit} {speed} that look-ahead allows (TIME x ACC)",
+    why="The mirrors overshoot at the corner.",
+    bad=HEAD + "LINE X 5 END 100\nLINE Y 5\n",
+    good=HEAD + "LINE X 5\nLINE Y 5\n",
+)
+FIFO_MAY_RUN_EMPTY = rule(
+    "GJ515",
+    WARNING,
+    title="FIFO may run empty",
+    text="the segments of the {calls} calls up to here are too short: a host that sends {rate} calls/s (machine "
+    "profile) can't keep the FIFO of {slots} slots filled",
+    why="A FIFO that runs empty stops the motion in the middle of a mark.",
+)

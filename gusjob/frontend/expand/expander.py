@@ -1,0 +1,345 @@
+"""Run a program: loops, conditions, routines and frames become rows.
+
+Where no iteration of a loop depends on another, all iterations run at once: a name then has one value for each of them,
+a lane. So the cost of a statement is that of its arrays, not of its iterations. Loops that carry a value from one
+iteration to the next run one by one; what they make is noted and turned into rows together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from gusjob.config.machine import Machine
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.frontend.expand.evaluator import Evaluator, Site
+from gusjob.frontend.expand.expanded_job import ExpandedJob
+from gusjob.frontend.expand.lanes import Lanes, Scope, any_lane
+from gusjob.frontend.expand.ledger import MAX_STEPS, Ledger, LimitReached
+from gusjob.frontend.expand.loop_range import LoopRange, loop_range
+from gusjob.frontend.expand.program import (
+    Block,
+    Branch,
+    ComputedStatements,
+    Frame,
+    IncludedFile,
+    Item,
+    Let,
+    Loop,
+    Program,
+    StatementRun,
+    split_constants,
+)
+from gusjob.frontend.expand.row_writer import ExpandedRun, LaneRows, Output, RowWriter, merge_lanes
+from gusjob.frontend.parse.operators import TRUTH
+from gusjob.frontend.parse.statement import RowOp
+from gusjob.kinematics.arrays import Floats, Ints
+
+_CALL_STEPS = 40
+_LOOP_STEPS = 100
+_ONE_LANE_STEPS = 2
+_MANY_LANES_STEPS = 30
+_FEW_ITERATIONS = 4
+"""So few iterations are faster one by one."""
+
+
+def expand(program: Program, name: str, machine: Machine) -> tuple[ExpandedJob, list[Diagnostic]]:
+    """Run a program; `name` is that of the job."""
+    ledger = Ledger(sources=program.sources, machine=machine)
+    expander = _Expander(
+        program=program,
+        ledger=ledger,
+        evaluator=Evaluator(ledger=ledger, unset=set(program.unread_names)),
+        writer=RowWriter(setups=list(program.setups)),
+    )
+    names = Scope({}, {})
+    output: Output = []
+    with np.errstate(all="ignore"):
+        try:
+            expander.block(program.block, Lanes(count=1, scope=names, top=names), output)
+        except LimitReached:
+            output = []
+        done = expander.writer.collect(output, 1)
+    expanded = ExpandedJob(
+        name=name,
+        rows=done.rows,
+        setups=tuple(expander.writer.setups),
+        sources=program.sources,
+        frame_parent=np.concatenate([np.zeros(1, dtype=np.int64), *expander.frame_parents]),
+        provenance=ledger.provenance,
+        lets=program.lets,
+    )
+    return expanded, ledger.diagnostics()
+
+
+@dataclass(slots=True)
+class _Expander:
+    program: Program
+    ledger: Ledger
+    evaluator: Evaluator
+    writer: RowWriter
+    frame_parents: list[Ints] = field(default_factory=list)
+    frames: int = 1
+
+    # Blocks.
+
+    def block(self, block: Block, lanes: Lanes, output: Output) -> None:
+        """Run the items of a block in their order."""
+        lanes.depth += 1
+        if block:
+            self.ledger.check_depth(block[0], lanes)
+        for item in block:
+            self.item(item, lanes, output)
+        lanes.depth -= 1
+
+    def item(self, item: Item, lanes: Lanes, output: Output) -> None:
+        """Run one item."""
+        match item:
+            case StatementRun():
+                self.run(item, lanes, output)
+            case Let():
+                self.let(item, lanes)
+            case Loop():
+                self.loop(item, lanes, output)
+            case Branch():
+                self.branch(item, lanes, output)
+            case Frame():
+                self.frame(item, lanes, output)
+            case IncludedFile():
+                self.included(item, lanes, output)
+
+    def count_item(self, line: int, lanes: Lanes) -> None:
+        """Count the work of one item."""
+        steps = _ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
+        self.ledger.count_steps(steps, line, lanes.provenance)
+
+    def let(self, item: Let, lanes: Lanes) -> None:
+        """Set a name."""
+        self.count_item(item.line, lanes)
+        site = Site(lanes, item.line, "#0")
+        value, kind = self.evaluator.named_number(item.expression, item.constants, site, "LET", item.name)
+        lanes.scope.set(item.name, value, kind)
+
+    def included(self, item: IncludedFile, lanes: Lanes, output: Output) -> None:
+        """Run an included file."""
+        before = lanes.provenance
+        first = self.ledger.provenance.add(item.line, (), before, (), kind="include", count=lanes.count)
+        lanes.provenance = lanes.numbered(first)
+        self.ledger.count_steps(_ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS, item.line, before)
+        self.block(item.body, lanes, output)
+        lanes.provenance = before
+
+    def branch(self, item: Branch, lanes: Lanes, output: Output) -> None:
+        """Run an IF."""
+        self.count_item(item.line, lanes)
+        site = Site(lanes, item.line, "#0")
+        truth, kind = self.evaluator.number(item.condition, item.constants, site)
+        if kind[0] != TRUTH:
+            if not np.all(np.isnan(truth)):
+                self.evaluator.report(rules.NOT_A_CONDITION, site)
+            return
+        for block, holds in ((item.then, truth == 1), (item.otherwise, truth == 0)):
+            if not any_lane(holds):
+                continue
+            if not any_lane(~holds):
+                self.block(block, lanes, output)
+            else:
+                which = np.flatnonzero(holds)
+                part = lanes.take(which)
+                rows = self.block_of_part(block, part)
+                self.bring_back(part, lanes, which, np.arange(len(which)))
+                output.append(LaneRows(rows.rows, which[rows.lane]))
+
+    def block_of_part(self, block: Block, part: Lanes) -> LaneRows:
+        """Run a block in lanes of its own."""
+        output: Output = []
+        self.block(block, part, output)
+        return self.writer.collect(output, part.count)
+
+    def bring_back(self, part: Lanes, lanes: Lanes, to: Ints, source: Ints) -> None:
+        """Take over names that were set in other lanes: lane `source` of `part` gives lane `to` its value."""
+        for name, value in part.scope.values.items():
+            old = lanes.scope.values.get(name)
+            if old is None:  # A name that a routine has not set is the job's.
+                old = lanes.top.values.get(name)
+            if (
+                old is not None
+                and not isinstance(value, np.ndarray)
+                and not isinstance(old, np.ndarray)
+                and (value == old or (math.isnan(value) and math.isnan(old)))
+            ):
+                continue
+            start: Any = np.nan if old is None else old
+            fresh = np.array(np.broadcast_to(start, lanes.count), dtype=np.float64)
+            fresh[to] = value[source] if isinstance(value, np.ndarray) else value
+            lanes.scope.set(name, fresh if lanes.count > 1 else fresh[0], part.scope.types[name])
+
+    # Loops.
+
+    def loop(self, item: Loop, lanes: Lanes, output: Output) -> None:
+        """Run REPEAT or FOR."""
+        span = loop_range(item, self.evaluator, lanes)
+        if not any_lane(span.count > 0):
+            return
+        hidden = None
+        if item.variable in lanes.scope.values:
+            hidden = (lanes.scope.values[item.variable], lanes.scope.types[item.variable])
+        if id(item) in self.program.sequential_loops:
+            self.one_iteration_at_a_time(item, lanes, output, span)
+        elif lanes.count == 1 and span.count <= _FEW_ITERATIONS:
+            self.in_one_lane(item, lanes, output, span)
+        else:
+            self.at_once(item, lanes, output, span)
+        lanes.scope.pop(item.variable)
+        if hidden is not None:
+            lanes.scope.set(item.variable, *hidden)
+
+    def in_one_lane(self, item: Loop, lanes: Lanes, output: Output, span: LoopRange) -> None:
+        """Run the iterations of the only lane one after the other."""
+        before = lanes.provenance
+        names = (item.variable or "round",)
+        for number in range(int(span.count)):
+            self.ledger.count_steps(1, item.line, before)
+            value = span.start + number * span.step
+            shown = (value if item.variable else number + 1,)
+            lanes.provenance = self.ledger.provenance.add(item.line, names, before, shown, kind=item.step_kind, count=1)
+            if item.variable:
+                lanes.scope.set(item.variable, value, span.kind)
+            self.block(item.body, lanes, output)
+        lanes.provenance = before
+
+    def one_iteration_at_a_time(self, item: Loop, lanes: Lanes, output: Output, span: LoopRange) -> None:
+        """Run a sequential loop: iteration by iteration, all lanes together."""
+        if lanes.count == 1:
+            if span.count > MAX_STEPS:
+                self.ledger.count_steps(MAX_STEPS + 1, item.line, lanes.provenance)
+            self.in_one_lane(item, lanes, output, span)
+            return
+        starts, steps, counts = span.by_lane(lanes.count)
+        number = 0
+        while len(active := np.flatnonzero(counts > number)):
+            self.ledger.count_steps(_MANY_LANES_STEPS, item.line, lanes.provenance)
+            part = lanes.take(active)
+            values = starts[active] + number * steps[active]
+            self.enter_iterations(item, part, values, np.full(len(active), number), span)
+            rows = self.block_of_part(item.body, part)
+            self.bring_back(part, lanes, active, np.arange(len(active)))
+            output.append(LaneRows(rows.rows, active[rows.lane]))
+            number += 1
+
+    def at_once(self, item: Loop, lanes: Lanes, output: Output, span: LoopRange) -> None:
+        """Run all iterations of all lanes together."""
+        starts, steps, float_counts = span.by_lane(lanes.count)
+        self.ledger.count_iterations(float(np.sum(float_counts)), item.line, lanes.provenance)
+        self.ledger.count_steps(_LOOP_STEPS, item.line, lanes.provenance)
+        counts = float_counts.astype(np.int64)
+        outer = np.repeat(np.arange(lanes.count), counts)
+        ends = np.cumsum(counts)
+        number = np.arange(len(outer)) - (ends - counts)[outer]
+        part = lanes.take(outer)
+        self.enter_iterations(item, part, starts[outer] + number * steps[outer], number, span)
+        rows = self.block_of_part(item.body, part)
+        part.scope.values.pop(item.variable, None)
+        entered = np.flatnonzero(counts > 0)
+        self.bring_back(part, lanes, entered, ends[entered] - 1)
+        output.append(LaneRows(rows.rows, outer[rows.lane]))
+
+    def enter_iterations(self, item: Loop, part: Lanes, values: Floats, number: Ints, span: LoopRange) -> None:
+        """Set the loop's variable and the provenance of many iterations. `number`: of each, from 0."""
+        names = (item.variable or "round",)
+        shown = values if item.variable else number + 1.0
+        first = self.ledger.provenance.add(
+            item.line, names, part.provenance, (shown,), kind=item.step_kind, count=part.count
+        )
+        part.provenance = part.numbered(first)
+        if item.variable:
+            part.scope.set(item.variable, values if part.count > 1 else values[0], span.kind)
+
+    # Routines and frames.
+
+    def call(self, call: ComputedStatements, lanes: Lanes, output: Output) -> None:
+        """Run a CALL, once in each lane."""
+        statement = call.statement
+        routine = self.program.routines.get(statement.names[0])
+        if routine is None or len(routine.parameters) != len(statement.arguments):
+            return
+        steps = _CALL_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
+        self.ledger.count_steps(steps, call.line, lanes.provenance)
+        scope = Scope({}, {})
+        constants = split_constants(call.constants, statement.arguments)
+        arguments = zip(routine.parameters, statement.arguments, constants, strict=True)
+        for number, (name, argument, own) in enumerate(arguments):
+            site = Site(lanes, call.line, f"#{number}")
+            scope.set(name, *self.evaluator.named_number(argument, own, site, "CALL", name))
+        first = self.ledger.provenance.add(
+            call.line,
+            routine.parameters,
+            lanes.provenance,
+            tuple(scope.values.values()),
+            kind="call",
+            count=lanes.count,
+        )
+        inside = replace(lanes, scope=scope, provenance=lanes.numbered(first))
+        self.block(routine.body, inside, output)
+
+    def frame(self, item: Frame, lanes: Lanes, output: Output) -> None:
+        """Run a FRAME: its own row and those inside have its number."""
+        before = lanes.frame
+        self.frame_parents.append(np.array(np.broadcast_to(np.asarray(before, dtype=np.int64), lanes.count)))
+        lanes.frame = lanes.numbered(self.frames)
+        self.frames += lanes.count
+        self.run(item.head, lanes, output)
+        self.block(item.body, lanes, output)
+        lanes.frame = before
+
+    # Runs of statements.
+
+    def run(self, run: StatementRun, lanes: Lanes, output: Output) -> None:
+        """Run consecutive statements: compute the numbers of those with expressions."""
+        self.count_item(run.line, lanes)
+        if len(run.rows.op) == 1 and run.calls:
+            self.call(run.calls[0], lanes, output)
+            return
+        self.ledger.count_statements(run, lanes)
+        numbers: list[Any] = []
+        systems: list[int] = []
+        for computed in run.computed:
+            for slot in computed.slots:
+                constants = computed.constants[slot.constants : slot.constants + len(slot.expression.constants)]
+                site = Site(lanes, computed.line, slot.word)
+                found, kind = self.evaluator.number(slot.expression, constants, site, len(computed.at))
+                value, system = self.evaluator.fitted(found, kind, slot, lanes, computed)
+                numbers.append(value)
+                systems.append(system)
+        expanded = ExpandedRun(run, tuple(numbers), tuple(systems), lanes.provenance, lanes.frame)
+        if run.calls:
+            self.with_calls(expanded, lanes, output)
+        elif lanes.count == 1:
+            output.append(expanded)
+        else:
+            output.append(self.writer.rows_of(expanded, lanes.count))
+
+    def with_calls(self, expanded: ExpandedRun, lanes: Lanes, output: Output) -> None:
+        """Add a run with many CALLs: each of its rows in each lane is a lane, and all CALLs of a shape run at once."""
+        run = expanded.run
+        rows = len(run.rows.op)
+        plain = self.writer.rows_of(expanded, lanes.count, lane_is_place=True)
+        kept = plain.rows.op != RowOp.CALL
+        parts = [LaneRows(plain.rows.pick(kept), plain.lane[kept])]
+        for call in run.calls:
+            outer = np.repeat(np.arange(lanes.count), len(call.at))
+            part = lanes.take(outer)
+            constants = tuple(
+                np.tile(c, lanes.count) if isinstance(c, np.ndarray) and lanes.count > 1 else c for c in call.constants
+            )
+            called: Output = []
+            self.call(replace(call, constants=constants), part, called)
+            done = self.writer.collect(called, part.count)
+            place = outer * rows + np.tile(call.at, lanes.count)
+            parts.append(LaneRows(done.rows, place[done.lane]))
+        together = merge_lanes(parts)
+        output.append(LaneRows(together.rows, together.lane // rows))

@@ -1,0 +1,104 @@
+"""Why a line can't be parsed, in terms of the user's text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+
+from gusjob.frontend.parse.grammar import parser
+from gusjob.i18n.phrases import Phrase, any_of, did_you_mean
+
+END_OF_LINE = Phrase("the end of the line")
+_LOGICAL = {"AND", "OR", "NOT"}
+_WORD = re.compile(r"[A-Za-z_]\w*|\S")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Misread:
+    """What was found instead of what.
+
+    Attributes:
+        found: The text, in quotes.
+        column: Where it begins, from 1.
+        end_column: The column after it.
+        expected: What the grammar accepts there, as the user calls it.
+        near: The accepted keyword that `found` resembles; '' if there is none.
+    """
+
+    found: str
+    column: int
+    end_column: int
+    expected: tuple[str, ...]
+    near: str
+
+    @property
+    def expectation(self) -> str:
+        """'expected X, Y or the end of the line'."""
+        if not self.expected:
+            return Phrase("nothing is allowed here")
+        return Phrase("expected {words}", words=any_of(self.expected))
+
+    @property
+    def hint(self) -> str:
+        """'; did you mean LINE?' where a word resembles one that the grammar accepts."""
+        return did_you_mean(self.near)
+
+
+def misread(error: UnexpectedInput, grammar: str, text: str, names: dict[str, str]) -> Misread:
+    """Explain an error of lark.
+
+    Args:
+        error: The error.
+        grammar: File name of the grammar.
+        text: The line that was parsed.
+        names: Readable names of terminals that are not keywords.
+    """
+    accepted: Sequence[str] = ()
+    if isinstance(error, UnexpectedToken):
+        accepted = sorted(error.accepts or error.expected)
+        if error.token.type == "$END":
+            column = len(text.rstrip()) + 1
+            return _misread(END_OF_LINE, column, column + 1, accepted, names)
+        start = error.token.column or 1
+        return _misread(str(error.token), start, start + len(error.token), accepted, names)
+    column = error.column if isinstance(error, UnexpectedCharacters) else 1
+    if isinstance(error, UnexpectedCharacters):
+        accepted = accepted_after(parser(grammar), text[: column - 1])
+    match = _WORD.match(text, column - 1)
+    word = match[0] if match else text[column - 1 : column]
+    return _misread(word, column, column + max(len(word), 1), accepted, names)
+
+
+def accepted_after(lark: Lark, text: str) -> Sequence[str]:
+    """The terminals that the parser accepts after `text`, where the lexer stopped."""
+    try:
+        interactive = lark.parse_interactive(text)
+        for _ in interactive.iter_parse():
+            pass
+        accepted: set[str] = interactive.accepts()  # type: ignore[no-untyped-call]  # lark's
+        return sorted(accepted)
+    except UnexpectedInput:
+        return ()
+
+
+def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: dict[str, str]) -> Misread:
+    keywords = [a for a in accepted if a not in names and not a.startswith("_") and a != "$END"]
+    readable = [*dict.fromkeys(names[a] for a in accepted if a in names), *keywords]
+    if len(readable) > len(keywords) + 1:  # Inside an expression much can follow: name what is likely.
+        readable = [word for word in readable if word not in _LOGICAL]
+    if "$END" in accepted:
+        readable.append(END_OF_LINE)
+    shown = f"'{found[:40]}'" if found is not END_OF_LINE else found
+    near = nearest(found.upper(), keywords)
+    return Misread(found=shown, column=start, end_column=end, expected=tuple(readable), near=near)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known word whose spelling is closest to this one; '' if none resembles it."""
+    from difflib import get_close_matches  # Diagnostics only: start-up time is part of the tool.
+
+    near = get_close_matches(word, list(known), 1, cutoff=0.6) if len(word) < 40 else []
+    return near[0] if near else ""

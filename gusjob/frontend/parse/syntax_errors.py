@@ -1,0 +1,66 @@
+"""What messages call the things of the language, and what to do about a line that can't be parsed."""
+
+from __future__ import annotations
+
+from lark import UnexpectedInput
+
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, Span
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR
+from gusjob.frontend.parse.misread import END_OF_LINE, Misread, misread
+from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.units import UNITS, QuantityKind
+
+COMPARISON_HINT = Phrase("; write a comparison with ==")
+EXPECTED_KIND = {
+    QuantityKind.LENGTH: Phrase("a length (um, mm, pulse)"),
+    QuantityKind.VELOCITY: Phrase("a velocity (mm/s, m/s, mm/min, pulse/ms)"),
+    QuantityKind.ACCELERATION: Phrase("an acceleration (mm/s2, m/s2, pulse/ms2)"),
+    QuantityKind.TIME: Phrase("a time (us, ms, s)"),
+    QuantityKind.FREQUENCY: Phrase("a frequency (Hz, kHz, MHz)"),
+    QuantityKind.SHARE: Phrase("a share (%)"),
+    QuantityKind.VOLTAGE: Phrase("a voltage (V, mV)"),
+    QuantityKind.ANGLE: Phrase("an angle (deg)"),
+    QuantityKind.PLAIN: Phrase("a plain number without unit"),
+    QuantityKind.POWER: Phrase("a power (%, kHz, V)"),
+}
+"""What a word takes, by the kind of its number."""
+_TERMINALS = {
+    **dict.fromkeys(("QUANTITY", "PLUS", "MINUS", "LPAR"), Phrase("a number")),
+    **dict.fromkeys(("STAR", "SLASH", "MODULO", "POWER_OF"), Phrase("an operator")),
+    **dict.fromkeys(("LT", "LE", "GT", "GE", "EQ", "NE"), Phrase("a comparison")),
+    "RPAR": "')'",
+    "COMMA": "','",
+    "NAME": Phrase("a name"),
+    "STRING": Phrase('a file in quotes, "setup.job"'),
+}
+
+
+def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
+    """The diagnostic of a line (without its comment) that can't be parsed."""
+    found = misread(error, JOB_GRAMMAR, text, _TERMINALS)
+    span = Span(line=line, column=found.column, end_line=line, end_column=found.end_column)
+    if not text[: found.column - 1].strip():
+        fields: dict[str, object] = {"found": found.found, "hint": found.hint}
+        return Diagnostic(rule=rules.UNKNOWN_STATEMENT, span=span, fields=fields)
+    fields = {"found": found.found, "expected": found.expectation, "hint": found.hint or _hint(text, found)}
+    return Diagnostic(rule=rules.UNEXPECTED, span=span, fields=fields)
+
+
+def _hint(text: str, misread: Misread) -> str:
+    """What was probably meant."""
+    if misread.found is END_OF_LINE:
+        return ""
+    found = misread.found.strip("'")
+    before = text[: misread.column - 1].split()
+    if found == "=" and before and before[0].upper() == "IF":
+        return COMPARISON_HINT
+    if found.lower() in UNITS and before and before[-1][-1:].isdigit():
+        return Phrase("; write the unit directly after its number: {glued}", glued=f"{before[-1]}{found}")
+    if before and before[0].upper() in ("ELSE", "END"):
+        return Phrase("; {word} must be alone on its line", word=before[0].upper())
+    if "a number" in misread.expected and (found[:1].isalpha() or found[:1] == "_"):
+        return Phrase("; put a name or an expression in parentheses: ({found})", found=found)
+    if found in ("*", "/", "%", "+", "-", "**") and before:
+        return Phrase("; put an expression in parentheses")
+    return ""

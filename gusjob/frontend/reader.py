@@ -1,0 +1,107 @@
+"""From text to Job or Stream, with all diagnostics of the text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from gusjob.config.machine import Machine
+from gusjob.diagnostics import model as d
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, has_errors
+from gusjob.frontend.expand.expanded_job import ExpandedJob
+from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
+from gusjob.frontend.parse.keyword_case import lower_case_note
+from gusjob.frontend.resolve.resolver import resolve
+from gusjob.frontend.source import Source
+from gusjob.i18n.phrases import Phrase
+from gusjob.ir.job import Job
+
+if TYPE_CHECKING:
+    from gusjob.controllers.gus.calls import Stream
+
+_JOB_SUFFIXES = {".job"}
+_LISTING_SUFFIXES = {".gts", ".c", ".cc", ".cpp", ".h"}
+
+
+def is_listing(source: Source) -> bool:
+    """Whether a text is a listing of calls: by its file's suffix, else by its content."""
+    suffix = PurePath(source.name).suffix.lower()
+    if suffix in _JOB_SUFFIXES | _LISTING_SUFFIXES:
+        return suffix in _LISTING_SUFFIXES
+    from gusjob.frontend.listing.listing_reader import looks_like_listing
+
+    return looks_like_listing(source.data)
+
+
+def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
+    """Read a job text for a machine.
+
+    Args:
+        source: The text; its path says where files to include are.
+        machine: Gives pulses per mm, chord tolerance and limits of the expansion.
+
+    Returns:
+        The job, and all diagnostics of the text. With errors the job has only what could be read.
+    """
+    text = read_job_text(source)
+    found = list(text.diagnostics)
+    if text.is_plain:
+        expanded = ExpandedJob.of_plain(text)
+    else:
+        expanded, diagnostics = _expand(text, machine)
+        found += diagnostics
+    job, diagnostics = resolve(expanded, machine)
+    found += diagnostics
+    if text.diagnostics_not_listed:
+        found.append(more_diagnostics(text))
+    if text.has_lower_case and (note := lower_case_note(source.data, source.name)) is not None:
+        found.append(note)
+    if not len(expanded.rows.op) and not found:
+        found.append(Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": Phrase("statements")}))
+    return job, [_with_path(diagnostic, source.name) for diagnostic in found]
+
+
+def _expand(text: JobText, machine: Machine) -> tuple[ExpandedJob, list[Diagnostic]]:
+    """Expand a text with loops, names, routines, frames or includes."""
+    from gusjob.frontend.expand.expander import expand  # Start-up time is part of the tool.
+    from gusjob.frontend.expand.program_builder import build_program
+
+    program, of_program = build_program(text, machine)
+    expanded, of_expansion = expand(program, text.source.name, machine)
+    diagnostics = [*of_program, *of_expansion]
+    return replace(expanded, complete=not has_errors([*text.diagnostics, *diagnostics])), diagnostics
+
+
+def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
+    """Read the calls of a listing.
+
+    Returns:
+        The calls, and all diagnostics of the text. With errors the stream has only what could be read.
+    """
+    from gusjob.frontend.listing import listing_reader
+
+    stream, found = listing_reader.read_listing(source)
+    if not len(stream.buffered) and not stream.calls and not found:
+        found = [Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": Phrase("GT_ calls")})]
+    return stream, [_with_path(diagnostic, source.name) for diagnostic in found]
+
+
+def locate_calls(diagnostics: list[Diagnostic], source: Source) -> list[Diagnostic]:
+    """Give diagnostics that know only their line the span of the line's code."""
+    located = []
+    for diagnostic in diagnostics:
+        if diagnostic.span.end_column or diagnostic.rule is rules.NOT_LISTED:
+            located.append(diagnostic)
+            continue
+        line = diagnostic.span.line
+        code = source.line(line).split("//")[0]
+        start = len(code) - len(code.lstrip()) + 1
+        span = d.Span(line=line, column=start, end_line=line, end_column=max(len(code.rstrip()) + 1, start + 1))
+        located.append(replace(diagnostic, span=span))
+    return located
+
+
+def _with_path(diagnostic: Diagnostic, name: str) -> Diagnostic:
+    return diagnostic if diagnostic.path else replace(diagnostic, path=name)

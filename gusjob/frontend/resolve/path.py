@@ -1,0 +1,157 @@
+"""The path of a job: all path statements as columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.statement import RowOp
+from gusjob.frontend.resolve.columns import PATH_OP, ResolvedColumns
+from gusjob.frontend.resolve.frames import Frames, bent_arcs
+from gusjob.frontend.resolve.positions import positions
+from gusjob.frontend.resolve.speeds import velocity_and_acceleration
+from gusjob.ir.path import Path, with_chords
+from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
+from gusjob.kinematics.geometry import CLOSES_MM
+
+
+@dataclass(frozen=True, slots=True)
+class OpenArc:
+    """An arc in a turned frame that does not close: its row, and how far start and end are from the centre, mm."""
+
+    row: int
+    start_mm: float
+    end_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResolvedPath:
+    """The path, and how it follows from the rows.
+
+    Attributes:
+        path: The path.
+        count: For each row of the job how many statements of the path there are up to it, (n,).
+        first_row: Where arcs became lines: the path's row at which each of its statements begins.
+        open_arcs: Arcs that do not close.
+    """
+
+    path: Path
+    count: Indices
+    first_row: Indices | None
+    open_arcs: tuple[OpenArc, ...]
+
+    def path_row(self, rows: Indices | int) -> Any:
+        """How many rows of the path there are up to rows of the job."""
+        return self.count[rows] if self.first_row is None else self.first_row[self.count[rows]]
+
+
+def resolve_path(columns: ResolvedColumns, frames: Frames | None) -> ResolvedPath:
+    """Resolve all path statements. `frames`: None if the job has none."""
+    keep = columns.in_path
+    path = _path(columns, frames)
+    if frames is None or columns.machine.equal_axes:
+        return ResolvedPath(path, np.cumsum(keep), None, ())
+    path, first_row, open_arcs = _with_chords(columns, path, frames)
+    return ResolvedPath(path, np.cumsum(keep), first_row, open_arcs)
+
+
+def _path(columns: ResolvedColumns, frames: Frames | None) -> Path:
+    """The path with every arc as it is."""
+    op = columns.op
+    keep = columns.in_path
+    count = int(np.count_nonzero(keep))
+
+    def cut(column: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        # A column with one value for all rows has stride 0 and takes no memory; it stays so.
+        if len(column) and column.strides == (0,):
+            return np.broadcast_to(column[0], count)
+        return column if count == len(keep) else column[keep]
+
+    def of_op(wanted: RowOp) -> Floats:
+        """VALUE of the rows of one kind."""
+        is_op = op == wanted
+        return cut(np.where(is_op, columns.raw(Column.VALUE), np.nan) if is_op.any() else nothing)
+
+    nothing = np.broadcast_to(np.nan, len(op))
+    never = np.broadcast_to(np.False_, len(op))
+    has_arcs = bool(columns.is_arc.any())
+    unequal = not columns.machine.equal_axes
+    x, y = positions(columns, frames)
+    cx, cy, radius = _centres(columns, frames, x, y) if has_arcs else (nothing, nothing, nothing)
+    velocity, acceleration = velocity_and_acceleration(columns)
+    end, end_in_mm = columns.rate(Column.END, acceleration=False)
+    ratio, follow_in_mm = columns.follow_ratio()
+    is_ccw = (op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if has_arcs else never
+    return Path(
+        op=cut(PATH_OP[op]),
+        line=cut(columns.rows.line),
+        # A channel out of range is reported; here it is one that exists.
+        channel=np.asarray(np.clip(np.nan_to_num(cut(columns.channel())), 0, 1), dtype=np.int8),
+        ccw=cut(is_ccw),
+        arc_in_mm=cut(columns.arc_in_mm() if unequal else never),
+        x=cut(x),
+        y=cut(y),
+        cx=cut(cx),
+        cy=cut(cy),
+        radius=cut(radius),
+        vel=cut(velocity.value),
+        acc=cut(acceleration.value),
+        end=cut(end),
+        vel_line=cut(velocity.line),
+        acc_line=cut(acceleration.line),
+        vel_in_mm=cut(velocity.in_mm if unequal else never),
+        acc_in_mm=cut(acceleration.in_mm if unequal else never),
+        end_in_mm=cut(end_in_mm if unequal else never),
+        dwell_ms=of_op(RowOp.DWELL),
+        power=of_op(RowOp.POWER),
+        low=cut(columns.raw(Column.LOW)),
+        high=cut(columns.raw(Column.HIGH)),
+        ratio=cut(ratio),
+        follow_in_mm=cut(follow_in_mm if unequal else never),
+        power_unit=cut(columns.power_unit(Column.VALUE)),
+        low_unit=cut(columns.power_unit(Column.LOW)),
+        high_unit=cut(columns.power_unit(Column.HIGH)),
+        provenance=cut(columns.provenance()),
+    )
+
+
+def _centres(columns: ResolvedColumns, frames: Frames | None, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+    """Centre and radius of arcs, pulse. x, y: position after each row."""
+    i, j, radius = columns.length(Column.I, 0), columns.length(Column.J, 1), columns.length(Column.R, 0)
+    i, j = np.where(np.isnan(i), 0.0, i), np.where(np.isnan(j), 0.0, j)
+    if frames is not None:
+        frame = columns.frame()
+        i, j = frames.vectors_to_machine(frame, i, j)
+        radius = radius * frames.scale[frame]
+    return np.concatenate([[0.0], x[:-1]]) + i, np.concatenate([[0.0], y[:-1]]) + j, radius
+
+
+def _with_chords(
+    columns: ResolvedColumns, path: Path, frames: Frames
+) -> tuple[Path, Indices | None, tuple[OpenArc, ...]]:
+    """The path with arcs that a frame bends as chords.
+
+    Where the axes differ, arcs in pulses in a turned frame are ellipses. In the frame's own pulses they are circles;
+    only the frame's rotation and scale matter here, not its shift.
+    """
+    machine, frame = columns.machine, columns.frame()
+    turned = (frames.b[frame] != 0) | (frames.c[frame] != 0)
+    rows = np.flatnonzero(columns.is_arc & turned & ~columns.arc_in_mm())
+    if not len(rows):
+        return path, None, ()
+    at, own = (np.cumsum(columns.in_path) - 1)[rows], frame[rows]
+    arcs, end = bent_arcs(path, at, frames, own)
+    scale = frames.scale[own] / min(machine.pulses_per_mm)
+    start_mm, end_mm = arcs.radius * scale, end * scale
+    off = np.flatnonzero(np.abs(start_mm - end_mm) > CLOSES_MM)
+    _, first = np.unique(columns.rows.line[rows[off]], return_index=True)
+    open_arcs = tuple(OpenArc(int(rows[i]), float(start_mm[i]), float(end_mm[i])) for i in off[first].tolist())
+    counts = chord_counts(arcs.sweep, chord_angles(start_mm, machine.chord_tolerance_um / 1000))
+    x, y = chord_ends(arcs, counts)
+    longer, origin = with_chords(path, at, counts, *frames.vectors_to_machine(np.repeat(own, counts), x, y))
+    return longer, np.searchsorted(origin, np.arange(len(path) + 1), side="left"), open_arcs

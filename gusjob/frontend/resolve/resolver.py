@@ -1,0 +1,73 @@
+"""Assemble the Job from expanded statements, and report what only the whole job shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.ranges import CHANNEL
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, Rule
+from gusjob.frontend.expand.expanded_job import ExpandedJob
+from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.statement import RowOp
+from gusjob.frontend.resolve.columns import ResolvedColumns
+from gusjob.frontend.resolve.frames import frames_of
+from gusjob.frontend.resolve.path import ResolvedPath, resolve_path
+from gusjob.frontend.resolve.setups import resolve_setups
+from gusjob.frontend.resolve.speeds import written_speeds
+from gusjob.ir.job import Job
+from gusjob.kinematics.geometry import CLOSES_MM
+
+
+def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnostic]]:
+    """The job of expanded statements on a machine."""
+    columns = ResolvedColumns(expanded.rows, machine)
+    frames = frames_of(columns, expanded.frame_parent) if columns.has(Column.FRAME) else None
+    path = resolve_path(columns, frames)
+    sources, lets = expanded.sources, expanded.lets
+    job = Job(
+        name=expanded.name,
+        path=path.path,
+        speeds=written_speeds(columns, path.path_row),
+        setups=resolve_setups(columns, expanded.setups, path),
+        locate=sources.locate,
+        text_of=sources.text_of,
+        name_remarks=lambda line, word: sources.name_remarks(line, word, lets),
+        files=sources.files,
+        included=tuple((source.name, source.data) for source in sources.sources[1:]),
+        in_pulses=bool((columns.op == RowOp.UNITS_PULSE).any()),
+        complete=expanded.complete,
+        provenance=expanded.provenance,
+    )
+    return job, _diagnostics(job, columns, path)
+
+
+def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list[Diagnostic]:
+    """Channels that do not exist, frames without a size, arcs in frames that do not close."""
+    provenance = columns.provenance()
+    found = []
+
+    def report(rule: Rule, row: int, word: str, count: int, **fields: Any) -> None:
+        span, remarks = job.locate(int(columns.rows.line[row]), word), job.provenance_remarks(int(provenance[row]))
+        found.append(Diagnostic(rule=rule, span=span, fields=fields, count=count, remarks=remarks))
+
+    op, channel = columns.op, columns.channel()
+    written = op == RowOp.CHANNEL
+    if columns.has(Column.CHANNEL):
+        written = written | ~np.isnan(columns.raw(Column.CHANNEL))
+    bad = np.flatnonzero(written & ((CHANNEL.classify(channel) > 0) | ~CHANNEL.carries(channel)))
+    for row, count in columns.first_of_lines(bad):
+        word, value = "value" if op[row] == RowOp.CHANNEL else "CHANNEL", float(channel[row])
+        fields = {"what": "CHANNEL", "value": value, "unit": "", "range": str(CHANNEL), "hint": ""}
+        report(rules.OUT_OF_RANGE, row, word, count, **fields)
+    if (op == RowOp.FRAME).any():
+        scale = columns.raw(Column.RATIO)
+        bad = np.flatnonzero((op == RowOp.FRAME) & ~(scale > 0) & ~np.isnan(scale))
+        for row, count in columns.first_of_lines(bad):
+            report(rules.FRAME_SCALE, row, "SCALE", count, value=float(scale[row]))
+    for arc in path.open_arcs:
+        report(rules.ARC_RADII_DIFFER, arc.row, "", 1, end=arc.end_mm, start=arc.start_mm, limit=CLOSES_MM)
+    return found

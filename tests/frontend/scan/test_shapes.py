@@ -1,0 +1,106 @@
+"""Line shapes: lines that differ only in digits share one, and what is known about a shape is learned once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gusjob.frontend.scan import scanner, shapes
+from gusjob.frontend.scan.rows import Row, Template, TemplateBuilder
+from gusjob.frontend.scan.scanner import scan
+from gusjob.frontend.scan.shapes import MAX_LINE, ShapeTable, chunks, number_runs, shapes_of, strip_comments
+
+
+def test_shape_of_a_line() -> None:
+    assert shapes_of(b"LINE X 12.50 Y -3\nLINE X 1.5 Y -30\nA007\n") == [
+        b"LINE X 0.0 Y -0",
+        b"LINE X 0.0 Y -0",
+        b"A0",
+        b"",
+    ]
+
+
+def test_chunks_are_whole_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shapes, "CHUNK", 8)
+    assert list(chunks(b"abc\ndef\n\nlonger than a chunk\nx")) == [b"abc\ndef", b"", b"longer than a chunk", b"x"]
+
+
+def test_comments() -> None:
+    assert strip_comments(b"a ; b // c\nd // e\nf") == b"a \nd \nf"
+    text = b"a / b"
+    assert strip_comments(text) is text
+
+
+def test_a_table_learns_each_shape_once_from_its_first_line() -> None:
+    learned: list[bytes] = []
+
+    def learn(code: bytes) -> int:
+        learned.append(code)
+        return len(learned)
+
+    table = ShapeTable(learn, {b"known": 0})
+    codes = [b"X 10", b"known", b"Y 2", b"X 3", b"Y 44"]
+    assert list(table.look_up(shapes_of(b"\n".join(codes)), codes.__getitem__)) == [1, 0, 2, 1, 2]
+    assert table.of_line(b"Y 5") == 2
+    assert table.of_line(b"Z 5") == 3
+    assert learned == [b"X 10", b"Y 2", b"Z 5"]
+
+
+@pytest.mark.parametrize(
+    ("line", "runs"),
+    [
+        ("LINE X 1.5 Y -20", ["1.5", "-20"]),
+        ("(2-1)", ["2", "-1"]),
+        ("(x+-1)", ["-1"]),
+        ("(1--2+.5)", ["1", "-2", "+.5"]),
+        ("X 5.", ["5."]),
+        ("1.2.3", None),
+        ("X -", None),
+        ("..", None),
+    ],
+)
+def test_number_runs(line: str, runs: list[str] | None) -> None:
+    found = number_runs(line.encode())
+    assert (None if found is None else [line[start:end] for start, end in found]) == runs
+
+
+def by_parser(_: int, text: str) -> list[Row]:
+    return [Row(op=9, values={0: float(len(text))})]
+
+
+def words(line: str) -> Template | None:
+    """Every number is a column; those that touch a letter are part of a word."""
+    builder = TemplateBuilder.of_line(line)
+    assert builder is not None
+    for column, (start, end) in enumerate(builder.runs):
+        if not line[start - 1 : start].isalpha():
+            builder.add(column, start, end)
+    return None if line.startswith("?") else builder.build(len(builder.slots))
+
+
+def test_rows_of_templates_and_of_the_parser() -> None:
+    text = b"A 1 2\n\n? 7\nB 5 ; 6\r\nA 3 40\nm2 8\nm3 9\nA 1 1e5\n"
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.line.tolist() == [1, 3, 4, 5, 6, 7, 8]
+    assert rows.op.tolist() == [2, 9, 1, 2, 1, 9, 2]
+    assert rows.column(0)[:4].tolist() == [1, 3, 5, 3]
+    assert rows.column(1)[[0, 3, 4]].tolist() == [2, 40, 8]
+    assert np.isnan(rows.column(5)).all()
+
+
+def test_a_line_that_is_too_long_goes_to_the_parser() -> None:
+    text = b"A 1\n" + b"A 1".ljust(MAX_LINE + 1) + b"\nA 2"
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [1, 9, 1]
+    assert rows.column(0).tolist() == [1, MAX_LINE + 1, 2]
+
+
+def test_chunks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = b"".join(b"A %d %d ; c\n? %d\nB -%d\n" % (i, i * i, i, i) for i in range(300))
+    whole = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    monkeypatch.setattr(scanner, "CHUNK", 50)
+    parts = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    for name in ("op", "line", "system"):
+        assert np.array_equal(getattr(whole, name), getattr(parts, name)), name
+    for column in whole.columns:
+        assert np.array_equal(whole.column(column), parts.column(column), equal_nan=True)

@@ -1,0 +1,152 @@
+"""The structure of the project: direction of imports, class names, top level, start-up; no eval, shell or pickle."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+from support.tools import ROOT
+
+PACKAGE = ROOT / "gusjob"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    """A module's syntax tree."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def nodes(path: Path) -> Iterator[ast.AST]:
+    """Every node of a module's syntax tree."""
+    return ast.walk(tree(path))
+
+
+def lint_imports(folder: Path) -> tuple[int, str]:
+    """Exit status and output of import-linter on the package in a folder, with its pyproject.toml."""
+    code = (
+        "import sys; sys.path.insert(0, '.'); from importlinter.cli import lint_imports;"
+        "sys.exit(lint_imports(config_filename='pyproject.toml', no_cache=True))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, encoding="utf-8", check=False
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_imports_keep_to_the_contracts() -> None:
+    """The contracts in pyproject.toml: layers, and one place for each library."""
+    status, output = lint_imports(ROOT)
+    assert status == 0, output
+
+
+PLANTED = {
+    "kinematics": "from gusjob.report.rows import Report",
+    "i18n": "from gusjob.kinematics import units",
+    "lint": "import lark",
+    "simulate": "def late() -> None:\n    from rich.text import Text",
+    "report": "from matplotlib import pyplot",
+    "tune": "from gusjob.controllers.gus.driver import abi",
+}
+"""Packages, and an import that is against a contract there."""
+
+
+def test_a_planted_import_is_seen(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    shutil.copytree(PACKAGE, tmp_path / "gusjob", ignore=shutil.ignore_patterns("static", "__pycache__", "locale"))
+    for package, line in PLANTED.items():
+        (tmp_path / "gusjob" / package / "planted.py").write_text(f"{line}\n", encoding="utf-8")
+    status, output = lint_imports(tmp_path)
+    assert status == 1
+    assert [package for package in PLANTED if f"gusjob.{package}.planted -> " not in output] == []
+
+
+def test_every_module_is_in_a_layer() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    (layers,) = (contract["layers"] for contract in contracts if contract["type"] == "layers")
+    named = {name.strip().split(".")[1] for layer in layers for name in re.split(r"[|:]", layer)}
+    entry_points = {"__init__", "__main__", "version", "__pycache__"}
+    assert {path.stem for path in PACKAGE.iterdir() if path.suffix in ("", ".py")} - entry_points == named
+
+
+def test_imports_are_absolute() -> None:
+    relative = [path for path in MODULES for n in nodes(path) if isinstance(n, ast.ImportFrom) and n.level]
+    assert relative == []
+
+
+def test_no_test_module_imports_another() -> None:
+    """What tests share is in tests/support."""
+    found = []
+    for path in (ROOT / "tests").rglob("*.py"):
+        for node in nodes(path):
+            match node:
+                case ast.ImportFrom(module=str(module), names=names):
+                    imported = [f"{module}.{alias.name}" for alias in names]
+                case ast.Import(names=names):
+                    imported = [alias.name for alias in names]
+                case _:
+                    continue
+            found += [(path.name, name) for name in imported if re.search(r"(^|\.)test_[a-z_]+(\.|$)", name)]
+    assert found == []
+
+
+def test_class_names_are_unique() -> None:
+    """In the whole package, so that a name in a text means one thing; a leading underscore does not count."""
+    places = defaultdict(list)
+    for path in MODULES:
+        for node in nodes(path):
+            if isinstance(node, ast.ClassDef):
+                places[node.name.lstrip("_")].append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_every_module_says_what_it_is() -> None:
+    assert [path for path in MODULES if not ast.get_docstring(tree(path))] == []
+
+
+def test_the_top_level_is_tidy() -> None:
+    texts = {"README.md", "README.zh-CN.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE"}
+    folders = {"gusjob", "grammar", "jobs", "docs", "tests"}
+    made = {"build", "dist", "htmlcov"}
+    known = {"pyproject.toml"} | folders | texts
+    assert {p.name for p in ROOT.iterdir() if not p.name.startswith(".")} - made == known
+
+
+HEAVY = ("rich", "gusjob.simulate", "gusjob.planner", "gusjob.report", "tomllib", "numpy.ma")
+"""Imported by other commands only."""
+
+
+def test_check_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from gusjob.cli import main; sys.argv = ['gusjob', 'check', sys.argv[1]]\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        f"print([m for m in {HEAVY} if m in sys.modules])"
+    )
+    job = ROOT / "jobs" / "co2_cut.job"
+    done = subprocess.run([sys.executable, "-c", code, str(job)], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_no_eval_no_shell_no_pickle() -> None:
+    functions, modules = {"eval", "exec", "compile"}, {"subprocess", "pickle", "marshal", "shelve"}
+    found = []
+    for path in MODULES:
+        for node in nodes(path):
+            match node:
+                case ast.Call(func=ast.Name(id=name)) if name in functions:
+                    found.append((path.name, name))
+                case ast.Import(names=names):
+                    found += [(path.name, n.name) for n in names if n.name.split(".")[0] in modules]
+                case ast.ImportFrom(module=str(module)) if module.split(".")[0] in modules:
+                    found.append((path.name, module))
+    assert found == []
