@@ -94,7 +94,7 @@ class Edge(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """The machine's present state. `moving` is a coordinate system, or 0; times in ms, position and velocity in pulse."""
+    """The machine's present state. `moving`: a coordinate system, or 0; times in ms, position and velocity in pulse."""
 
     now: float
     open: bool
