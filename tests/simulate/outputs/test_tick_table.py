@@ -17,7 +17,7 @@ import numpy.typing as npt
 import polars as pl
 import pytest
 from click.testing import CliRunner
-from simulate.outputs.test_vcd import (
+from support.vcd import (
     DUTY,
     FREQUENCY,
     HEAD,

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from simulate.outputs.test_vcd import (
+from support.vcd import (
     DUTY,
     FREQUENCY,
     GO,
