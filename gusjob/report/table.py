@@ -35,7 +35,7 @@ _CHANNEL_HEADS = {
     "power_mean": Phrase("mean"),
     "power_max": Phrase("max"),
     "joules": "J",
-    "clamped_ms": Phrase("clamped ms"),
+    "clamped_ms": Phrase("held ms"),
     "unit": Phrase("unit"),
 }
 _MARK_HEADS = {
