@@ -30,6 +30,7 @@ from gusjob.lint import check as lint_job
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
     from gusjob.controllers.gus.calls import Stream
+    from gusjob.hardware.request import RunOptions, RunRequest
     from gusjob.simulate import Trace
 
 _Sources = Mapping[str, Source]
@@ -280,6 +281,30 @@ def examine(checked: Checked) -> Checked:
     return _with_diagnostics(checked, _idle_suppressions(checked))
 
 
+def run_request(simulated: Simulated, options: RunOptions) -> RunRequest:
+    """Make the request to run a simulated file on a controller (gusjob.hardware.run.run_on)."""
+    from gusjob.hardware.request import RunRequest
+
+    job = simulated.job
+    without_diagnostics = replace(simulated, diagnostics=())  # Those of the file are known: what comes is of the run.
+
+    def locate(line: int) -> Span:
+        return job.locate(line, "") if job is not None else Span(line=line)
+
+    def report(found: list[Diagnostic]) -> Iterable[Diagnostic]:
+        return with_simulation(without_diagnostics, found).diagnostics
+
+    return RunRequest(
+        path=simulated.path,
+        stream=simulated.stream,
+        trace=simulated.trace,
+        machine=simulated.machine,
+        options=options,
+        locate=locate,
+        report=report,
+    )
+
+
 def selected(result: FileResult, chosen: SelectionLayer) -> FileResult:
     """The result with the diagnostics that count by the profile's [check] and by a choice of rules.
 
@@ -288,7 +313,7 @@ def selected(result: FileResult, chosen: SelectionLayer) -> FileResult:
     if isinstance(result, Rejected):
         return result
     selection = result.selection
-    return replace(result, diagnostics=tuple(f for f in result.diagnostics if selection.wants(f, chosen)))
+    return replace(result, diagnostics=tuple(f for f in result.diagnostics if selection.selects(f, chosen)))
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
@@ -306,9 +331,9 @@ def _next(phase: type[_P], result: Parsed, **more: Any) -> _P:
 
 def _with_diagnostics(result: _P, found: Iterable[Diagnostic]) -> _P:
     """Add diagnostics: with the profile's severities, and without those that a comment suppresses."""
-    left, suppressions = result.suppressions.applied(result.selection.weighed(list(found)))
+    left, suppressions = result.suppressions.applied(result.selection.with_severities(list(found)))
     # Where the listed ones are suppressed, those that are only counted must not go unseen.
-    seen = [f.at_least(_hidden_severity(f, suppressions)) if f.rule is rules.MORE else f for f in left]
+    seen = [f.at_least(_hidden_severity(f, suppressions)) if f.rule is rules.NOT_LISTED else f for f in left]
     return replace(result, diagnostics=in_order([*result.diagnostics, *seen]), suppressions=suppressions)
 
 
@@ -321,7 +346,7 @@ def _hidden_severity(more: Diagnostic, suppressions: Suppressions) -> Severity:
 def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
     """Add what the simulation found, at its spans in the source."""
     if checked.origin is Origin.JOURNAL:  # Their lines are the job's; what ends within a segment was stopped there.
-        return _with_diagnostics(checked, [f for f in found if f.rule is not rules.STOPS_HARD])
+        return _with_diagnostics(checked, [f for f in found if f.rule is not rules.ABRUPT_STOP])
     job = checked.job
     if job is None:
         return _with_diagnostics(checked, locate_calls(list(found), checked.source))
@@ -336,7 +361,7 @@ def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
     if checked.origin is Origin.JOURNAL:
         return []
     clean = not has_errors(checked.diagnostics)
-    not_listed = {str(f.fields["code"]) for f in checked.diagnostics if f.rule is rules.MORE}
+    not_listed = {str(f.fields["code"]) for f in checked.diagnostics if f.rule is rules.NOT_LISTED}
     was_run = checked.is_listing or checked.machine.budget != Budget()
     # What depends on an entry of the profile may be right on another machine.
     needs = {"GJ515": checked.machine.host_calls_per_s is not None, "GJ813": checked.machine.scanner is not None}
@@ -345,7 +370,7 @@ def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
         return clean and code not in not_listed and needs.get(code, was_run or not code.startswith("GJ7"))
 
     found = checked.suppressions.diagnostics(checked.source.name, was_looked_for)
-    idle = any(f.rule is rules.ALLOWS_NOTHING for f in found)
+    idle = any(f.rule is rules.UNUSED_SUPPRESSION for f in found)
     if idle and may_be_included(checked.path):  # What it suppresses may occur where the file is included.
-        return [f for f in found if f.rule is not rules.ALLOWS_NOTHING]
+        return [f for f in found if f.rule is not rules.UNUSED_SUPPRESSION]
     return found

@@ -31,7 +31,7 @@ class FileFixer:
 
         path, source, selection = loaded.path, loaded.source, loaded.selection
         result = apply_fixes(
-            loaded, lambda data: load(path, self.machine_path, data=data), lambda d: selection.wants(d, self.asked)
+            loaded, lambda data: load(path, self.machine_path, data=data), lambda d: selection.selects(d, self.asked)
         )
         if not result.count:
             return loaded

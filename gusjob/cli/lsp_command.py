@@ -54,6 +54,6 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
     if stdin is None or stdout is None:
         stop(Phrase("there is no standard input and output; an editor must start this command"))
     if stdin.isatty():
-        stop(Phrase('an editor must start this command (README, "In an editor"); --tcp PORT listens on a port'))
+        stop(Phrase("an editor must start this command (docs/editors.md); --tcp PORT listens on a port"))
     sys.stdout = sys.stderr  # Other output must not get into the protocol.
     sys.exit(serve_pipes(stdin.buffer, stdout.buffer, follow=not language_was_given()))

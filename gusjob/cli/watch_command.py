@@ -115,7 +115,7 @@ def _report(
 
 def _needed(result: FileResult) -> set[Path]:
     """Return the files that a job includes, missing ones too."""
-    missing = (diagnostic for diagnostic in result.diagnostics if diagnostic.rule is rules.INCLUDE)
+    missing = (diagnostic for diagnostic in result.diagnostics if diagnostic.rule is rules.BAD_INCLUDE)
     return {
         *(Path(name) for name, _ in result.files),
         *(Path(diagnostic.file).parent / str(diagnostic.fields["file"]) for diagnostic in missing),

@@ -1,7 +1,7 @@
-"""What the profile says of a field: the kind of its value, its range, its place in the file, and a line for the guide.
+"""The entries of the profile: the kind of a value, its range, its key in the file, and a line for the guide.
 
-Each field of the machine and its parts has an Entry in its metadata. The reader (reader.py), its checks and the table
-in docs/profile.md are driven by these entries.
+Each field of the machine and its parts has an Entry in its metadata. The reader (table_reader.py), its checks and the
+table in docs/profile.md are driven by these entries.
 """
 
 from __future__ import annotations

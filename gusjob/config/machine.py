@@ -202,7 +202,7 @@ class Budget:
         return energies[unit]
 
     @property
-    def judges_marks(self) -> bool:
+    def limits_marks(self) -> bool:
         """Whether a limit needs the analysis of marks, which takes time."""
         energies = (self.energy_pct_ms_per_mm, self.energy_khz_ms_per_mm, self.energy_v_ms_per_mm)
         return any(limit is not None for limit in (*energies, self.energy_j_per_mm, self.on_error_um))

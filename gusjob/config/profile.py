@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gusjob.config.machine import Machine
-from gusjob.config.reader import Reader, within
 from gusjob.config.rule_tables import read_rule_tables
+from gusjob.config.table_reader import TableReader, within
 from gusjob.config.toml_spans import TomlNode, error_span, parse_toml
 from gusjob.controllers.gus.ranges import ACCELERATION, VELOCITY
 from gusjob.diagnostics import rules
@@ -71,7 +71,7 @@ def parse_profile(text: str, name: str = "") -> Profile:
         return _not_toml(name, error_span(str(error), text), str(error))
     except RecursionError:
         return _not_toml(name, NOWHERE, Phrase("its arrays are nested too deep"))
-    reader = Reader(path=name)
+    reader = TableReader(path=name)
     machine = Machine(**reader.fields(root, Machine, extra=(CHECK,)))
     check = root.value.get(CHECK)
     selection = RuleSelection() if check is None else read_rule_tables(check, reader, CHECK)
@@ -102,7 +102,7 @@ def _with_paths(machine: Machine, folder: Path) -> Machine:
     return replace(machine, controller=replace(controller, library=library, configuration=configuration))
 
 
-def _check_pulses(reader: Reader, root: TomlNode, machine: Machine) -> None:
+def _check_pulses(reader: TableReader, root: TomlNode, machine: Machine) -> None:
     """Check the machine's limits in pulses against the ranges of the controller."""
     for key, value, limits in (
         ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),

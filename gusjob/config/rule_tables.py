@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gusjob.config.reader import MISSING, Reader, quoted, type_name
+from gusjob.config.table_reader import MISSING, TableReader, quoted, type_name
 from gusjob.config.toml_spans import TomlNode
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Severity
@@ -24,7 +24,7 @@ _SEVERITIES = Phrase('"error", "warning" or "note"')
 _STAYS_ERROR = Phrase('"error": the severity of an error can\'t be lowered')
 
 
-def read_rule_tables(node: TomlNode, reader: Reader, name: str) -> RuleSelection:
+def read_rule_tables(node: TomlNode, reader: TableReader, name: str) -> RuleSelection:
     """Read [check] with its [[check.path]] tables, which are layers above it."""
     if not isinstance(node.value, dict):
         reader.report_type(node, name, _TABLE)
@@ -36,7 +36,7 @@ def read_rule_tables(node: TomlNode, reader: Reader, name: str) -> RuleSelection
     return RuleSelection(layers=tuple(layer for layer in layers if layer != SelectionLayer(glob=layer.glob)))
 
 
-def _path_layers(paths: TomlNode, reader: Reader, name: str) -> list[SelectionLayer]:
+def _path_layers(paths: TomlNode, reader: TableReader, name: str) -> list[SelectionLayer]:
     if not isinstance(paths.value, list):
         reader.report_type(paths, name, _PATH_TABLES)
         return []
@@ -55,7 +55,7 @@ def _path_layers(paths: TomlNode, reader: Reader, name: str) -> list[SelectionLa
     return layers
 
 
-def _layer(node: TomlNode, reader: Reader, name: str, extra: str) -> SelectionLayer:
+def _layer(node: TomlNode, reader: TableReader, name: str, extra: str) -> SelectionLayer:
     """Read the rules of one table. `extra`: its key that is read elsewhere."""
     codes: dict[str, tuple[str, ...]] = {}
     severity: tuple[tuple[str, Severity], ...] = ()
@@ -70,7 +70,7 @@ def _layer(node: TomlNode, reader: Reader, name: str, extra: str) -> SelectionLa
     return SelectionLayer(select=codes.get("select", ()), ignore=codes.get("ignore", ()), severity=severity)
 
 
-def _codes(node: TomlNode, reader: Reader, key: str) -> tuple[str, ...]:
+def _codes(node: TomlNode, reader: TableReader, key: str) -> tuple[str, ...]:
     """Read a list of codes or beginnings of codes."""
     wrong = [item for item in node.value if not isinstance(item.value, str)] if isinstance(node.value, list) else [node]
     for item in wrong:
@@ -81,14 +81,14 @@ def _codes(node: TomlNode, reader: Reader, key: str) -> tuple[str, ...]:
     return tuple(known)
 
 
-def _is_known(code: str, node: TomlNode, reader: Reader, key: str) -> bool:
+def _is_known(code: str, node: TomlNode, reader: TableReader, key: str) -> bool:
     known = bool(code) and any(rule.startswith(code) for rule in rules.RULES)
     if not known:
         reader.report_range(node, key, quoted(code), _KNOWN_CODES)
     return known
 
 
-def _severities(node: TomlNode, reader: Reader, key: str) -> tuple[tuple[str, Severity], ...]:
+def _severities(node: TomlNode, reader: TableReader, key: str) -> tuple[tuple[str, Severity], ...]:
     """Read the table of severities by code or beginning of codes."""
     if not isinstance(node.value, dict):
         reader.report_type(node, key, _SEVERITY_TABLE)

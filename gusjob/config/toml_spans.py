@@ -48,7 +48,7 @@ def parse_toml(text: str) -> TomlNode:
     """
     import tomllib  # Most jobs have no profile: start-up time is part of the tool.
 
-    return _joined(tomllib.loads(text), _Scanner(text).scan())
+    return _joined(tomllib.loads(text), _SpanScanner(text).scan())
 
 
 def error_span(message: str, text: str) -> Span:
@@ -102,7 +102,7 @@ class _UnknownSyntaxError(Exception):
     """The text has a form that the scan does not know: of a newer TOML than 1.0."""
 
 
-class _Scanner:
+class _SpanScanner:
     """Finds the positions in a valid TOML text."""
 
     def __init__(self, text: str) -> None:

@@ -23,7 +23,7 @@ class Severity(Enum):
         return localized(_SEVERITIES[self])
 
 
-WEIGHTS = (Severity.NOTE, Severity.WARNING, Severity.ERROR)
+SEVERITY_ORDER = (Severity.NOTE, Severity.WARNING, Severity.ERROR)
 """Severities from the lowest to the highest."""
 _SEVERITIES = {
     Severity.ERROR: Phrase("error"),
@@ -139,7 +139,7 @@ class Diagnostic:
 
     def at_least(self, severity: Severity) -> Diagnostic:
         """Return the diagnostic with at least this severity."""
-        if WEIGHTS.index(self.severity) >= WEIGHTS.index(severity):
+        if SEVERITY_ORDER.index(self.severity) >= SEVERITY_ORDER.index(severity):
             return self
         return replace(self, severity_override=severity)
 
@@ -151,14 +151,14 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 # The texts of remarks.
 CALLED = "called here{values}"
-ROUND = "in the iteration where {values}"
-NTH_ROUND = "in iteration {number}"
+IN_ITERATION = "in the iteration where {values}"
+ITERATION_NUMBER = "in iteration {number}"
 INCLUDED = "included here"
 SET_HERE = "{name} is set here"
 MODE_HERE = "the mode is set here: {mode}"
 ON_HERE = "the laser is switched on here"
 FIRST_HERE = "the first one is here"
-REMARKS = (CALLED, ROUND, NTH_ROUND, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
+REMARKS = (CALLED, IN_ITERATION, ITERATION_NUMBER, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
 """Every text of a Remark."""
 
 
@@ -178,7 +178,7 @@ class Collector:
     counts: dict[str, int] = field(default_factory=dict)
     listed: dict[str, int] = field(default_factory=dict)
 
-    def room(self, rule: Rule) -> int:
+    def remaining(self, rule: Rule) -> int:
         """Return how many more diagnostics of a rule will be listed."""
         return MAX_PER_RULE - self.listed.get(rule.code, 0)
 
@@ -186,22 +186,22 @@ class Collector:
         self, rule: Rule, span: Span, fields: dict[str, Any], count: int = 1, remarks: tuple[Remark, ...] = ()
     ) -> None:
         """Add a diagnostic. `count`: the number of iterations that have it."""
-        if self.room(rule):
+        if self.remaining(rule):
             self.found.append(
                 Diagnostic(rule=rule, span=span, fields=fields, path=self.path, count=count, remarks=remarks)
             )
             self.listed[rule.code] = self.listed.get(rule.code, 0) + 1
-        self.uncounted(rule, 1)
+        self.count_unlisted(rule, 1)
 
-    def again(self, index: int, count: int) -> None:
+    def count_again(self, index: int, count: int) -> None:
         """Increase the count of the diagnostic at an index of `found`."""
         self.found[index] = replace(self.found[index], count=self.found[index].count + count)
 
-    def uncounted(self, rule: Rule, more: int) -> None:
+    def count_unlisted(self, rule: Rule, more: int) -> None:
         """Count diagnostics that are not made, since they would not be listed."""
         self.counts[rule.code] = self.counts.get(rule.code, 0) + more
 
-    def done(self, more: Rule) -> list[Diagnostic]:
+    def finish(self, more: Rule) -> list[Diagnostic]:
         """Return all listed diagnostics and, as diagnostics of the rule `more`, the number of the others."""
         not_listed = [
             Diagnostic(

@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import WEIGHTS, Diagnostic, Severity
+from gusjob.diagnostics.model import SEVERITY_ORDER, Diagnostic, Severity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +28,7 @@ class SelectionLayer:
     ignore: tuple[str, ...] = ()
     severity: tuple[tuple[str, Severity], ...] = ()
 
-    def wants(self, code: str) -> bool | None:
+    def selects(self, code: str) -> bool | None:
         """Whether a rule is reported; None if the layer does not mention it."""
         selected, ignored = _longest(code, self.select), _longest(code, self.ignore)
         if not selected and not ignored:
@@ -41,7 +41,7 @@ class SelectionLayer:
         return dict(self.severity)[code[:length]] if length else None
 
 
-NOTHING_ASKED = SelectionLayer()
+EMPTY_LAYER = SelectionLayer()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,20 +55,20 @@ class RuleSelection:
         """Return the layers that apply to a file."""
         return [layer for layer in self.layers if not layer.glob or _matches(_relative(file, self.folder), layer.glob)]
 
-    def wants(self, diagnostic: Diagnostic, last: SelectionLayer) -> bool:
+    def selects(self, diagnostic: Diagnostic, last: SelectionLayer) -> bool:
         """Whether a diagnostic is reported. `last`: the layer of the command line."""
-        code = str(diagnostic.fields["code"]) if diagnostic.rule is rules.MORE else diagnostic.rule.code
-        answers = [layer.wants(code) for layer in (*self.layers_for(diagnostic.file), last)]
+        code = str(diagnostic.fields["code"]) if diagnostic.rule is rules.NOT_LISTED else diagnostic.rule.code
+        answers = [layer.selects(code) for layer in (*self.layers_for(diagnostic.file), last)]
         return next((answer for answer in reversed(answers) if answer is not None), True)
 
-    def weighed(self, diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    def with_severities(self, diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
         """Return the diagnostics with the severities of the layers; an error stays an error."""
         return [self._with_severity(diagnostic) if self.layers else diagnostic for diagnostic in diagnostics]
 
     def _with_severity(self, diagnostic: Diagnostic) -> Diagnostic:
-        if diagnostic.rule is rules.MORE:  # Those that are not listed may be in a file with a higher severity.
+        if diagnostic.rule is rules.NOT_LISTED:  # Those that are not listed may be in a file with a higher severity.
             given = [layer.severity_of(str(diagnostic.fields["code"])) for layer in self.layers]
-            highest = max((one for one in given if one), key=WEIGHTS.index, default=Severity.NOTE)
+            highest = max((one for one in given if one), key=SEVERITY_ORDER.index, default=Severity.NOTE)
             return diagnostic.at_least(highest)
         if diagnostic.severity is Severity.ERROR:
             return diagnostic

@@ -90,10 +90,10 @@ class Suppressions:
         collector = Collector(path)
         for one in self.by_position.values():
             if one.why_not:
-                collector.add(rules.ALLOWED_IN_VAIN, one.span, {"code": one.code, "why": one.why_not})
+                collector.add(rules.INVALID_SUPPRESSION, one.span, {"code": one.code, "why": one.why_not})
             elif not one.used and not one.span.path and was_looked_for(one.code):
-                collector.add(rules.ALLOWS_NOTHING, one.span, {"code": one.code})
-        return collector.done(rules.MORE)
+                collector.add(rules.UNUSED_SUPPRESSION, one.span, {"code": one.code})
+        return collector.finish(rules.NOT_LISTED)
 
 
 NO_SUPPRESSIONS = Suppressions()
@@ -128,6 +128,6 @@ def _why_not(code: str, comment: re.Match[str]) -> str:
         return _UNKNOWN
     if RULES[code].severity is Severity.ERROR:
         return _ERROR
-    if RULES[code] in (rules.ALLOWED_IN_VAIN, rules.ALLOWS_NOTHING):
+    if RULES[code] in (rules.INVALID_SUPPRESSION, rules.UNUSED_SUPPRESSION):
         return _ITSELF
     return "" if comment["reason"] else _NO_REASON

@@ -92,7 +92,7 @@ def locate_calls(diagnostics: list[Diagnostic], source: Source) -> list[Diagnost
     """Give diagnostics that know only their line the span of the line's code."""
     located = []
     for diagnostic in diagnostics:
-        if diagnostic.span.end_column or diagnostic.rule is rules.MORE:
+        if diagnostic.span.end_column or diagnostic.rule is rules.NOT_LISTED:
             located.append(diagnostic)
             continue
         line = diagnostic.span.line

@@ -62,7 +62,7 @@ def journal_stream(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
         # The journal does not say how it ended: the process was killed.
         left = min(collected.since_poll, len(buffered))
         fields, last = {"calls": left}, Span(line=int(buffered.line[-1]))
-        located.append(Diagnostic(rule=rules.RAN_ON, span=last, fields=fields, path=name))
+        located.append(Diagnostic(rule=rules.RUN_KILLED, span=last, fields=fields, path=name))
     return replace(stream, buffered=buffered, calls=calls), located
 
 

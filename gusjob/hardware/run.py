@@ -34,7 +34,7 @@ from gusjob.hardware.supervisor import SessionOutcome, Supervisor
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.version import __version__
 
-_UNSAFE = (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN, rules.WRONG_ABI)
+_UNSAFE = (rules.LASER_STATE_UNKNOWN, rules.MOTION_STATE_UNKNOWN, rules.WRONG_ABI)
 """Rules after which the laser may be on or the axes may move."""
 
 

@@ -53,7 +53,9 @@ class Supervisor:
         self._supervise(lambda: self._work(part))
         session = self.session
         faults = [self._with_line(fault) for fault in self.outcome.faults]
-        self.outcome.faults = sorted(faults, key=lambda f: f.rule not in (rules.LIGHT_UNKNOWN, rules.MOTION_UNKNOWN))
+        self.outcome.faults = sorted(
+            faults, key=lambda f: f.rule not in (rules.LASER_STATE_UNKNOWN, rules.MOTION_STATE_UNKNOWN)
+        )
         end = "failed" if self.outcome.faults or self.outcome.bug else "done"
         codes = [fault.rule.code for fault in self.outcome.faults]
         at = session.reached
@@ -82,7 +84,7 @@ class Supervisor:
         except Interrupted:
             abrupt = control.stop == StopKind.ABRUPT
             fields = {"who": control.stopped_by, "journal": str(session.link.journal.path), "options": session.options}
-            faults.append(Diagnostic(rule=rules.STOPPED, span=NOWHERE, fields=fields))
+            faults.append(Diagnostic(rule=rules.STOPPED_ON_REQUEST, span=NOWHERE, fields=fields))
         except TakenOver:
             raise
         except BaseException as bug:  # noqa: BLE001  (the laser goes off whatever it is; it is raised again then)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gusjob.diagnostics.model import CALLED, INCLUDED, NTH_ROUND, ROUND, Remark, Span
+from gusjob.diagnostics.model import CALLED, IN_ITERATION, INCLUDED, ITERATION_NUMBER, Remark, Span
 from gusjob.i18n.phrases import Phrase, number
 
 MAX_REMARKS = 8
@@ -39,9 +39,9 @@ class ProvenanceStep:
             case "include":
                 text, fields = INCLUDED, {}
             case "nth":
-                text, fields = NTH_ROUND, {"number": number(next(iter(self.values.values())))}
+                text, fields = ITERATION_NUMBER, {"number": number(next(iter(self.values.values())))}
             case _:
-                text, fields = ROUND, {"values": values}
+                text, fields = IN_ITERATION, {"values": values}
         return Remark(text=text, span=locate(self.line, ""), fields=fields)
 
 

@@ -63,4 +63,4 @@ def check(job: Job, machine: Machine) -> list[Diagnostic]:
     for one in CHECKS:
         if job.complete or one not in NEED_COMPLETE_JOB:
             one(context, report)
-    return sorted(report.collector.done(rules.MORE), key=lambda f: (f.span.line, f.span.column))
+    return sorted(report.collector.finish(rules.NOT_LISTED), key=lambda f: (f.span.line, f.span.column))

@@ -36,7 +36,7 @@ def jumps(context: LintContext, report: Reporter) -> None:
         laser = context.modal.laser(channel)
         bad = rows[laser.on[rows]]
         remarks = context.line_remarks(d.ON_HERE, laser.on_line[bad])
-        report.rows(rules.JUMP_LIT, bad, "", channel=channel, remarks=remarks)
+        report.rows(rules.JUMP_WITH_LASER_ON, bad, "", channel=channel, remarks=remarks)
 
 
 def dwells(context: LintContext, report: Reporter) -> None:
@@ -54,7 +54,7 @@ def dwells(context: LintContext, report: Reporter) -> None:
         # Under sky writing a dwell with the laser on is an error anyway.
         bad = own[(moved[own] > moved[begins[number]]) & (moved[ends[number]] > moved[own]) & (sky[own] < 0)]
         remarks = context.line_remarks(d.ON_HERE, laser.on_line[bad])
-        report.rows(rules.DWELL_LIT, bad, "", channel=channel, remarks=remarks)
+        report.rows(rules.DWELL_WITH_LASER_ON, bad, "", channel=channel, remarks=remarks)
 
 
 def waits(context: LintContext, report: Reporter) -> None:
@@ -67,7 +67,7 @@ def waits(context: LintContext, report: Reporter) -> None:
         # LASER OFF NOW can end a mark, too.
         switches = context.modal.switches(channel)
         for i in np.flatnonzero(switches.on_at(instants) & switches.on_at(instants + 1)).tolist():
-            report.setup(rules.WAIT_LIT, stops[i], word=stops[i].word, channel=channel)
+            report.setup(rules.WAIT_WITH_LASER_ON, stops[i], word=stops[i].word, channel=channel)
 
 
 def switching(context: LintContext, report: Reporter) -> None:
@@ -86,7 +86,7 @@ def switching(context: LintContext, report: Reporter) -> None:
         timed_before = timed[(switches.instant + 1) // 2]
         nothing = timed_before[:-1] == timed_before[1:]
         empty = np.flatnonzero(on[:-1] & ~on[1:] & nothing & buffered[:-1] & buffered[1:])
-        report.rows(rules.LIT_NOTHING, switches.rows[empty], "", channel=channel)
+        report.rows(rules.LASER_ON_WITHOUT_MOTION, switches.rows[empty], "", channel=channel)
 
 
 def marked_twice(context: LintContext, report: Reporter) -> None:
@@ -107,7 +107,7 @@ def marked_twice(context: LintContext, report: Reporter) -> None:
         again = again[has_length[order[again]]]
         again = again[np.argsort(order[again])]
         remarks = context.line_remarks(d.FIRST_HERE, path.line[rows[first[again]]])
-        report.rows(rules.BURNT_TWICE, rows[order[again]], "", remarks=remarks)
+        report.rows(rules.MARKED_TWICE, rows[order[again]], "", remarks=remarks)
 
 
 def _segment_keys(
@@ -189,10 +189,10 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
         ):
             which = marks[(on_us[marks] >= most_us[marks] + off_us[marks]) == no_emission]
             fields = {"on": on_us[which], "most": np.round(most_us[which], 3), "lost": lost}
-            report.rows(rules.DELAY_TOO_LONG, rows[which], "", **fields)
+            report.rows(rules.DELAY_LONGER_THAN_MARK, rows[which], "", **fields)
         gaps = np.flatnonzero(~on[:-1] & on[1:] & (off_us >= most_us + on_us) & (off_us > 0) & checked)
         fields = {"off": off_us[gaps], "on": on_us[gaps], "most": np.round(most_us[gaps], 3)}
-        report.rows(rules.DELAY_BRIDGES, rows[gaps], "", **fields)
+        report.rows(rules.DELAY_LONGER_THAN_JUMP, rows[gaps], "", **fields)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -140,7 +140,7 @@ def arcs_close(context: LintContext, report: Reporter) -> None:
         for word, offset in (("I", path.cx[rows] - x0 / px * px), ("J", path.cy[rows] - y0 / py * py)):
             report.rows_in_range(rows, np.rint(offset), ranges.COORDINATE_PULSE, word, word)
         off = (np.abs(start - end) > CLOSES_MM) & (start > 0)
-        report.rows(rules.ARC_OFF, rows[off], "", end=end[off], start=start[off], limit=CLOSES_MM)
+        report.rows(rules.ARC_RADII_DIFFER, rows[off], "", end=end[off], start=start[off], limit=CLOSES_MM)
     rows = context.rows(Op.ARC_RADIUS)
     if len(rows):
         x0, y0, x1, y1 = path.ends(rows)
@@ -155,7 +155,7 @@ def arcs_close(context: LintContext, report: Reporter) -> None:
         )
         short = (2 * radius < chord - CLOSES_MM) & (radius > 0)
         least = chord[short] / 2
-        report.rows(rules.ARC_SHORT, rows[short], "R", value=radius[short], chord=chord[short], least=least)
+        report.rows(rules.ARC_RADIUS_TOO_SMALL, rows[short], "R", value=radius[short], chord=chord[short], least=least)
 
 
 def _bad_arc(report: Reporter, rows: Indices, reason: str) -> None:
@@ -197,7 +197,7 @@ def no_length(context: LintContext, report: Reporter) -> None:
         return
     for channel in CHANNELS:
         rows = np.flatnonzero(still & context.modal.laser(channel).on)
-        report.rows(rules.NO_LENGTH, rows, "", word="LINE")
+        report.rows(rules.MARK_WITHOUT_LENGTH, rows, "", word="LINE")
         still[rows] = False
 
 
@@ -221,7 +221,7 @@ def starving(context: LintContext, report: Reporter) -> None:
         # The first row of each stretch in which the FIFO runs empty.
         begins = empty[np.concatenate([[True], np.diff(lowest[empty]) != 0])]
         start = np.searchsorted(-np.minimum.accumulate(behind), -lowest[begins])
-        report.rows(rules.STARVES, begins, "", calls=begins - start, rate=rate, slots=ranges.FIFO_SLOTS)
+        report.rows(rules.FIFO_MAY_RUN_EMPTY, begins, "", calls=begins - start, rate=rate, slots=ranges.FIFO_SLOTS)
 
 
 def dwells(context: LintContext, report: Reporter) -> None:

@@ -43,16 +43,16 @@ def before_a_mode(context: LintContext, report: Reporter) -> None:
         early = np.arange(len(path))[:first]
         early = early[(path.op[early] >= Op.POWER) & (path.channel[early] == channel)]
         for op in (Op.POWER, Op.FOLLOW):
-            report.rows(rules.NO_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
+            report.rows(rules.POWER_WITHOUT_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
         on = early[path.op[early] == Op.ON]
-        report.rows(rules.LASER_UNKNOWN, on[:1], "", channel=channel)
+        report.rows(rules.CHANNEL_WITHOUT_MODE, on[:1], "", channel=channel)
         first_order = spans[0].setup.order if spans else len(context.job.setups)
         for setup, switch in modal.statements(SwitchNow):
             if switch.on and setup.channel == channel and setup.order < first_order:
-                report.setup(rules.LASER_UNKNOWN, setup, channel=channel)
+                report.setup(rules.CHANNEL_WITHOUT_MODE, setup, channel=channel)
         for setup, _ in modal.statements(PowerNow):
             if setup.channel == channel and setup.order < first_order:
-                report.setup(rules.NO_MODE, setup, word=setup.word, channel=channel)
+                report.setup(rules.POWER_WITHOUT_MODE, setup, word=setup.word, channel=channel)
 
 
 def direct_power(context: LintContext, report: Reporter) -> None:
@@ -144,7 +144,7 @@ def follow(context: LintContext, report: Reporter) -> None:
             low, high = path.low[wrong], path.high[wrong]
             report.rows(rules.MIN_ABOVE_MAX, wrong, "MIN", what="LASER FOLLOW", low=low, high=high)
             if not context.machine.equal_axes:
-                report.rows(rules.FOLLOW_SCALES, rows[path.follow_in_mm[rows]], "")
+                report.rows(rules.FOLLOW_UNEQUAL_AXES, rows[path.follow_in_mm[rows]], "")
 
 
 def _report_no_velocity(report: Reporter, rows: Indices) -> None:
@@ -190,7 +190,7 @@ def saturation(context: LintContext, report: Reporter) -> None:
         rows, first = np.unique(source[over], return_index=True)
         which = np.flatnonzero(over)[first]
         report.rows(
-            rules.SATURATES,
+            rules.FOLLOW_SATURATES,
             rows,
             "",
             value=power[which],
@@ -222,7 +222,7 @@ def unused(context: LintContext, report: Reporter) -> None:
         idle = rows[~used]
         idle = idle[~np.isin(path.line[idle], path.line[rows[used]])]
         for op in (Op.POWER, Op.FOLLOW):
-            report.rows(rules.POWER_UNUSED, idle[path.op[idle] == op], "", word=op.word)
+            report.rows(rules.UNUSED_POWER, idle[path.op[idle] == op], "", word=op.word)
 
 
 def _units(context: LintContext, channel: int, rows: Indices) -> npt.NDArray[np.str_]:

@@ -57,10 +57,10 @@ class Reporter:
         job = self.context.job
         key = (rule.code, line, word, fields.get("what"), fields.get("axis"), fields.get("channel"))
         if job.provenance is not None and key in self.seen:
-            self.collector.again(self.seen[key], count)
+            self.collector.count_again(self.seen[key], count)
             return
-        if not self.collector.room(rule):
-            self.collector.uncounted(rule, 1)
+        if not self.collector.remaining(rule):
+            self.collector.count_unlisted(rule, 1)
             return
         self.seen[key] = len(self.collector.found)
         span = job.locate(line, word)
@@ -95,12 +95,12 @@ class Reporter:
         firsts, counts = np.arange(len(lines)), np.ones(len(lines), dtype=np.intp)
         if self.context.job.provenance is not None:
             _, firsts, counts = np.unique(lines, return_index=True, return_counts=True)
-        listed = min(len(firsts), self.collector.room(rule))
+        listed = min(len(firsts), self.collector.remaining(rule))
         for i, count in zip(firsts[:listed].tolist(), counts[:listed].tolist(), strict=True):
             fields = {k: v[i].item() if isinstance(v, np.ndarray) else v for k, v in columns.items()}
             line, node = int(lines[i]), int(provenance[i])
             self.line(rule, line, str(words[i]), provenance=node, count=count, remarks=remarks(i), **fields)
-        self.collector.uncounted(rule, len(firsts) - listed)
+        self.collector.count_unlisted(rule, len(firsts) - listed)
 
     def rows_in_range(self, rows: Indices, values: Floats, allowed: Range, what: str, word: str) -> Bools:
         """Check values, one a row, against a range.
@@ -115,7 +115,7 @@ class Reporter:
         fields: dict[str, Any] = {"what": what, "unit": allowed.unit, "range": str(allowed), "hint": ""}
         self.rows(rules.OUT_OF_RANGE, rows[outside], word, value=values[outside], **fields)
         ends = (membership == Membership.ON_TOLERATED_END) & carried
-        self.rows(rules.ON_OPEN_END, rows[ends], word, value=values[ends], **fields)
+        self.rows(rules.ON_EXCLUDED_END, rows[ends], word, value=values[ends], **fields)
         broken = ~outside & ~carried
         self.rows(rules.NOT_WHOLE, rows[broken], word, value=values[broken], **fields)
         return np.asarray(~outside & carried)
@@ -128,11 +128,11 @@ class Reporter:
         elif not allowed.carries(value):
             rule = rules.NOT_WHOLE
         elif membership is Membership.ON_TOLERATED_END:
-            rule = rules.ON_OPEN_END
+            rule = rules.ON_EXCLUDED_END
         else:
             return True
         self.setup(rule, setup, word, what=what, value=value, unit=allowed.unit, range=str(allowed), hint="")
-        return rule is rules.ON_OPEN_END
+        return rule is rules.ON_EXCLUDED_END
 
     def rows_in_unit(self, mode: ModeSpan, rows: Indices, units: npt.NDArray[np.int8], what: str, word: str) -> Bools:
         """Check the units in which powers were written, one a row, against the mode's unit.

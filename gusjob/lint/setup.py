@@ -70,7 +70,7 @@ def delays(context: LintContext, report: Reporter) -> None:
         good = report.in_range(setup, delay.on_delay_us, ranges.SWITCH_DELAY_US, _ON_DELAY, "ON")
         good &= report.in_range(setup, delay.off_delay_us, ranges.SWITCH_DELAY_US, _OFF_DELAY, "OFF")
         if good and delay.off_delay_us < delay.on_delay_us:
-            report.setup(rules.OFF_BELOW_ON, setup, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
+            report.setup(rules.OFF_DELAY_BELOW_ON, setup, "OFF", off=delay.off_delay_us, on=delay.on_delay_us)
 
 
 def output_when_off(context: LintContext, report: Reporter) -> None:
@@ -104,14 +104,14 @@ def first_pulse_killer(context: LintContext, report: Reporter) -> None:
         span = context.modal.mode_of(setup)
         if span is not None and span.mode.mode is PowerMode.DUTY2:
             remarks = context.mode_remark(span)
-            report.setup(rules.FPK_SWITCH, setup, channel=setup.channel, remarks=remarks)
+            report.setup(rules.FPK_IN_DUTY2, setup, channel=setup.channel, remarks=remarks)
             continue
         for later in context.modal.modes_after(setup):
             if following is not None and later.setup.row >= following.row:
                 break
             if later.mode.mode is PowerMode.DUTY2 and span is not later:
                 remarks = context.set_remark(setup)
-                report.setup(rules.FPK_SWITCH, later.setup, channel=setup.channel, remarks=remarks)
+                report.setup(rules.FPK_IN_DUTY2, later.setup, channel=setup.channel, remarks=remarks)
                 break
 
 
@@ -138,7 +138,7 @@ def distance(context: LintContext, report: Reporter) -> None:
             continue
         span = context.modal.mode_of(setup)
         if span is None or span.setup.order > setup.order:
-            report.setup(rules.DISTANCE_NEEDS_MODE, setup, channel=setup.channel)
+            report.setup(rules.DISTANCE_WITHOUT_MODE, setup, channel=setup.channel)
             continue
         _check_distance_limits(context, report, setup, settings, span)
         for later in context.modal.modes_after(setup):
@@ -146,7 +146,7 @@ def distance(context: LintContext, report: Reporter) -> None:
                 break  # Another LASER DISTANCE is in force before anything moves in this mode.
             if later.mode.mode.unit != span.mode.mode.unit:
                 report.setup(
-                    rules.DISTANCE_STALE,
+                    rules.DISTANCE_UNIT_CHANGED,
                     later.setup,
                     remarks=context.set_remark(setup),
                     unit=span.mode.mode.unit,

@@ -39,7 +39,7 @@ def settings(context: LintContext, report: Reporter) -> None:
             lag_us = scanner.tracking_error_us
             off_us = abs(sky.lag_us - lag_us)
             if off_us > _LAG_SLACK * lag_us:
-                report.setup(rules.SKY_LAG, setup, "TIMELAG", value=sky.timelag_us, lag=lag_us, off=off_us)
+                report.setup(rules.SKY_TIMELAG_MISMATCH, setup, "TIMELAG", value=sky.timelag_us, lag=lag_us, off=off_us)
 
 
 def _in_range(report: Reporter, setup: Setup, sky: SkyWriting) -> bool:
@@ -97,7 +97,9 @@ def _changed_in_mark(context: LintContext, report: Reporter, setup: Setup) -> No
     for channel in CHANNELS:
         if context.modal.switches(channel).on_at(np.array([setup.row * 2 + 1]))[0]:
             on_line = context.modal.laser(channel).on_line[max(setup.row - 1, 0) : max(setup.row, 1)]
-            report.setup(rules.SKY_LIT, setup, remarks=context.line_remarks(d.ON_HERE, on_line)(0), channel=channel)
+            report.setup(
+                rules.SKY_LASER_ON, setup, remarks=context.line_remarks(d.ON_HERE, on_line)(0), channel=channel
+            )
 
 
 def forced_ends(context: LintContext, report: Reporter) -> None:

@@ -84,7 +84,7 @@ def word_fits(head: str, word: str) -> bool:
     once.
     """
     _, diagnostics = parse_statement(f"{head}{word} 1", 1)
-    return not any(diagnostic.rule in (rules.FOREIGN, rules.TWICE) for diagnostic in diagnostics)
+    return not any(diagnostic.rule in (rules.WORD_NOT_ALLOWED, rules.DUPLICATE_WORD) for diagnostic in diagnostics)
 
 
 def unit_fits(head: str, unit: str) -> bool:

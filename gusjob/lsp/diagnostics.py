@@ -20,7 +20,7 @@ from lsprotocol.types import (
 from gusjob.config.profile import Profile
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Severity, Span
-from gusjob.diagnostics.select import NOTHING_ASKED
+from gusjob.diagnostics.select import EMPTY_LAYER
 from gusjob.frontend import check_text
 from gusjob.frontend.parse.syntax_errors import COMPARISON_HINT
 from gusjob.i18n.phrases import Phrase, localized, printable
@@ -37,7 +37,7 @@ _SEVERITIES = {
     Severity.WARNING: DiagnosticSeverity.Warning,
     Severity.NOTE: DiagnosticSeverity.Information,
 }
-_UNUSED = {rules.NEVER_READ.code, rules.NEVER_CALLED.code}
+_UNUSED = {rules.UNUSED_NAME.code, rules.UNUSED_ROUTINE.code}
 
 
 @dataclass(slots=True)
@@ -74,7 +74,7 @@ def diagnose(name: str, path: Path | None, data: bytes, workspace: Workspace) ->
         loaded = examine(loaded)
     own = {str(path.resolve()), *([str(loaded.profile.resolve())] if loaded.profile else [])}
     files = frozenset(workspace.read) - own
-    diagnostics = list(selected(loaded, NOTHING_ASKED).diagnostics)
+    diagnostics = list(selected(loaded, EMPTY_LAYER).diagnostics)
     return Diagnosis(top=name, diagnostics=diagnostics, workspace=workspace, profile=loaded.profile, files=files)
 
 

@@ -73,7 +73,7 @@ def quick_fixes(query: Query, selected_range: lsp.Range) -> list[lsp.CodeAction]
         return None
     text, found, fix_finder = query.task.text, list[lsp.CodeAction](), _FixFinder(query)
     for diagnostic in query.diagnosis.diagnostics:
-        if diagnostic.span.path or diagnostic.path != query.diagnosis.top or diagnostic.rule is rules.MORE:
+        if diagnostic.span.path or diagnostic.path != query.diagnosis.top or diagnostic.rule is rules.NOT_LISTED:
             continue
         span = text.range(diagnostic.span)
         if position_key(span.end) < position_key(selected_range.start) or position_key(

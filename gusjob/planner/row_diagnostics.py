@@ -29,10 +29,10 @@ def report_rows(
     """
     path = staged.path
     _, first, counts = np.unique(path.line[rows], return_index=True, return_counts=True)
-    listed = collector.room(rule)
+    listed = collector.remaining(rule)
     for i, count in zip(first[:listed].tolist(), counts[:listed].tolist(), strict=True):
         row = int(rows[i])
         span = staged.job.locate(int(path.line[row]), word)
         remarks = staged.job.provenance_remarks(int(path.provenance[row]))
         collector.add(rule, span, fields(i), count, remarks)
-    collector.uncounted(rule, max(len(first) - listed, 0))
+    collector.count_unlisted(rule, max(len(first) - listed, 0))

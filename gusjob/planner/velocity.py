@@ -123,7 +123,7 @@ def _end_diagnostics(quantized: QuantizedPath, jump: Floats, vel_end: Floats, st
     turns = np.append(np.where(forced, forced_end, 0.0)[:-1] * change, 0.0)
     sharp = forced & ~stops & (turns > allowed * (1 + 1e-9))
     _report(quantized, collector, rules.CORNER_TOO_FAST, sharp, high=vel_end, jump=turns, limit=allowed)
-    return collector.done(rules.MORE)
+    return collector.finish(rules.NOT_LISTED)
 
 
 def _report(quantized: QuantizedPath, collector: Collector, rule: Rule, where: Bools, **columns: Floats) -> None:

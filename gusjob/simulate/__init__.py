@@ -71,7 +71,7 @@ def _too_long(events: Events, motion: Motion, ticks: float) -> Diagnostic:
     longest = int(np.argmax(motion.schedule.duration_ms))
     fields = {"duration": float(motion.schedule.times_ms[-1]), "ticks": ticks, "limit": float(MAX_TICKS)}
     span = Span(line=int(events.motion.line[longest]))
-    return Diagnostic(rule=rules.TOO_LONG, span=span, fields=fields, path=events.name)
+    return Diagnostic(rule=rules.RUN_TOO_LONG, span=span, fields=fields, path=events.name)
 
 
 def _channel_trace(

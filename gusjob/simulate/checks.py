@@ -30,15 +30,15 @@ class SegmentReporter:
     def add(self, rule: Rule, where: Bools, **columns: Floats | str) -> None:
         """Add one diagnostic for each segment in `where`, (m,); its fields come from columns, (m,)."""
         at = np.flatnonzero(where)
-        listed = at[: self.collector.room(rule)].tolist()
+        listed = at[: self.collector.remaining(rule)].tolist()
         for i in listed:
             fields: dict[str, object] = {k: v if isinstance(v, str) else float(v[i]) for k, v in columns.items()}
             self.collector.add(rule, Span(line=int(self.motion.line[i])), fields)
-        self.collector.uncounted(rule, len(at) - len(listed))
+        self.collector.count_unlisted(rule, len(at) - len(listed))
 
     def done(self) -> list[Diagnostic]:
         """All diagnostics."""
-        return self.collector.done(rules.MORE)
+        return self.collector.finish(rules.NOT_LISTED)
 
 
 def segment_reporter(path: str, motion: MotionEvents) -> SegmentReporter:
@@ -58,12 +58,12 @@ def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
     moves = ~motion.dwell
     aim = np.minimum(given, motion.vel)
     off = np.abs(end - given) > 1e-6 * (aim + end) + 1e-12
-    reporter.add(rules.END_NOT_MET, moves & off, value=end, wanted=given)
+    reporter.add(rules.END_VELOCITY_NOT_REACHED, moves & off, value=end, wanted=given)
     reporter.add(rules.START_TOO_FAST, moves & (start > motion.vel * (1 + 1e-9)), value=start, velocity=motion.vel)
     last = np.append(breaks[1:], True)
     before_dwell = np.append(motion.dwell[1:], False)
     stops = (last | before_dwell) & moves & (end > 1e-9)
-    reporter.add(rules.STOPS_HARD, stops, what=Phrase("the segment before a stop ends"), value=end)
+    reporter.add(rules.ABRUPT_STOP, stops, what=Phrase("the segment before a stop ends"), value=end)
     return reporter.done()
 
 
@@ -108,7 +108,7 @@ def emission_diagnostics(channel: ChannelTrace, events: Events) -> list[Diagnost
 
     unpowered = np.flatnonzero(channel.emitted.unpowered)
     if len(unpowered):
-        add(rules.LIT_UNPOWERED, int(lines[unpowered[0]]))
+        add(rules.LISTING_NO_POWER, int(lines[unpowered[0]]))
     first = channel.first_emitting
     if first is not None and channel.laser_in(first).mode is None:
         add(rules.LISTING_NO_MODE, int(lines[first]))

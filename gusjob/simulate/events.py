@@ -114,7 +114,7 @@ class MotionEvents:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchEvents:
+class LaserSwitchEvents:
     """Buffered switches of one channel in order, (e,).
 
     `mark_segment`: number of the segment before which the mark is meant to start or end: `segment`, or where the
@@ -147,7 +147,7 @@ class ChannelEvents:
     """Buffered events of one laser channel, and its state after the last stage."""
 
     channel: int
-    switch: SwitchEvents
+    switch: LaserSwitchEvents
     power: PowerEvents
     laser_at_end: LaserState
 

@@ -14,7 +14,7 @@ from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate.beam import Beam
 from gusjob.simulate.emission import Emission
-from gusjob.simulate.events import LaserState, SwitchEvents
+from gusjob.simulate.events import LaserState, LaserSwitchEvents
 from gusjob.simulate.motion import Motion
 from gusjob.simulate.power import HeldPower, SegmentEmission
 
@@ -30,7 +30,7 @@ class ChannelTrace:
     channel: int
     lasers: tuple[LaserState, ...]
     laser_at_end: LaserState
-    switch: SwitchEvents
+    switch: LaserSwitchEvents
     emission: Emission
     power: HeldPower
     emitted: SegmentEmission

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gusjob.config.toml_spans import TomlNode, _Scanner, _Spans, parse_toml
+from gusjob.config.toml_spans import TomlNode, _Spans, _SpanScanner, parse_toml
 from gusjob.diagnostics.model import Span
 
 
@@ -71,7 +71,7 @@ def check(text: str) -> None:
     data = tomllib.loads(text)
     node = parse_toml(text)
     assert same(node.plain, data)
-    check_structure(data, _Scanner(text).scan())
+    check_structure(data, _SpanScanner(text).scan())
     for key, child in node.value.items():
         check_texts(text, child, key)
 
@@ -210,7 +210,7 @@ def sorted_tables(data: Any) -> Any:
 @settings(max_examples=300)
 def test_a_scan_ends_on_any_text(text: str) -> None:
     """Also on a text that tomllib refuses; on one that it takes, the scan agrees with it."""
-    scanned = _Scanner(text).scan()
+    scanned = _SpanScanner(text).scan()
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:

@@ -1,4 +1,4 @@
-"""The registry: every rule says why, and its own examples have the fault and do not have it."""
+"""The registry: every rule gives a reason, its bad example has the diagnostic and its good example has not."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ WITHOUT_EXAMPLE = {
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda r: r.code)
-def test_a_rule_explains_itself(rule: Rule) -> None:
+def test_a_rule_has_a_title_and_a_reason(rule: Rule) -> None:
     assert rule.why.endswith(".")
     assert rule.title
     assert bool(rule.bad) == (rule.code not in WITHOUT_EXAMPLE)
 
 
 @pytest.mark.parametrize("rule", [r for r in RULES.values() if r.bad], ids=lambda r: r.code)
-def test_the_bad_example_has_the_fault(rule: Rule) -> None:
+def test_the_bad_example_has_the_diagnostic(rule: Rule) -> None:
     assert rule.code in [f.rule.code for f in diagnostics_of_text(rule.bad, rule)]
 
 
@@ -37,7 +37,7 @@ def test_the_good_example_is_clean(rule: Rule) -> None:
     assert rule.code not in [f.rule.code for f in found]
 
 
-def test_templates_are_templates() -> None:
+def test_texts_are_valid_templates() -> None:
     for text in [*(r.text for r in (*RULES.values(), *VARIANTS)), *REMARKS]:
         fields = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
         assert all(name.isidentifier() for name in fields)

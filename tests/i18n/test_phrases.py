@@ -27,8 +27,8 @@ from gusjob.config.profile import parse_profile, read_profile
 from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, IGNORED_CALLS, SIGNATURES
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Remark, Rule
 from gusjob.diagnostics.rules import (
+    BAD_INCLUDE,
     CALL_OCTAL,
-    INCLUDE,
     OUT_OF_RANGE,
     PROFILE_SYNTAX,
     RULES,
@@ -391,7 +391,7 @@ def test_includes_leave_no_english(tmp_path: Path) -> None:
     (tmp_path / "a.job").write_text(text, encoding="utf-8")
     source, _ = read_source(tmp_path / "a.job", "a.job")
     assert source is not None
-    found = [f for f in read_job(source, Machine())[1] if f.rule is INCLUDE]
+    found = [f for f in read_job(source, Machine())[1] if f.rule is BAD_INCLUDE]
     assert len(found) == 8
     assert untranslated(found, text) == []
 

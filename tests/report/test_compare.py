@@ -179,7 +179,7 @@ def test_the_larger_magnitude_counts(against: Any) -> None:
     assert rows_of(there).changes["duration_ms"].change_pct.tolist() == [50.0]
 
 
-def test_rounding_and_nothing_are_no_change(against: Any) -> None:
+def test_rounding_and_tiny_changes_are_ignored(against: Any) -> None:
     old = earlier_of(duration_ms=[10.0, 0.0, 10.0], ch0_joules=[1.0, 0.0, 1e-7])
     new = earlier_of(duration_ms=[10.0 * (1 + 5e-10), 5e-7, 10.0 + 1e-5], ch0_joules=[1.0, 5e-10, 3e-7])
     assert changed_rows(against(old, new, 0.0)) == {"duration_ms": [2], "ch0_joules": [2]}
@@ -331,7 +331,7 @@ def test_a_summary_is_compared_by_totals(tmp_path: Path) -> None:
     assert {t["what"]: (t["old"], t["new"]) for t in found["totals"]}["power_max"] == (50, 51)
 
 
-def test_no_row_is_dropped_unsaid(against: Any) -> None:
+def test_rows_left_out_are_counted(against: Any) -> None:
     count = 100
     lines = [*range(1, count + 1)]
     old, new = longer(lines, lines), longer([*lines, 500, 501], [*lines, 1, 2])

@@ -72,7 +72,7 @@ def test_diagnostics_stand_with_their_place(tmp_path: Path) -> None:
     assert result.stderr == ""
 
 
-def test_a_job_with_errors_is_told_and_not_run(tmp_path: Path) -> None:
+def test_a_job_with_errors_is_reported_and_not_run(tmp_path: Path) -> None:
     bad = written(tmp_path, MARK + "LASER POWER 120\n")
     result = gusjob("report", bad, "--format", "markdown")
     assert result.exit_code == 1

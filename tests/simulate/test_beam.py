@@ -448,10 +448,31 @@ def test_a_scanner_is_read(text: str, model: ScannerModel, us: float) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "delay", "delay:", "delay:us", "third-order:1us", "Delay:1us", "delay:-1us", "delay:nan", "delay:inf",
-     "delay:1e400", "delay:1000000.1", "delay:1.0001s", "delay:1m", "delay:1 2us", "delay:0x10", "delay:١us",
-     "delay:1us;", "250us", "delay=250us", "delay:1us:2", "delay:1e", "delay:\x1b[31m"],
-)  # fmt: skip
+    [
+        "",
+        "delay",
+        "delay:",
+        "delay:us",
+        "third-order:1us",
+        "Delay:1us",
+        "delay:-1us",
+        "delay:nan",
+        "delay:inf",
+        "delay:1e400",
+        "delay:1000000.1",
+        "delay:1.0001s",
+        "delay:1m",
+        "delay:1 2us",
+        "delay:0x10",
+        "delay:١us",
+        "delay:1us;",
+        "250us",
+        "delay=250us",
+        "delay:1us:2",
+        "delay:1e",
+        "delay:\x1b[31m",
+    ],
+)
 def test_the_message_of_an_invalid_scanner_shows_the_format(text: str) -> None:
     reason = parse_scanner(text)
     assert isinstance(reason, str)

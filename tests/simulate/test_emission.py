@@ -56,9 +56,11 @@ def test_emission_before_any_motion_does_not_follow_velocity() -> None:
 def test_switch_and_emission_with_fpk() -> None:
     """On at 0 and off at 2025 ms, delays 30 and 40 us: the switch; the emission 20 us and 50 us after it."""
     text = (
-        HEAD + "GT_SetLevelDelay(40,30,0)\nGT_EnaFPK(10,20,50,0)\nGT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
-        + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
-    )  # fmt: skip
+        HEAD
+        + "GT_SetLevelDelay(40,30,0)\nGT_EnaFPK(10,20,50,0)\nGT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        + LINE
+        + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
+    )
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
     trace, _ = simulate_stream(read_listing(source)[0], Machine(), is_listing=True)

@@ -14,10 +14,10 @@ from gusjob.simulate.events import (
     Events,
     ImmediateAction,
     LaserState,
+    LaserSwitchEvents,
     MotionEvents,
     PowerEvents,
     StageEvents,
-    SwitchEvents,
 )
 
 LASER = LaserState(mode=PowerMode.DUTY, carrier_khz=10, on_delay_us=200, off_delay_us=500)
@@ -46,7 +46,7 @@ def events(**changes: object) -> Events:
     )
     channel = ChannelEvents(
         channel=0,
-        switch=SwitchEvents(
+        switch=LaserSwitchEvents(
             stage=numbers(0, 0), segment=numbers(0, 1), on=np.array([True, False]), mark_segment=numbers(0, 1)
         ),
         power=PowerEvents(

@@ -23,9 +23,10 @@ LINE = "GT_LnXY(1,100000,0,50,2,0,0)\n"
 
 def test_mode_limits_clamp_and_time_is_counted() -> None:
     ran = run_listing(
-        "GT_LaserPowerMode(2,5,1,0)\nGT_BufLaserPrfCmd(1,7,0,0)\nGT_BufLaserOn(1,0,0)\n" + LINE
+        "GT_LaserPowerMode(2,5,1,0)\nGT_BufLaserPrfCmd(1,7,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        + LINE
         + "GT_BufLaserPrfCmd(1,0.5,0,0)\nGT_LnXY(1,0,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
-    )  # fmt: skip
+    )
     assert ran.column("ch0_power_max") == [5, 1]
     assert ran.column("ch0_clamped_ms") == pytest.approx([2025, 2025])
 
@@ -59,10 +60,12 @@ def test_velocity_follow_in_a_segment_that_slows_first() -> None:
 
 def test_a_distance_ratio_of_zero_still_has_its_limits() -> None:
     ran = run_listing(
-        HEAD + "GT_SetLaserDisMode(1,0,{0,0,0,0},{1000,1000,1000,1000},0)\n"
+        HEAD
+        + "GT_SetLaserDisMode(1,0,{0,0,0,0},{1000,1000,1000,1000},0)\n"
         + "GT_SetLaserDisRatio({0,0,0,0},10,20,0)\nGT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
-        + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
-    )  # fmt: skip
+        + LINE
+        + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
+    )
     assert ran.column("ch0_power_ms") == pytest.approx([20 * 2025])
     assert ran.column("ch0_clamped_ms") == pytest.approx([2025])
 
@@ -74,7 +77,8 @@ def test_duty2_emits_by_command_as_duty_does() -> None:
 
 
 def test_two_units_on_one_channel_are_two_totals() -> None:
-    ran = run_job(MARK + "LASER POWER 40\nLASER ON\nLINE X 1\nLASER OFF\nLASER MODE ANALOG\nLASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF\n")  # fmt: skip  # noqa: E501
+    first = "LASER POWER 40\nLASER ON\nLINE X 1\nLASER OFF\n"
+    ran = run_job(MARK + first + "LASER MODE ANALOG\nLASER POWER 3\nLASER ON\nLINE X 2\nLASER OFF\n")
     assert [(c["unit"], c["power_ms"]) for c in ran.report.totals["channels"]] == [
         ("%", pytest.approx(800)),
         ("V", pytest.approx(60)),

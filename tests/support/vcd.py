@@ -1,4 +1,4 @@
-"""VCD files in tests: run `gusjob trace`, read the file with two readers that are not ours, compare."""
+"""Jobs and readers for tests of the VCD file and of the table of ticks; closed forms of their edges."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise, zip_longest
-from math import ceil
+from math import ceil, floor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -23,6 +23,7 @@ F = Fraction
 HEAD = "UNITS PULSE\nLOOKAHEAD OFF\nVEL 10\nACC 10\n"
 DUTY = HEAD + "LASER MODE DUTY CARRIER {}\n"
 LIT = "LASER POWER {}\nDWELL 1\nLASER ON\nDWELL {}\nLASER OFF\nDWELL 1\n"
+TICK = F(1, 4)
 NS = 10**6
 HALF = F(1, 2) + F(1, 10**4)
 """A moment half way between two ns may go to either."""
@@ -116,6 +117,59 @@ def periods(begin: F, finish: F, khz: F, duty: Callable[[F], F]) -> Spans:
     return [(s, min(s + duty(s) / 100 / khz, finish)) for s in starts]
 
 
+def pulses(begin: F, finish: F, steps: list[tuple[F, F]], width: F) -> Spans:
+    """Low parts in frequency mode: a pulse at each whole phase; `steps`: moment, kHz."""
+    starts: list[F] = []
+    phase = F(0)
+    for (at, khz), (after, _) in pairwise([(begin, steps[0][1]), *steps[1:], (finish, F(0))]):
+        while khz and len(starts) < phase + khz * (after - at):
+            starts.append(at + (len(starts) - phase) / khz)
+        phase += khz * (after - at)
+    return [(s, min(s + width, after)) for s, after in pairwise([*starts, finish])]
+
+
+def at_ticks(since: F, until: F) -> list[F]:
+    """When held power is sampled from a call on."""
+    return [since, *(k * TICK for k in range(floor(since / TICK) + 1, ceil(until / TICK)))]
+
+
+def held(since: F, until: F, value: Callable[[F], F]) -> Callable[[F], F]:
+    """Power that is sampled at a call and at the ticks."""
+    moments = at_ticks(since, until)
+    return lambda t: value(moments[bisect_right(moments, t) - 1])
+
+
+def trapezoid(since: F, length: F, vel: F, acc: F) -> tuple[F, Callable[[F], F]]:
+    """When a motion from rest to rest ends, and its velocity."""
+    until = since + vel / acc + length / vel
+    return until, lambda t: max(F(0), min(acc * (t - since), vel, acc * (until - t)))
+
+
 FREQUENCY = HEAD + "LASER MODE FREQUENCY WIDTH {}\n"
 GTS = "GT_SetAxisMode(7,1)\nGT_LaserPowerMode({},0)\n{}GT_CrdClear(1,0)\nGT_BufLaserPrfCmd(1,5,0,0)\n"
 GO = "GT_BufDelay(1,1,0)\nGT_BufLaserOn(1,0,0)\nGT_BufDelay(1,2,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
+FOLLOW = "ACC 1\nLASER FOLLOW RATIO 3 MIN {} MAX 40\nLASER ON\nLINE X 200\nLASER OFF\nDWELL 1\n"
+BOTH = (
+    "LASER MODE ANALOG CHANNEL 1\nLASER PREVOLT 0.5 CHANNEL 1\nLASER DELAY ON 0 OFF 450 CHANNEL 1\n"
+    "LASER POWER 7 CHANNEL 1\nLASER ON CHANNEL 1\nDWELL 1\nLASER FOLLOW RATIO 0.5 MIN 1 MAX 4 CHANNEL 1\n"
+    "LINE X 99\nLASER OFF CHANNEL 1\n"
+)
+JOBS = {
+    "duty": DUTY.format(30) + "LASER DELAY ON 3 OFF 17\n" + LIT.format(37, 3) + LIT.format(99, 2),
+    "follow": DUTY.format(20) + FOLLOW.format(5),
+    "frequency": FREQUENCY.format(20) + LIT.format(7, 2) + FOLLOW.format(1).replace("RATIO 3", "RATIO 2.9"),
+    "analog": HEAD + "LASER MODE ANALOG\nLASER PREVOLT 1\n" + LIT.format(3, 1) + FOLLOW.format(2).replace("40", "9"),
+    "fpk": DUTY.format(10) + "LASER FPK WIDTH 1700 GAP 333 OFFDELAY 50\n" + LIT.format(30, 2) + LIT.format(70, 3),
+    "standby": DUTY.format(7) + "LASER STANDBY FREQ 11 DUTY 30\n" + LIT.format(50, 2) + "WAIT\n" + LIT.format(9, 1),
+    "duty 2": HEAD + "LASER MODE DUTY2 CARRIER 3\n" + LIT.format(30, 3),
+    "both": DUTY.format(10) + "LASER STANDBY FREQ 3 DUTY 30\n" + BOTH + LIT.format(20, 2) + "WAIT\n"
+    + LIT.format(30, 1),
+    "modes": DUTY.format(10) + LIT.format(50, 1) + "LASER MODE ANALOG\n" + LIT.format(3, 1)
+    + "LASER MODE FREQUENCY WIDTH 10\n" + LIT.format(5, 2),
+}  # fmt: skip
+
+
+def whole(text: str, *options: str, name: str = "x.job") -> bytes:
+    done = run(text, *options, name=name)
+    assert done.exit_code == 0, done.stderr
+    return done.stdout_bytes

@@ -186,7 +186,7 @@ def test_each_channel_has_its_own(model: str) -> None:
         assert worst(found, 1 - channel)["on_miss_um"] == pytest.approx(21 if channel else 25)
 
 
-def test_the_channel_is_said_where_another_is_in_force() -> None:
+def test_the_channel_is_written_if_several_are_used() -> None:
     text = (
         "LASER MODE DUTY CARRIER 10 CHANNEL 0\nCHANNEL 1\nLASER DELAY ON 1 OFF 2 CHANNEL 0\nCHANNEL 0\n"
         + SPEEDS + AT_SPEED
@@ -327,7 +327,7 @@ def test_a_run_in_that_finds_no_room_is_not_tried(model: str) -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_can_not_be_tuned_is_told(text: str, sky: bool, says: str) -> None:
+def test_a_reason_is_given_if_nothing_can_be_tuned(text: str, sky: bool, says: str) -> None:
     found = tuned(text, "delay:250us", sky=sky)
     assert isinstance(found, str)
     assert says in found
@@ -542,7 +542,7 @@ def refuse(*_: object, **__: object) -> NoReturn:
 
 
 @pytest.mark.parametrize("where", ["the folder", "the last step"])
-def test_what_can_not_be_written_is_told_and_leaves_nothing(
+def test_a_failed_write_is_reported_and_leaves_nothing(
     tune: Tune, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     if where == "the folder":

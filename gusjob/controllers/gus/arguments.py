@@ -95,14 +95,14 @@ class ArgumentChecker:
         bad[at[wrong]] = True
         ends = np.flatnonzero((verdict == Membership.ON_TOLERATED_END) & whole)
         what = {"what": f"{signature.name} {arg.name}", "unit": allowed.unit, "range": str(allowed)}
-        self._report(rules.ON_OPEN_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
+        self._report(rules.ON_EXCLUDED_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
 
     def _report(self, rule: Rule, rows: Indices, fields: Callable[[int], dict[str, object]]) -> None:
         """Report each row, with the fields for the i-th."""
-        listed = rows[: self.collector.room(rule)].tolist()
+        listed = rows[: self.collector.remaining(rule)].tolist()
         for i, row in enumerate(listed):
             self.collector.add(rule, Span(line=int(self.calls.line[row])), fields(i))
-        self.collector.uncounted(rule, len(rows) - len(listed))
+        self.collector.count_unlisted(rule, len(rows) - len(listed))
 
 
 def _refused(signature: Signature, reason: str) -> dict[str, object]:

@@ -22,7 +22,7 @@ def velocity_diagnostics(path: str, motion: MotionEvents, too_fast: Bools) -> li
     """Report the segments, (m,), whose velocity the controller limits."""
     reporter = segment_reporter(path, motion)
     reporter.add(
-        rules.ACCEPTED_ODD,
+        rules.QUESTIONABLE_CALL,
         too_fast,
         call=Phrase("the segment's velocity"),
         reason=Phrase("it is above synVelMax of GT_SetCrdPrm, which limits it"),
@@ -49,7 +49,7 @@ def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:
             reason = Phrase("emission in a duty mode without a carrier; call GT_LaserOutFrq first (M 二.2)")
             fields = {"call": "GT_LaserOutFrq", "reason": reason}
             span = Span(line=int(trace.line[first]))
-            found.append(Diagnostic(rule=rules.ACCEPTED_ODD, span=span, fields=fields, path=trace.name))
+            found.append(Diagnostic(rule=rules.QUESTIONABLE_CALL, span=span, fields=fields, path=trace.name))
     return found
 
 

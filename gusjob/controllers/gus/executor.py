@@ -157,12 +157,14 @@ class _CallExecutor:
         if mode.is_pwm and not self.axis_ever[channel]:
             first = f"GT_SetAxisMode({7 + channel},1)"
             reason = Phrase("{call} must be called first in the PWM modes (M 三.1)", call=first)
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
         if mode is PowerMode.ANALOG and self.axis_called[channel]:
             self.diagnostic(
-                rules.ACCEPTED_ODD, call.line, call=call.name,
+                rules.QUESTIONABLE_CALL,
+                call.line,
+                call=call.name,
                 reason=Phrase("GT_SetAxisMode must not be called in analog mode (M 三.1 (3), in a comment)"),
-            )  # fmt: skip
+            )
         if self.lasers[channel].power_mode is not mode:
             self.act(ImmediateAction(channel=channel, power=float("nan"), line=call.line))
         self.axis_called[channel] = False
@@ -195,7 +197,7 @@ class _CallExecutor:
     def check_mode(self, call: Call, fits: bool, where: str) -> None:
         if not fits:
             reason = Phrase("it has an effect only in {modes}", modes=where)
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
 
     def carrier(self, call: Call) -> None:
         channel = self.channel(call)
@@ -232,7 +234,7 @@ class _CallExecutor:
         actual = self.number(call, 1) == 1
         if self.number(call, 0) == 1 and actual and not self.has_scanner:
             reason = Phrase("the profile has no scanner: the planned position is used as the actual one")
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
         self.set(
             self.channel(call),
             distance=self.number(call, 0) == 1,
@@ -277,12 +279,12 @@ class _CallExecutor:
         dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
         if dropped:
             reason = Phrase("{count} buffered calls are cleared and never run", count=dropped)
-            self.diagnostic(rules.ACCEPTED_ODD, call.line, call=call.name, reason=reason)
+            self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
 
     def start(self, call: Call) -> None:
         mask, option = int(self.number(call, 0)), int(self.number(call, 1))
         if mask not in (1, 2):
-            rule, fields = (rules.CRDS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
+            rule, fields = (rules.TWO_SYSTEMS_AT_ONCE, {}) if mask == 3 else (rules.REFUSED, {"call": call.name})
             reason = Phrase("mask {mask} selects no coordinate system", mask=mask)
             self.diagnostic(rule, call.line, **fields, code=PARAMETER_ERROR, reason=reason)
             return
@@ -292,7 +294,7 @@ class _CallExecutor:
             if self.running.crd == crd:
                 self.refuse(call.name, call.line, EXECUTION_ERROR, Phrase("the coordinate system is moving already"))
             else:
-                self.diagnostic(rules.CRDS_AT_ONCE, call.line)
+                self.diagnostic(rules.TWO_SYSTEMS_AT_ONCE, call.line)
             return
         parts = self.queues.pop((crd, fifo), [])
         self.running = StageRun(
@@ -352,7 +354,7 @@ class _CallExecutor:
             lasers=(self.lasers[0], self.lasers[1]),
             readings=tuple(self.readings),
             channels=tuple(sorted(self.named)),
-            diagnostics=tuple(self.collector.done(rules.MORE)),
+            diagnostics=tuple(self.collector.finish(rules.NOT_LISTED)),
         )
 
 

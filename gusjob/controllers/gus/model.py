@@ -13,7 +13,7 @@ from gusjob.controllers.gus.geometry import call_segments
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Indices
 from gusjob.simulate import Trace, simulate
-from gusjob.simulate.events import ChannelEvents, Events, MotionEvents, PowerEvents, StageEvents, SwitchEvents
+from gusjob.simulate.events import ChannelEvents, Events, LaserSwitchEvents, MotionEvents, PowerEvents, StageEvents
 
 
 def simulate_stream(
@@ -116,7 +116,7 @@ def _motion(
 
 def _switch(
     stream: Stream, rows: Indices, stage_of_row: Indices, segment_of_row: Indices, channel: int
-) -> SwitchEvents:
+) -> LaserSwitchEvents:
     calls, kind = stream.buffered, stream.buffered.kind[rows]
     mine = np.flatnonzero(((kind == Buffered.ON) | (kind == Buffered.OFF)) & (calls.channel[rows] == channel))
     segment, on = segment_of_row[mine], kind[mine] == Buffered.ON
@@ -127,7 +127,7 @@ def _switch(
         number[rows] = segment_of_row
         named = stream.intent.mark_end[rows[mine]]
         mark_segment = np.where(named >= 0, number[named] + ~on, segment)
-    return SwitchEvents(stage=stage_of_row[mine], segment=segment, on=on, mark_segment=mark_segment)
+    return LaserSwitchEvents(stage=stage_of_row[mine], segment=segment, on=on, mark_segment=mark_segment)
 
 
 def _power(

@@ -56,7 +56,7 @@ def _new_problems(before: Sequence[Diagnostic], after: Sequence[Diagnostic]) -> 
     If a rule has more diagnostics than are listed, others take the place of those that are gone. For such a rule only
     the total is compared.
     """
-    unlisted = {str(f.fields["code"]) for f in (*before, *after) if f.rule.code == rules.MORE.code}
+    unlisted = {str(f.fields["code"]) for f in (*before, *after) if f.rule.code == rules.NOT_LISTED.code}
     old, new = _serious(before, unlisted), _serious(after, unlisted)
     found = {(0 if path else line) for (_, path, line), count in (new - old).items() if count}
     return found | {0 for _ in _totals(after, unlisted) - _totals(before, unlisted)}
@@ -75,7 +75,7 @@ def _totals(diagnostics: Sequence[Diagnostic], codes: set[str]) -> Counter[str]:
     """Count all diagnostics of rules that are not listed completely."""
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:
-        if diagnostic.rule.code == rules.MORE.code:
+        if diagnostic.rule.code == rules.NOT_LISTED.code:
             counts[str(diagnostic.fields["code"])] += int(diagnostic.fields["count"])
         elif diagnostic.rule.code in codes and diagnostic.severity is not Severity.NOTE:
             counts[diagnostic.rule.code] += 1

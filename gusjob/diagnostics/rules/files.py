@@ -34,14 +34,14 @@ EMPTY = rule(
     bad="; LINE X 10\n",
     good="WAIT\n",
 )
-MORE = rule(
+NOT_LISTED = rule(
     "GJ005",
     NOTE,
     title="more diagnostics of the same rule",
     text="{count} more of {code} are not listed; the limit for each rule is {shown}",
     why="The first diagnostics of a rule are usually enough to find the cause.",
 )
-NO_END = rule(
+LINE_TOO_LONG = rule(
     "GJ006",
     ERROR,
     title="line is too long",

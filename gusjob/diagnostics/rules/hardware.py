@@ -41,7 +41,7 @@ NO_ANSWER = rule(
     "restart the controller",
     why="A program that waits forever can't switch the laser off.",
 )
-STARVED = rule(
+FIFO_EMPTY = rule(
     "GJ906",
     ERROR,
     title="FIFO ran empty",
@@ -49,7 +49,7 @@ STARVED = rule(
     "segments; make them longer or slower (gusjob check warns of this if the profile has host_calls_per_s)",
     why="Where the motion stops with the laser on, the part is burnt.",
 )
-HALTED = rule(
+STOPPED_FROM_OUTSIDE = rule(
     "GJ907",
     ERROR,
     title="motion stopped from outside",
@@ -64,7 +64,7 @@ NO_PROGRESS = rule(
     text="{what} for {seconds} s: check that the axes are enabled and free, then continue with --resume",
     why="A laser that is on while the head stands still burns the part.",
 )
-WRONG_END = rule(
+WRONG_END_POSITION = rule(
     "GJ909",
     ERROR,
     title="wrong end position",
@@ -80,28 +80,28 @@ INTERLOCK = rule(
     "close the door or guard, then {again}",
     why="The laser must not be on while somebody can reach the beam.",
 )
-STOPPED = rule(
+STOPPED_ON_REQUEST = rule(
     "GJ911",
     ERROR,
     title="run stopped on request",
     text="stopped here by {who}; continue with --resume {journal}{options}",
     why="An unfinished part must not count as finished.",
 )
-LIGHT_UNKNOWN = rule(
+LASER_STATE_UNKNOWN = rule(
     "GJ912",
     ERROR,
     title="laser may be on",
     text="THE LASER OF CHANNEL {channel} MAY BE ON: {call} {why}. Use the emergency stop, then check the machine",
     why="Over a link that does not answer, nothing can be switched off. That takes an interlock in hardware.",
 )
-MOTION_UNKNOWN = rule(
+MOTION_STATE_UNKNOWN = rule(
     "GJ913",
     ERROR,
     title="motion may continue",
     text="the motion may still continue: {why}. Use the emergency stop",
     why="Over a link that does not answer, nothing can be stopped.",
 )
-PLACE_UNKNOWN = rule(
+POSITION_UNKNOWN = rule(
     "GJ914",
     ERROR,
     title="point of interruption not known",
@@ -116,7 +116,7 @@ NO_JOURNAL = rule(
     text="can't write the journal: {reason}; free some disk space, then continue with --from-line",
     why="A run can be resumed only with its journal, so none is started without it.",
 )
-RAN_ON = rule(
+RUN_KILLED = rule(
     "GJ916",
     WARNING,
     title="run was killed",
@@ -124,7 +124,7 @@ RAN_ON = rule(
     "as run",
     why="A controller continues with the calls in its FIFO when the program that sent them has ended.",
 )
-TWO_SYSTEMS = rule(
+SEVERAL_SYSTEMS = rule(
     "GJ917",
     ERROR,
     title="more than one coordinate system or FIFO on hardware",

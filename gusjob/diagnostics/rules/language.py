@@ -23,7 +23,7 @@ UNKNOWN_STATEMENT = rule(
     bad=HEAD + "LNE X 10\n",
     good=HEAD + "LINE X 10\n",
 )
-TWICE = rule(
+DUPLICATE_WORD = rule(
     "GJ103",
     ERROR,
     title="duplicate word",
@@ -32,7 +32,7 @@ TWICE = rule(
     bad=HEAD + "LINE X 10 X 20\n",
     good=HEAD + "LINE X 10 Y 20\n",
 )
-MISSING = rule(
+MISSING_WORD = rule(
     "GJ104",
     ERROR,
     title="missing word",
@@ -41,7 +41,7 @@ MISSING = rule(
     bad="LASER MODE DUTY\n",
     good="LASER MODE DUTY CARRIER 10kHz\n",
 )
-FOREIGN = rule(
+WORD_NOT_ALLOWED = rule(
     "GJ105",
     ERROR,
     title="word not allowed in this statement",
@@ -50,7 +50,7 @@ FOREIGN = rule(
     bad=HEAD + "JUMP X 10 VEL 500\n",
     good=HEAD + "JUMPVEL 500\nJUMP X 10\n",
 )
-TOO_BIG = rule(
+NUMBER_TOO_LARGE = rule(
     "GJ106",
     ERROR,
     title="number too large",
@@ -59,7 +59,7 @@ TOO_BIG = rule(
     bad=HEAD + "LINE X 1e300\n",
     good=HEAD + "LINE X 100\n",
 )
-RESERVED = rule(
+RESERVED_NAME = rule(
     "GJ108",
     ERROR,
     title="reserved name",
@@ -68,7 +68,7 @@ RESERVED = rule(
     bad="LET power = 30\n",
     good="LET power_1 = 30\n",
 )
-NO_FUNCTION = rule(
+UNKNOWN_FUNCTION = rule(
     "GJ109",
     ERROR,
     title="unknown function",
@@ -77,7 +77,7 @@ NO_FUNCTION = rule(
     bad=HEAD + "LINE X (sine(30))\n",
     good=HEAD + "LINE X (sin(30))\n",
 )
-ARITY = rule(
+OPERAND_COUNT = rule(
     "GJ110",
     ERROR,
     title="wrong number of operands",
@@ -151,7 +151,7 @@ UNKNOWN_NAME = rule(
     bad=HEAD + "LINE X (pitch)\n",
     good=HEAD + "LET pitch = 0.5\nLINE X (pitch)\n",
 )
-MISMATCH = rule(
+UNIT_MISMATCH = rule(
     "GJ122",
     ERROR,
     title="incompatible units",
@@ -169,7 +169,7 @@ NO_VALUE = rule(
     bad=HEAD + "LET n = 0\nLINE X (10 / n)\n",
     good=HEAD + "LET n = 2\nLINE X (10 / n)\n",
 )
-COUNT = rule(
+LOOP_COUNT = rule(
     "GJ124",
     ERROR,
     title="number of iterations can't be determined",
@@ -197,7 +197,7 @@ NOT_A_CONDITION = rule(
     bad="LET n = 2\nIF n\nDWELL 1\nEND\n",
     good="LET n = 2\nIF n != 0\nDWELL 1\nEND\n",
 )
-TOO_MANY = rule(
+EXPANSION_TOO_LARGE = rule(
     "GJ127",
     ERROR,
     title="expansion too large",
@@ -207,7 +207,7 @@ TOO_MANY = rule(
     bad="REPEAT 100000\nREPEAT 100000\nDWELL 1\nEND\nEND\n",
     good="REPEAT 100\nREPEAT 100\nDWELL 1\nEND\nEND\n",
 )
-TOO_DEEP = rule(
+EXPANSION_TOO_DEEP = rule(
     "GJ128",
     ERROR,
     title="nesting too deep",
@@ -217,7 +217,7 @@ TOO_DEEP = rule(
     bad="DEF f(n)\nCALL f(n - 1)\nEND\nCALL f(3)\n",
     good="DEF f(n)\nDWELL 1\nIF n > 0\nCALL f(n - 1)\nEND\nEND\nCALL f(3)\n",
 )
-TOO_SLOW = rule(
+EXPANSION_TOO_SLOW = rule(
     "GJ129",
     ERROR,
     title="expansion too slow",
@@ -237,7 +237,7 @@ TOO_MANY_SETUPS = rule(
     bad="REPEAT 50001\nWAIT\nEND\n",
     good="REPEAT 10\nWAIT\nEND\n",
 )
-UNCLOSED = rule(
+MISSING_END = rule(
     "GJ131",
     ERROR,
     title="block without END",
@@ -246,7 +246,7 @@ UNCLOSED = rule(
     bad="REPEAT 3\nDWELL 1\n",
     good="REPEAT 3\nDWELL 1\nEND\n",
 )
-STRAY = rule(
+UNMATCHED_END = rule(
     "GJ132",
     ERROR,
     title="END or ELSE without a block",
@@ -255,7 +255,7 @@ STRAY = rule(
     bad="DWELL 1\nEND\n",
     good="REPEAT 1\nDWELL 1\nEND\n",
 )
-DEF_INSIDE = rule(
+NESTED_DEF = rule(
     "GJ133",
     ERROR,
     title="routine inside a block",
@@ -264,7 +264,7 @@ DEF_INSIDE = rule(
     bad="REPEAT 2\nDEF f()\nDWELL 1\nEND\nEND\n",
     good="DEF f()\nDWELL 1\nEND\nREPEAT 2\nCALL f()\nEND\n",
 )
-NESTED = rule(
+BLOCKS_TOO_DEEP = rule(
     "GJ134",
     ERROR,
     title="blocks nested too deep",
@@ -273,7 +273,7 @@ NESTED = rule(
     bad="REPEAT 1\n" * 33 + "END\n" * 33,
     good="REPEAT 1\n" * 3 + "DWELL 1\n" + "END\n" * 3,
 )
-DEF_TWICE = rule(
+DUPLICATE_DEF = rule(
     "GJ135",
     ERROR,
     title="routine defined twice",
@@ -282,7 +282,7 @@ DEF_TWICE = rule(
     bad="DEF f()\nEND\nDEF f()\nEND\n",
     good="DEF f()\nEND\nDEF g()\nEND\n",
 )
-NO_ROUTINE = rule(
+UNKNOWN_ROUTINE = rule(
     "GJ136",
     ERROR,
     title="unknown routine",
@@ -291,7 +291,7 @@ NO_ROUTINE = rule(
     bad="DEF pause(t)\nDWELL (t)\nEND\nCALL paus(3)\n",
     good="DEF pause(t)\nDWELL (t)\nEND\nCALL pause(3)\n",
 )
-CALL_VALUES = rule(
+ROUTINE_VALUES = rule(
     "GJ137",
     ERROR,
     title="wrong number of routine values",
@@ -300,7 +300,7 @@ CALL_VALUES = rule(
     bad="DEF pause(t)\nDWELL (t)\nEND\nCALL pause()\n",
     good="DEF pause(t)\nDWELL (t)\nEND\nCALL pause(3)\n",
 )
-INCLUDE = rule(
+BAD_INCLUDE = rule(
     "GJ138",
     ERROR,
     title="file can't be included",
@@ -317,7 +317,7 @@ FRAME_SCALE = rule(
     bad=HEAD + "FRAME SCALE 0\nLINE X 1\nEND\n",
     good=HEAD + "FRAME SCALE 2\nLINE X 1\nEND\n",
 )
-NEVER_CALLED = rule(
+UNUSED_ROUTINE = rule(
     "GJ141",
     NOTE,
     title="routine never called",
@@ -326,7 +326,7 @@ NEVER_CALLED = rule(
     bad="DEF f()\nDWELL 1\nEND\nDWELL 2\n",
     good="DEF f()\nDWELL 1\nEND\nCALL f()\n",
 )
-NEVER_READ = rule(
+UNUSED_NAME = rule(
     "GJ142",
     NOTE,
     title="unused name",
@@ -335,7 +335,7 @@ NEVER_READ = rule(
     bad="LET pause = 5\nDWELL 1\n",
     good="LET pause = 5\nDWELL (pause)\n",
 )
-SMALL = rule(
+LOWERCASE_KEYWORD = rule(
     "GJ143",
     NOTE,
     title="keyword in lower case",
@@ -344,7 +344,7 @@ SMALL = rule(
     bad="wait\n",
     good="WAIT\n",
 )
-ALLOWED_IN_VAIN = rule(
+INVALID_SUPPRESSION = rule(
     "GJ144",
     WARNING,
     title="allow comment without effect",
@@ -354,7 +354,7 @@ ALLOWED_IN_VAIN = rule(
     bad="WAIT\nLET pause = 5 ; allow GJ142\n",
     good="WAIT\nLET pause = 5 ; allow GJ142: read by the next version\n",
 )
-ALLOWS_NOTHING = rule(
+UNUSED_SUPPRESSION = rule(
     "GJ145",
     WARNING,
     title="unused allow comment",

@@ -14,7 +14,7 @@ LEFT_ON = rule(
     bad=LASER_ON + "LINE X 1\n",
     good=LASER_ON + "LINE X 1\nLASER OFF\n",
 )
-JUMP_LIT = rule(
+JUMP_WITH_LASER_ON = rule(
     "GJ402",
     ERROR,
     title="jump with the laser on",
@@ -33,7 +33,7 @@ NO_POWER = rule(
     good=LASER_ON + "LINE X 1\nLASER OFF\n",
     section="二.2",
 )
-DWELL_LIT = rule(
+DWELL_WITH_LASER_ON = rule(
     "GJ404",
     WARNING,
     title="dwell with the laser on",
@@ -42,7 +42,7 @@ DWELL_LIT = rule(
     bad=LASER_ON + "LINE X 1\nDWELL 100\nLINE X 2\nLASER OFF\n",
     good=LASER_ON + "DWELL 100\nLINE X 1\nLINE X 2\nLASER OFF\n",
 )
-WAIT_LIT = rule(
+WAIT_WITH_LASER_ON = rule(
     "GJ405",
     WARNING,
     title="laser on between stages",
@@ -51,7 +51,7 @@ WAIT_LIT = rule(
     bad=LASER_ON + "LINE X 1\nWAIT\nLINE X 2\nLASER OFF\n",
     good=LASER_ON + "LINE X 1\nLASER OFF\nWAIT\nLASER ON\nLINE X 2\nLASER OFF\n",
 )
-LIT_NOTHING = rule(
+LASER_ON_WITHOUT_MOTION = rule(
     "GJ406",
     WARNING,
     title="laser on without motion",
@@ -60,7 +60,7 @@ LIT_NOTHING = rule(
     bad=LASER_ON + "LASER OFF\nLINE X 1\n",
     good=LASER_ON + "LINE X 1\nLASER OFF\n",
 )
-BURNT_TWICE = rule(
+MARKED_TWICE = rule(
     "GJ407",
     WARNING,
     title="same mark twice",

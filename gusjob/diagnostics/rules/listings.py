@@ -20,7 +20,7 @@ REFUSED = rule(
     good=_CALLS + "GT_LaserOutFrq(20,0)\nGT_CrdStart(1,0)\n",
     section="二.2",
 )
-ACCEPTED_ODD = rule(
+QUESTIONABLE_CALL = rule(
     "GJ702",
     WARNING,
     title="questionable call",
@@ -39,7 +39,7 @@ NEVER_STARTED = rule(
     bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\n",
     good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
-END_NOT_MET = rule(
+END_VELOCITY_NOT_REACHED = rule(
     "GJ704",
     WARNING,
     title="end velocity not reached",
@@ -57,7 +57,7 @@ START_TOO_FAST = rule(
     bad=_CALLS + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,90000,0,20,2,0,0)\nGT_CrdStart(1,0)\n",
     good=_CALLS + "GT_LnXY(1,10000,0,50,2,20,0)\nGT_LnXY(1,90000,0,20,2,0,0)\nGT_CrdStart(1,0)\n",
 )
-STOPS_HARD = rule(
+ABRUPT_STOP = rule(
     "GJ706",
     WARNING,
     title="abrupt stop",
@@ -103,7 +103,7 @@ ASSUMED_CRD = rule(
     bad="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
     good=_CALLS + "GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
 )
-CRDS_AT_ONCE = rule(
+TWO_SYSTEMS_AT_ONCE = rule(
     "GJ711",
     ERROR,
     title="two coordinate systems at once",
@@ -112,7 +112,7 @@ CRDS_AT_ONCE = rule(
     bad="GT_BufDelay(1,10,0)\nGT_BufDelay(2,10,0)\nGT_CrdStart(3,0)\n",
     good="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
 )
-LIT_UNPOWERED = rule(
+LISTING_NO_POWER = rule(
     "GJ712",
     WARNING,
     title="laser on without a power in a listing",
@@ -122,7 +122,7 @@ LIT_UNPOWERED = rule(
     + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
     good=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
 )
-TOO_LONG = rule(
+RUN_TOO_LONG = rule(
     "GJ713",
     ERROR,
     title="run too long to simulate",

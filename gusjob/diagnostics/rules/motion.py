@@ -50,11 +50,11 @@ BAD_ARC = rule(
     bad=HEAD + "ARC CW X 10 Y 0 I 3 J 0\n",
     good=HEAD + "ARC CW X 10 Y 0 I 5 J 0\n",
 )
-ARC_OFF = variant(
+ARC_RADII_DIFFER = variant(
     BAD_ARC,
     text="the end is {end} mm from the centre, the start {start} mm: the difference must be at most {limit} mm",
 )
-ARC_SHORT = variant(
+ARC_RADIUS_TOO_SMALL = variant(
     BAD_ARC,
     text="the radius {value} mm is too small: the end is {chord} mm away, R must be at least {least} mm",
 )
@@ -87,7 +87,7 @@ ARC_TOO_FAST = rule(
     bad="VEL 5000\nACC 100000\nARC CW I 1 J 0\n",
     good="VEL 500\nACC 100000\nARC CW I 1 J 0\n",
 )
-FOLLOW_SCALES = rule(
+FOLLOW_UNEQUAL_AXES = rule(
     "GJ509",
     ERROR,
     title="velocity follow in mm with unequal axes",
@@ -104,7 +104,7 @@ END_AT_STOP = rule(
     bad=HEAD + "LINE X 5 END 50\n",
     good=HEAD + "LINE X 5 END 50\nLINE X 10\n",
 )
-NO_LENGTH = rule(
+MARK_WITHOUT_LENGTH = rule(
     "GJ513",
     WARNING,
     title="mark without length",
@@ -123,7 +123,7 @@ CORNER_TOO_FAST = rule(
     bad=HEAD + "LINE X 5 END 100\nLINE Y 5\n",
     good=HEAD + "LINE X 5\nLINE Y 5\n",
 )
-STARVES = rule(
+FIFO_MAY_RUN_EMPTY = rule(
     "GJ515",
     WARNING,
     title="FIFO may run empty",

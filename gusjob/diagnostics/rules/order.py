@@ -5,7 +5,7 @@ from __future__ import annotations
 from gusjob.diagnostics.rules.examples import HEAD, LASER_ON
 from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule
 
-NO_MODE = rule(
+POWER_WITHOUT_MODE = rule(
     "GJ301",
     ERROR,
     title="power before a mode",
@@ -25,7 +25,7 @@ WRONG_MODE = rule(
     good="LASER MODE DUTY CARRIER 10\nLASER STANDBY FREQ 5kHz DUTY 1\n",
     section="二.2",
 )
-DISTANCE_NEEDS_MODE = rule(
+DISTANCE_WITHOUT_MODE = rule(
     "GJ303",
     ERROR,
     title="distance follow before a mode",
@@ -45,7 +45,7 @@ NEW_STAGE = rule(
     good=HEAD + "LASER DELAY ON 10 OFF 20\nLINE X 1\nLINE X 2\n",
     section="二.2",
 )
-OFF_BELOW_ON = rule(
+OFF_DELAY_BELOW_ON = rule(
     "GJ306",
     WARNING,
     title="off delay below on delay",
@@ -64,7 +64,7 @@ CRD_LATE = rule(
     bad=HEAD + "LINE X 1\nCRD 2\n",
     good="CRD 2\n" + HEAD + "LINE X 1\n",
 )
-LASER_UNKNOWN = rule(
+CHANNEL_WITHOUT_MODE = rule(
     "GJ309",
     ERROR,
     title="channel used without a mode",
@@ -74,7 +74,7 @@ LASER_UNKNOWN = rule(
     good=LASER_ON + "LINE X 1\nLASER OFF\n",
     section="二.2",
 )
-DISTANCE_STALE = rule(
+DISTANCE_UNIT_CHANGED = rule(
     "GJ310",
     ERROR,
     title="distance follow in the unit of another mode",
@@ -86,7 +86,7 @@ DISTANCE_STALE = rule(
     "LASER MODE ANALOG\n",
     section="五.2",
 )
-FPK_SWITCH = rule(
+FPK_IN_DUTY2 = rule(
     "GJ311",
     ERROR,
     title="first pulse killer in DUTY2 mode",
@@ -96,7 +96,7 @@ FPK_SWITCH = rule(
     good="LASER MODE DUTY CARRIER 10\nLASER FPK WIDTH 20 GAP 15 OFFDELAY 10\n",
     section="一.2, 二.2",
 )
-DELAY_TOO_LONG = rule(
+DELAY_LONGER_THAN_MARK = rule(
     "GJ312",
     WARNING,
     title="delay longer than its mark",
@@ -108,7 +108,7 @@ DELAY_TOO_LONG = rule(
     "LASER ON\nLINE X 1\nLASER OFF\n",
     section="二.2",
 )
-DELAY_BRIDGES = rule(
+DELAY_LONGER_THAN_JUMP = rule(
     "GJ313",
     WARNING,
     title="off delay longer than the jump",

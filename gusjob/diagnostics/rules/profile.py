@@ -53,7 +53,7 @@ BUDGET_ENERGY = rule(
     text="this mark of channel {channel} reaches {value} {unit}; the budget is {limit} {unit}",
     why="Where the beam is slower at the same power, it marks deeper (machine profile, [budget]).",
 )
-BUDGET_HELD = rule(
+BUDGET_CLAMPED = rule(
     "GJ608",
     ERROR,
     title="power clamped longer than the budget",

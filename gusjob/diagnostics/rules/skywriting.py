@@ -18,7 +18,7 @@ _SLOW = (
     "SKYWRITE MODE 2 TIMELAG 470us NPOST 48\nLASER ON\nLINE X 5\nLASER OFF\nJUMP X 0\n"
 )
 
-SKY_LIT = rule(
+SKY_LASER_ON = rule(
     "GJ801",
     ERROR,
     title="SKYWRITE with the laser on",
@@ -30,15 +30,15 @@ SKY_LIT = rule(
     section="RTC5",
 )
 SKY_NOW = variant(
-    SKY_LIT,
+    SKY_LASER_ON,
     text="LASER ON NOW under SKYWRITE emits during the run-in: write LASER ON, which is switched along the path",
 )
 SKY_STAGE = variant(
-    SKY_LIT,
+    SKY_LASER_ON,
     text="{word} ends the motion under SKYWRITE while the laser of channel {channel} is on: put LASER OFF before it",
 )
 SKY_DWELL = variant(
-    SKY_LIT,
+    SKY_LASER_ON,
     text="DWELL with the laser of channel {channel} on under SKYWRITE, which starts and ends every mark at full "
     "velocity: put it between SKYWRITE OFF and SKYWRITE",
 )
@@ -120,7 +120,7 @@ SKY_FIELD = rule(
     good=HEAD + _SKY + "LASER POWER 30\nJUMP X 147\nLASER ON\nLINE X 148\nLASER OFF\n",
     section="RTC5",
 )
-SKY_ROOM = rule(
+SKY_NO_MOTION = rule(
     "GJ809",
     ERROR,
     title="no motion at the switch point",
@@ -130,7 +130,7 @@ SKY_ROOM = rule(
     good=HEAD + "LASER DELAY ON 20us OFF 20us\n" + _SKY + "LASER POWER 30\n" + _MARK,
     section="RTC5",
 )
-SKY_DARK = rule(
+SKY_NO_EMISSION = rule(
     "GJ810",
     ERROR,
     title="mark without emission",
@@ -141,7 +141,7 @@ SKY_DARK = rule(
     good=HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 50us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
     section="RTC5",
 )
-SKY_SLOW = rule(
+SKY_NOT_AT_SPEED = rule(
     "GJ811",
     WARNING,
     title="mark not at full velocity at its ends",
@@ -164,7 +164,7 @@ SKY_COARSE = rule(
     good=_SLOW,
     section="RTC5",
 )
-SKY_LAG = rule(
+SKY_TIMELAG_MISMATCH = rule(
     "GJ813",
     WARNING,
     title="TIMELAG differs from the scanner's lag",

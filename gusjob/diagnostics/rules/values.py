@@ -15,7 +15,7 @@ OUT_OF_RANGE = rule(
     good="LASER MODE DUTY CARRIER 20kHz\n",
     section="二.2",
 )
-ON_OPEN_END = rule(
+ON_EXCLUDED_END = rule(
     "GJ202",
     WARNING,
     title="value at an excluded limit",
@@ -82,7 +82,7 @@ CARRIER_TOO_FAST = rule(
     why="The power of a laser that can't follow the frequency is not known.",
     section="二.2",
 )
-SATURATES = rule(
+FOLLOW_SATURATES = rule(
     "GJ209",
     WARNING,
     title="velocity follow saturates",
@@ -93,7 +93,7 @@ SATURATES = rule(
     good=HEAD + "LASER FOLLOW MIN 5 MAX 50 AT 100mm/s\nLASER ON\nLINE X 1\nLASER OFF\n",
     section="四.2",
 )
-POWER_UNUSED = rule(
+UNUSED_POWER = rule(
     "GJ210",
     WARNING,
     title="unused power",

@@ -86,7 +86,7 @@ class Evaluator:
         if isinstance(kind, Mismatch):
             given = both_of(kind_words(operand) for operand in kind.given[:4])
             self.report(
-                rules.MISMATCH, site, operator=kind.function.name, wants=kind.function.typing.value, given=given
+                rules.UNIT_MISMATCH, site, operator=kind.function.name, wants=kind.function.typing.value, given=given
             )
             return np.float64(np.nan), _NO_KIND
         steps = len(expression.code) // 3 * (1 + max(site.lanes.count, rows) // _LANES_PER_STEP)
@@ -143,7 +143,7 @@ class Evaluator:
         if any_lane(large):
             shown = number(float(np.max(np.abs(value))))
             count = int(np.count_nonzero(large))
-            self.report_where(rules.TOO_BIG, site, large, count, value=shown, limit=MAX_NUMBER)
+            self.report_where(rules.NUMBER_TOO_LARGE, site, large, count, value=shown, limit=MAX_NUMBER)
             value = np.where(large, np.nan, value)[()]
         return value, kind[1] if kind != PLAIN else 0
 

@@ -56,12 +56,12 @@ class Ledger:
         """All diagnostics, each once."""
         collector = Collector("")
         for (_, line, word), (rule, provenance, fields, count) in self.reported.items():
-            if collector.room(rule):
+            if collector.remaining(rule):
                 remarks = self.provenance.remarks(provenance, self.sources.locate)
                 collector.add(rule, self.sources.locate(line, word), fields, count, remarks)
             else:
-                collector.uncounted(rule, 1)
-        return collector.done(rules.MORE)
+                collector.count_unlisted(rule, 1)
+        return collector.finish(rules.NOT_LISTED)
 
     def stop(self, rule: Rule, line: int, provenance: Any, **fields: object) -> NoReturn:
         """Report a limit and end the expansion."""
@@ -72,7 +72,7 @@ class Ledger:
         """Count work."""
         self.steps += steps
         if self.steps > MAX_STEPS:
-            self.stop(rules.TOO_SLOW, line, provenance, limit=MAX_STEPS)
+            self.stop(rules.EXPANSION_TOO_SLOW, line, provenance, limit=MAX_STEPS)
 
     def count_statements(self, run: StatementRun, lanes: Lanes) -> None:
         """Count the statements of a run before they are made; those outside of loops and routines do not count."""
@@ -83,7 +83,7 @@ class Ledger:
         limit = self.machine.expansion_max_statements
         if self.statements > limit:
             what, key = Phrase("statements"), "max_statements"
-            self.stop(rules.TOO_MANY, run.line, lanes.provenance, what=what, limit=limit, key=key)
+            self.stop(rules.EXPANSION_TOO_LARGE, run.line, lanes.provenance, what=what, limit=limit, key=key)
         if self.setups > MAX_SETUPS:
             at = int(np.flatnonzero(run.rows.op == RowOp.SETUP)[0])
             self.stop(rules.TOO_MANY_SETUPS, int(run.rows.line[at]), lanes.provenance, limit=MAX_SETUPS)
@@ -94,10 +94,10 @@ class Ledger:
         self.iterations += iterations
         if self.iterations > limit:
             what, key = Phrase("iterations"), "max_statements"
-            self.stop(rules.TOO_MANY, line, provenance, what=what, limit=limit, key=key)
+            self.stop(rules.EXPANSION_TOO_LARGE, line, provenance, what=what, limit=limit, key=key)
 
     def check_depth(self, item: Item, lanes: Lanes) -> None:
         """Check how deep blocks and calls nest: a routine may call itself."""
         limit = self.machine.expansion_max_depth
         if lanes.depth > limit:
-            self.stop(rules.TOO_DEEP, item.line, lanes.provenance, limit=limit, key="max_depth")
+            self.stop(rules.EXPANSION_TOO_DEEP, item.line, lanes.provenance, limit=limit, key="max_depth")

@@ -49,12 +49,12 @@ def loop_range(loop: Loop, evaluator: Evaluator, lanes: Lanes) -> LoopRange:
     step = bounds[2] if len(bounds) > 2 else np.float64(1)
     if any(kind != kinds[0] for kind in kinds) and not any(np.all(np.isnan(bound)) for bound in bounds):
         fields = {"operator": "FOR", "wants": Typing.SAME.value, "given": both_of(map(kind_words, kinds))}
-        evaluator.report(rules.MISMATCH, Site(lanes, loop.line, ""), **fields)
+        evaluator.report(rules.UNIT_MISMATCH, Site(lanes, loop.line, ""), **fields)
         return LoopRange(start, step, _NO_ITERATION, PLAIN)
     if np.any(step == 0):
         hint = Phrase("the loop would never end")
         site = Site(lanes, loop.line, "#2")
-        evaluator.report_where(rules.COUNT, site, step == 0, 1, what="STEP", value=0.0, hint=hint)
+        evaluator.report_where(rules.LOOP_COUNT, site, step == 0, 1, what="STEP", value=0.0, hint=hint)
     # A last iteration that rounding has moved past the end still counts.
     count = np.floor((end - start) / step * (1 + 1e-12) + 1e-9) + 1
     counted = np.where((step != 0) & np.isfinite(count), np.maximum(count, 0), 0.0)[()]
@@ -66,11 +66,11 @@ def _repeat_count(count: Any, kind: NumberType, evaluator: Evaluator, site: Site
     wrong = ~np.isnan(count) & ((count < 0) | (count != np.floor(count)))
     if kind != PLAIN and not np.all(np.isnan(count)):
         fields = {"operator": "REPEAT", "wants": Phrase("takes a plain number"), "given": kind_words(kind)}
-        evaluator.report(rules.MISMATCH, site, **fields)
+        evaluator.report(rules.UNIT_MISMATCH, site, **fields)
         return _NO_ITERATION
     if np.any(wrong):
         value = float(count[wrong][0] if isinstance(count, np.ndarray) else count)
         hint = Phrase("write a whole number, 0 or above")
         how_many = int(np.count_nonzero(wrong))
-        evaluator.report_where(rules.COUNT, site, wrong, how_many, what="REPEAT", value=value, hint=hint)
+        evaluator.report_where(rules.LOOP_COUNT, site, wrong, how_many, what="REPEAT", value=value, hint=hint)
     return np.where(wrong | np.isnan(count), 0.0, count)[()]

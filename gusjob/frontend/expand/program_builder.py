@@ -63,7 +63,7 @@ def build_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagno
         lets=lets,
         unread_names=frozenset(builder.unread_names),
     )
-    return program, [*builder.diagnostics, *builder.collector.done(rules.MORE)]
+    return program, [*builder.diagnostics, *builder.collector.finish(rules.NOT_LISTED)]
 
 
 @dataclass(slots=True)
@@ -88,10 +88,10 @@ class _ProgramBuilder:
         self, rule: Rule, line: int, word: str = "", /, remarks: tuple[Remark, ...] = (), **fields: object
     ) -> None:
         """Add a diagnostic at a word of a line."""
-        if self.collector.room(rule):
+        if self.collector.remaining(rule):
             self.collector.add(rule, self.sources.locate(line, word), fields, remarks=remarks)
         else:
-            self.collector.uncounted(rule, 1)
+            self.collector.count_unlisted(rule, 1)
 
     def add_file(self, text: JobText, chain: tuple[Path, ...]) -> tuple[Block, int]:
         """The block of a whole file and its depth. `chain`: the files that include it, outermost first."""
@@ -106,16 +106,16 @@ class _ProgramBuilder:
         """The block of an included file and its depth; nothing and a diagnostic if it may not or can't be read."""
         limit = self.machine.expansion_max_includes
         if len(chain) >= limit:
-            self.report(rules.TOO_DEEP, line, limit=limit, key="max_includes")
+            self.report(rules.EXPANSION_TOO_DEEP, line, limit=limit, key="max_includes")
             return (), 0
         found, reason = find_include(name, source, self.top)
         if found is None:
-            self.report(rules.INCLUDE, line, file=printable(name), reason=reason)
+            self.report(rules.BAD_INCLUDE, line, file=printable(name), reason=reason)
             return (), 0
         path = found.path
         assert path is not None
         if path in chain or (self.top.path is not None and path == self.top.path.resolve()):
-            self.report(rules.INCLUDE, line, file=printable(name), reason=Phrase("it includes itself"))
+            self.report(rules.BAD_INCLUDE, line, file=printable(name), reason=Phrase("it includes itself"))
             return (), 0
         if path not in self.included:
             text = read_job_text(found)
@@ -134,12 +134,12 @@ class _ProgramBuilder:
         called = {call.statement.names[0] for call in self.calls}
         for routine in self.routines.values():
             if routine.name not in called and routine.line <= own_lines:
-                self.report(rules.NEVER_CALLED, routine.line, name=routine.name)
+                self.report(rules.UNUSED_ROUTINE, routine.line, name=routine.name)
         seen: set[str] = set()
         for let in self.lets:
             if let.name not in reads and let.name not in seen and let.line <= own_lines:
                 seen.add(let.name)
-                self.report(rules.NEVER_READ, let.line, name=let.name)
+                self.report(rules.UNUSED_NAME, let.line, name=let.name)
 
     def check_calls(self) -> None:
         """Check that every CALL names a routine that exists, with as many values as it takes."""
@@ -150,10 +150,10 @@ class _ProgramBuilder:
                 continue  # It may be the one whose DEF can't be parsed.
             if routine is None:
                 hint = did_you_mean(nearest(name, self.routines))
-                self.report(rules.NO_ROUTINE, call.line, name=name, hint=hint)
+                self.report(rules.UNKNOWN_ROUTINE, call.line, name=name, hint=hint)
             elif given != len(routine.parameters):
                 count, takes = len(routine.parameters), f"({', '.join(routine.parameters)})"
-                self.report(rules.CALL_VALUES, call.line, name=name, wanted=count, takes=takes, found=given)
+                self.report(rules.ROUTINE_VALUES, call.line, name=name, wanted=count, takes=takes, found=given)
 
 
 @dataclass(slots=True)
@@ -197,7 +197,7 @@ class _FileBuilder:
         while len(stack) > 1:  # What is inside still counts: it may switch the laser off.
             open_ = stack[-1]
             word = self._node(rows, open_.row).name if open_.form == BROKEN else open_.form.upper()
-            self.job.report(rules.UNCLOSED, int(rows.line[open_.row]), word=word)
+            self.job.report(rules.MISSING_END, int(rows.line[open_.row]), word=word)
             self._close_block(rows, stack)
         return tuple(stack[0].items)
 
@@ -230,25 +230,25 @@ class _FileBuilder:
                 assert statement is not None
                 block, depth = self.job.include(statement.text, self.text.source, line, self.chain)
                 if len(stack) + depth > MAX_NESTING:
-                    self.job.report(rules.NESTED, line, limit=MAX_NESTING)
+                    self.job.report(rules.BLOCKS_TOO_DEEP, line, limit=MAX_NESTING)
                     return
                 self.depth = max(self.depth, len(stack) + depth)
                 stack[-1].target.append(IncludedFile(body=block, line=line))
             case "else":
                 if stack[-1].form != "if" or stack[-1].otherwise is not None:
-                    self.job.report(rules.STRAY, line, word="ELSE", begins="IF")
+                    self.job.report(rules.UNMATCHED_END, line, word="ELSE", begins="IF")
                 else:
                     stack[-1].otherwise = []
             case "end":
                 if len(stack) == 1:
-                    self.job.report(rules.STRAY, line, word="END", begins=any_of(BLOCK_WORDS))
+                    self.job.report(rules.UNMATCHED_END, line, word="END", begins=any_of(BLOCK_WORDS))
                 else:
                     self._close_block(rows, stack)
             case _:
                 if form == "def" and len(stack) > 1:
-                    self.job.report(rules.DEF_INSIDE, line)
+                    self.job.report(rules.NESTED_DEF, line)
                 if len(stack) == MAX_NESTING + 1:
-                    self.job.report(rules.NESTED, line, limit=MAX_NESTING)
+                    self.job.report(rules.BLOCKS_TOO_DEEP, line, limit=MAX_NESTING)
                 self.depth = max(self.depth, len(stack))
                 stack.append(_OpenBlock(form=form, row=at))
 
@@ -282,7 +282,7 @@ class _FileBuilder:
         name, *parameters = statement.names
         if name in self.job.routines:
             here = self.job.sources.locate(self.job.routines[name].line, "")
-            self.job.report(rules.DEF_TWICE, line, remarks=(Remark(text=FIRST_HERE, span=here),), name=name)
+            self.job.report(rules.DUPLICATE_DEF, line, remarks=(Remark(text=FIRST_HERE, span=here),), name=name)
         else:
             self.job.routines[name] = Routine(name=name, parameters=tuple(parameters), body=body, line=line)
 

@@ -148,7 +148,7 @@ class _ListingReader:
             self.not_listed += 1
             return ()
         if len(text) > MAX_LINE:
-            self.report(rules.NO_END, number, 1, 2, size=len(text), limit=MAX_LINE)
+            self.report(rules.LINE_TOO_LONG, number, 1, 2, size=len(text), limit=MAX_LINE)
             return ()
         code = text.split("//")[0]
         if self.pending:
@@ -198,7 +198,9 @@ class _ListingReader:
             self.report(rules.CALL_SYNTAX, self.pending_line, 1, 2, found=found)
         if self.not_listed:
             fields = {"count": self.not_listed, "code": Phrase("the lines"), "shown": len(self.diagnostics)}
-            self.diagnostics.append(Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=self.source.name))
+            self.diagnostics.append(
+                Diagnostic(rule=rules.NOT_LISTED, span=d.NOWHERE, fields=fields, path=self.source.name)
+            )
 
     def without_odd_numbers(self, rows: Rows) -> Rows:
         """Report and remove rows whose coordinate system, FIFO or channel can't be a C short."""

@@ -68,7 +68,7 @@ class JobText:
 def more_diagnostics(text: JobText) -> Diagnostic:
     """The diagnostic that says how many lines of a text are not listed."""
     fields = {"count": text.diagnostics_not_listed, "code": Phrase("the lines"), "shown": len(text.diagnostics)}
-    return Diagnostic(rule=rules.MORE, span=d.NOWHERE, fields=fields, path=text.source.name)
+    return Diagnostic(rule=rules.NOT_LISTED, span=d.NOWHERE, fields=fields, path=text.source.name)
 
 
 def read_job_text(source: Source) -> JobText:

@@ -75,7 +75,7 @@ def lower_case_note(data: bytes, name: str) -> Diagnostic | None:
     line, text = first[0], first[1].decode()
     start, end = lower_case_keywords(text)[0]
     return Diagnostic(
-        rule=rules.SMALL,
+        rule=rules.LOWERCASE_KEYWORD,
         span=Span(line=line, column=start + 1, end_line=line, end_column=end + 1),
         fields={"word": text[start:end], "meant": text[start:end].upper()},
         path=name,

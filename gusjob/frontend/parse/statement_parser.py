@@ -50,7 +50,7 @@ def parse_statement(text: str, line: int) -> tuple[Statement | None, list[Diagno
     """
     if len(text) > MAX_LINE:
         span = Span(line=line, column=1, end_line=line, end_column=2)
-        return None, [Diagnostic(rule=rules.NO_END, span=span, fields={"size": len(text), "limit": MAX_LINE})]
+        return None, [Diagnostic(rule=rules.LINE_TOO_LONG, span=span, fields={"size": len(text), "limit": MAX_LINE})]
     text = strip_comment(text)
     try:
         tree = parser(JOB_GRAMMAR).parse(text)
@@ -83,7 +83,7 @@ class _StatementParser:
 
     def report_twice(self, token: Token) -> None:
         """Add a diagnostic for a word that is given twice."""
-        self.report_at(rules.TWICE, token, word=str(token))
+        self.report_at(rules.DUPLICATE_WORD, token, word=str(token))
 
     # Statements.
 
@@ -163,7 +163,7 @@ class _StatementParser:
         is_keyword = len(token) > 1 and token.upper() in keywords(JOB_GRAMMAR)
         if is_keyword or token in FUNCTIONS or token in NAMED_NUMBERS:
             hint = Phrase("write {name} or another name", name=f"{token}_1")
-            self.report_at(rules.RESERVED, token, word=str(token), hint=hint)
+            self.report_at(rules.RESERVED_NAME, token, word=str(token), hint=hint)
 
     # Words.
 
@@ -173,7 +173,7 @@ class _StatementParser:
         """Add a word to `words`. `token`: its keyword."""
         if token is not None and name not in form.words:
             hint = form.hints.get(name) or _words_of(form)
-            self.report_at(rules.FOREIGN, token, word=name, statement=form.name, hint=hint)
+            self.report_at(rules.WORD_NOT_ALLOWED, token, word=name, statement=form.name, hint=hint)
             return
         if name in words and token is not None:
             self.report_twice(token)
@@ -185,7 +185,7 @@ class _StatementParser:
     def shift(self, head: Token, part: Tree[Token], form: StatementForm, words: dict[str, Quantity]) -> None:
         """Add SHIFT X x Y y of FRAME to `words`."""
         if not subtrees(part):
-            self.report_at(rules.MISSING, head, statement="FRAME SHIFT", word=any_of(("X", "Y")), hint="")
+            self.report_at(rules.MISSING_WORD, head, statement="FRAME SHIFT", word=any_of(("X", "Y")), hint="")
         for axis in subtrees(part):
             self.word(form, tokens(axis)[0].type, subtrees(axis)[0], words, tokens(axis)[0])
 
@@ -206,7 +206,7 @@ class _StatementParser:
             if name not in found and not self.diagnostics:
                 hint = Phrase("; X and Y are required, Z and A are optional")
                 statement = f"LASER DISTANCE {head.type}"
-                self.report_at(rules.MISSING, head, statement=statement, word=name, hint=hint)
+                self.report_at(rules.MISSING_WORD, head, statement=statement, word=name, hint=hint)
         axes[head.type] = found
 
     def check_needs(
@@ -227,7 +227,7 @@ class _StatementParser:
         for word in missing:
             if not self.diagnostics:
                 start, end = statement.column, statement.end_column
-                self.report(rules.MISSING, start, end, statement=form.name, word=word, hint=hint)
+                self.report(rules.MISSING_WORD, start, end, statement=form.name, word=word, hint=hint)
 
     # Numbers.
 
@@ -267,7 +267,7 @@ class _StatementParser:
     def report_too_big(self, token: Token, start: int, end: int) -> None:
         """Add a diagnostic for a number above MAX_NUMBER."""
         shown = f"{token[:20]}{'...' * (len(token) > 20)}"
-        self.report(rules.TOO_BIG, start, end, value=shown, limit=MAX_NUMBER)
+        self.report(rules.NUMBER_TOO_LARGE, start, end, value=shown, limit=MAX_NUMBER)
 
     def group(self, value: Tree[Token]) -> Quantity | None:
         """An expression in parentheses, with or without a sign before it."""
@@ -332,9 +332,11 @@ class _StatementParser:
         if found is None:
             near = nearest(token, FUNCTIONS)
             hint = did_you_mean(near) or Phrase("; the functions are {words}", words=all_of(FUNCTIONS))
-            self.report_at(rules.NO_FUNCTION, token, word=str(token), hint=hint)
+            self.report_at(rules.UNKNOWN_FUNCTION, token, word=str(token), hint=hint)
         elif count != (found.arity or max(count, 1)):
-            self.report_at(rules.ARITY, token, word=str(token), wanted=_count_of_numbers(found.arity), found=count)
+            self.report_at(
+                rules.OPERAND_COUNT, token, word=str(token), wanted=_count_of_numbers(found.arity), found=count
+            )
         return found
 
     def literal(self, token: Token) -> Literal | None:

@@ -69,5 +69,5 @@ def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list
         for row, count in columns.first_of_lines(bad):
             report(rules.FRAME_SCALE, row, "SCALE", count, value=float(scale[row]))
     for arc in path.open_arcs:
-        report(rules.ARC_OFF, arc.row, "", 1, end=arc.end_mm, start=arc.start_mm, limit=CLOSES_MM)
+        report(rules.ARC_RADII_DIFFER, arc.row, "", 1, end=arc.end_mm, start=arc.start_mm, limit=CLOSES_MM)
     return found

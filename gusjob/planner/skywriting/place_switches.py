@@ -24,7 +24,7 @@ from gusjob.kinematics.trapezoids import Trapezoids, distance_run, look_ahead
 from gusjob.planner.plan import Plan, PlannedPath, QuantizedPath, next_phase, rearranged
 from gusjob.planner.quantize import quantize
 from gusjob.planner.skywriting.switch_diagnostics import switch_diagnostics
-from gusjob.planner.skywriting.switch_events import SwitchEvents, schedule_of, switch_events
+from gusjob.planner.skywriting.switch_events import PlannedEvents, schedule_of, switch_events
 from gusjob.planner.velocity import at_rest_before
 
 _HALF_PULSE = 0.5
@@ -60,7 +60,7 @@ class SwitchPoints:
     y: Floats
 
 
-def _switch_points(planned: PlannedPath, schedule: Schedule, events: SwitchEvents) -> SwitchPoints:
+def _switch_points(planned: PlannedPath, schedule: Schedule, events: PlannedEvents) -> SwitchPoints:
     """Find the positions of events: those that round to an end of their motion are there, the others split it."""
     segments, times = planned.segments, schedule.times_ms
     moved = events.moved
@@ -96,7 +96,7 @@ def _switch_points(planned: PlannedPath, schedule: Schedule, events: SwitchEvent
     return SwitchPoints(position=positions, at=at[kept], split=position[kept], x=x[kept], y=y[kept])
 
 
-def _split(planned: PlannedPath, schedule: Schedule, events: SwitchEvents, points: SwitchPoints) -> Plan:
+def _split(planned: PlannedPath, schedule: Schedule, events: PlannedEvents, points: SwitchPoints) -> Plan:
     """Make the plan with its motions split at the points, and the events there."""
     path, timed, sky = planned.path, planned.timed, planned.sky
     m, splits = len(timed), len(points.at)

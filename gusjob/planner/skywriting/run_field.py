@@ -45,7 +45,7 @@ def run_field_diagnostics(quantized: QuantizedPath) -> list[Diagnostic]:
             fields = {"what": what, "word": word, "axis": axis, "low": low, "high": high}
             outside = np.flatnonzero((run[runs] == kind) & (over > _SLACK_PULSE / scale))
             _report(quantized, collector, runs[outside], over[outside], value[outside], fields)
-    return collector.done(rules.MORE)
+    return collector.finish(rules.NOT_LISTED)
 
 
 def _report(

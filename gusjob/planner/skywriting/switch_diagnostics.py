@@ -19,7 +19,7 @@ from gusjob.kinematics.trapezoids import distance_run
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.planner.plan import PlannedPath
 from gusjob.planner.row_diagnostics import report_rows
-from gusjob.planner.skywriting.switch_events import SwitchEvents
+from gusjob.planner.skywriting.switch_events import PlannedEvents
 
 _NO_TIME_US = 1e-6
 _MOMENT_MS = 1e-4
@@ -35,7 +35,7 @@ _INTO, _RAISE_NPOST = Phrase("into a DWELL"), Phrase("raise NPOST")
 
 
 def switch_diagnostics(
-    planned: PlannedPath, schedule: Schedule, events: SwitchEvents, position: Floats
+    planned: PlannedPath, schedule: Schedule, events: PlannedEvents, position: Floats
 ) -> list[Diagnostic]:
     """Report switches that can't come in time, marks without emission, and marks that are not at speed.
 
@@ -50,17 +50,17 @@ def switch_diagnostics(
     crosses_us = np.where(off_us > _NO_TIME_US, 0.0, waits_us)
     _report_outside_motion(planned, schedule, events, waits_us, crosses_us, collector)
     no_emission = (off_us > _NO_TIME_US) | _at_one_point(planned, events, position)[events.moved]
-    _report(planned, collector, rules.SKY_DARK, events, no_emission, late=off_us)
+    _report(planned, collector, rules.SKY_NO_EMISSION, events, no_emission, late=off_us)
     _report_slow(planned, schedule, events, collector)
     if not has_errors(collector.found):
         _report_coarse(planned, schedule, events, collector)
-    return collector.done(rules.MORE)
+    return collector.finish(rules.NOT_LISTED)
 
 
 def _report_outside_motion(
     planned: PlannedPath,
     schedule: Schedule,
-    events: SwitchEvents,
+    events: PlannedEvents,
     waits_us: Floats,
     crosses_us: Floats,
     collector: Collector,
@@ -111,10 +111,10 @@ def _report_outside_motion(
             columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "where": where, "mend": fix}
             columns |= {"channel": channels, "early": early_us}
             wrong = (events.op == op) & (early_us > _NO_TIME_US)
-            _report(planned, collector, rules.SKY_ROOM, events, wrong, **columns)
+            _report(planned, collector, rules.SKY_NO_MOTION, events, wrong, **columns)
 
 
-def _waits_us(planned: PlannedPath, events: SwitchEvents, time_us: Floats) -> Floats:
+def _waits_us(planned: PlannedPath, events: PlannedEvents, time_us: Floats) -> Floats:
     """How much later than its own time each event comes, (e,): none of a channel comes before those in front of it."""
     waits = np.zeros(len(time_us))
     for channel in CHANNELS:
@@ -123,7 +123,7 @@ def _waits_us(planned: PlannedPath, events: SwitchEvents, time_us: Floats) -> Fl
     return waits
 
 
-def _at_one_point(planned: PlannedPath, events: SwitchEvents, position: Floats) -> Bools:
+def _at_one_point(planned: PlannedPath, events: PlannedEvents, position: Floats) -> Bools:
     """Events that switch the laser off at the position where it was switched on, (e,)."""
     op, found = planned.path.op[events.row], np.zeros(len(events.row), dtype=np.bool_)
     for channel in CHANNELS:
@@ -135,7 +135,7 @@ def _at_one_point(planned: PlannedPath, events: SwitchEvents, position: Floats) 
     return found
 
 
-def _report_coarse(planned: PlannedPath, schedule: Schedule, events: SwitchEvents, collector: Collector) -> None:
+def _report_coarse(planned: PlannedPath, schedule: Schedule, events: PlannedEvents, collector: Collector) -> None:
     """Report switches where the command is so slow that one pulse takes long, for a beam at mark speed."""
     times, time = schedule.times_ms, events.time_ms[events.moved]
     cell = np.clip(np.searchsorted(times[1:], time, side="left"), 0, len(schedule.stage) - 1)
@@ -157,7 +157,7 @@ def _report_coarse(planned: PlannedPath, schedule: Schedule, events: SwitchEvent
             _report(planned, collector, rules.SKY_COARSE, events, which, **columns)
 
 
-def _report_slow(planned: PlannedPath, schedule: Schedule, events: SwitchEvents, collector: Collector) -> None:
+def _report_slow(planned: PlannedPath, schedule: Schedule, events: PlannedEvents, collector: Collector) -> None:
     """Report marks that are not at speed at their start or end: look-ahead slows them for a corner inside."""
     shown, segments = display_units(planned.job, planned.machine), planned.segments
     px, py = planned.machine.pulses_per_mm
@@ -169,14 +169,14 @@ def _report_slow(planned: PlannedPath, schedule: Schedule, events: SwitchEvents,
         x, y = (segments.start_x, segments.start_y) if op is Op.ON else (segments.end_x, segments.end_y)
         per_pulse = np.hypot(x[mark] / px, y[mark] / py) * US_PER_MS if shown.speed == "mm/s" else np.ones(len(mark))
         columns = {"value": reached * per_pulse, "velocity": full * per_pulse}
-        _report(planned, collector, rules.SKY_SLOW, events, slow, what=what, speed=shown.speed, **columns)
+        _report(planned, collector, rules.SKY_NOT_AT_SPEED, events, slow, what=what, speed=shown.speed, **columns)
 
 
 def _report(
     planned: PlannedPath,
     collector: Collector,
     rule: Rule,
-    events: SwitchEvents,
+    events: PlannedEvents,
     wrong: Bools,
     /,
     **columns: npt.NDArray[Any] | str,

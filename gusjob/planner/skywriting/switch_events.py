@@ -20,7 +20,7 @@ ON, OFF = 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchEvents:
+class PlannedEvents:
     """Rows that act between motions, (e,) in job order, and those of them that are still to be placed, (g,).
 
     Of all (e,): `row`: row of the path. `boundary`: number of timed rows before it. `time_ms`: time of the call.
@@ -52,7 +52,7 @@ def schedule_of(planned: PlannedPath) -> Schedule:
     )
 
 
-def switch_events(planned: PlannedPath, schedule: Schedule) -> SwitchEvents:
+def switch_events(planned: PlannedPath, schedule: Schedule) -> PlannedEvents:
     """Collect what acts between the motions of a path, with the time at which it has to be called."""
     path, marked = planned.path, planned.sky.events
     takes_time = path.takes_time
@@ -68,7 +68,7 @@ def switch_events(planned: PlannedPath, schedule: Schedule) -> SwitchEvents:
     late_us = delays_us(planned)[stage, path.channel[marked.row[open_]], what]
     time_ms = schedule.times_ms[boundary]
     time_ms[moved] = schedule.times_ms[mark + marked.at_end[open_]] + (marked.effect_us[open_] - late_us) / US_PER_MS
-    return SwitchEvents(
+    return PlannedEvents(
         row=row,
         boundary=boundary,
         moved=moved,

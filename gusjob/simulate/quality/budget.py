@@ -25,20 +25,20 @@ def over_budget(trace: Trace, machine: Machine) -> list[Diagnostic]:
     for channel in trace.channels:
         _power(trace, machine, channel, found)
         _clamped(trace, budget, channel, found)
-    if budget.judges_marks:
+    if budget.limits_marks:
         _marks(trace, machine, found)
-    return found.done(rules.MORE)
+    return found.finish(rules.NOT_LISTED)
 
 
 def _add(found: Collector, rule: Rule, lines: _Lines, values: Floats, limit: float | Floats, **fields: object) -> None:
     """Report each value above its limit."""
     limits = np.broadcast_to(limit, values.shape)
     over = np.flatnonzero(values > limits)
-    listed = over[: found.room(rule)].tolist()
+    listed = over[: found.remaining(rule)].tolist()
     for at in listed:
         figures = {"value": float(values[at]), "limit": float(limits[at])}
         found.add(rule, Span(line=int(lines[at])), {**figures, **fields})
-    found.uncounted(rule, len(over) - len(listed))
+    found.count_unlisted(rule, len(over) - len(listed))
 
 
 def _duration(trace: Trace, budget: Budget, found: Collector) -> None:
@@ -69,7 +69,7 @@ def _clamped(trace: Trace, budget: Budget, channel: ChannelTrace, found: Collect
     """Check the time in which a limit clamped the power, segment by segment."""
     if budget.clamped_ms is not None:
         clamped = channel.emitted.clamped_ms
-        _add(found, rules.BUDGET_HELD, trace.line, clamped, budget.clamped_ms, channel=channel.channel)
+        _add(found, rules.BUDGET_CLAMPED, trace.line, clamped, budget.clamped_ms, channel=channel.channel)
 
 
 def _marks(trace: Trace, machine: Machine, found: Collector) -> None:

@@ -40,43 +40,52 @@ def test_buffered_calls_join_the_running_stage() -> None:
 
 def test_the_mode_does_not_change_while_moving() -> None:
     ran = run_listing(
-        HEAD + "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n" + LINE
+        HEAD
+        + "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        + LINE
         + "GT_CrdStart(1,0)\nGT_LaserPowerMode(0,40,0,0)\nGT_BufLaserOff(1,0,0)\n"
-    )  # fmt: skip
+    )
     assert "GT_LaserPowerMode returns 1" in " ".join(f.message for f in ran.diagnostics)
     assert ran.column("ch0_power_max") == [50]
 
 
 def test_a_refused_call_has_no_effect() -> None:
     ran = run_listing(
-        HEAD + "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        HEAD
+        + "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n"
         + "GT_BufLaserPrfCmd(1,101,0,0)\nGT_LnXY(1,5,0,0,2,0,0)\n"
-        + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
-    )  # fmt: skip
+        + LINE
+        + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
+    )
     assert ran.column("ch0_power_max") == [50]
     assert [f.fields["code"] for f in ran.diagnostics if f.rule.code == "GJ701"] == [7, 7]
 
 
 def test_a_new_mode_resets_the_power() -> None:
     ran = run_listing(
-        HEAD + "GT_LaserPrfCmd(50,0)\nGT_LaserPowerMode(2,10,2,0)\nGT_BufLaserOn(1,0,0)\n" + LINE
+        HEAD
+        + "GT_LaserPrfCmd(50,0)\nGT_LaserPowerMode(2,10,2,0)\nGT_BufLaserOn(1,0,0)\n"
+        + LINE
         + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
-    )  # fmt: skip
+    )
     assert ran.column("ch0_power_max") == [2]
     assert "GJ712" in ran.codes()
     kept = run_listing(
-        HEAD + "GT_LaserPrfCmd(50,0)\nGT_LaserPowerMode(0,90,0,0)\nGT_BufLaserOn(1,0,0)\n" + LINE
+        HEAD
+        + "GT_LaserPrfCmd(50,0)\nGT_LaserPowerMode(0,90,0,0)\nGT_BufLaserOn(1,0,0)\n"
+        + LINE
         + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
-    )  # fmt: skip
+    )
     assert kept.column("ch0_power_max") == [50]
 
 
 def test_switch_readings() -> None:
     ran = run_listing(
         "GT_GetHSIOOpt(&v,0)\nGT_SetHSIOOpt(1,0)\nGT_GetHSIOOpt(&v,0)\nGT_GetHSIOOpt(&v,1)\nGT_BufLaserOff(1,0,0)\n"
-        + LINE + "GT_BufLaserOn(1,0,0)\nGT_CrdStart(1,0)\nGT_GetHSIOOpt(&v,0)\nGT_CrdStatus(1,run,segment,0)\n"
+        + LINE
+        + "GT_BufLaserOn(1,0,0)\nGT_CrdStart(1,0)\nGT_GetHSIOOpt(&v,0)\nGT_CrdStatus(1,run,segment,0)\n"
         "GT_GetHSIOOpt(&v,0)\nGT_SetHSIOOpt(0,0)\n"
-    )  # fmt: skip
+    )
     readings = [(r["line"], r["value"]) for r in ran.report.notes["readings"]]
     assert readings == [(1, 0), (3, 1), (4, 0), (9, 0), (11, 1)]
 
@@ -103,9 +112,12 @@ def test_distance_follow_takes_its_axes_from_the_coordinate_system() -> None:
     tail = "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\n" + LINE + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
     for ratio, top in (("{1,0,0,0}", 50), ("{0,0.1,0,0}", 60)):
         ran = run_listing(
-            HEAD + crd + "GT_SetLaserDisMode(1,0,{0,0,0,0},{1000,1000,1000,1000},0)\n"
-            + f"GT_SetLaserDisRatio({ratio},0,100,0)\n" + tail
-        )  # fmt: skip
+            HEAD
+            + crd
+            + "GT_SetLaserDisMode(1,0,{0,0,0,0},{1000,1000,1000,1000},0)\n"
+            + f"GT_SetLaserDisRatio({ratio},0,100,0)\n"
+            + tail
+        )
         assert ran.column("ch0_power_max") == pytest.approx([top], abs=0.001)
 
 

@@ -54,7 +54,7 @@ def compiled(source: Source, machine: Machine) -> Calls:
         spans = [job.locate(line, "") for line in (*stream.buffered.line.tolist(), *(c.line for c in stream.calls))]
         lines = [-span.line if span.path else number.get(span.line, -1) for span in spans]
     diagnostics = [
-        diagnostic for diagnostic in diagnostics if diagnostic.rule is not rules.SMALL
+        diagnostic for diagnostic in diagnostics if diagnostic.rule is not rules.LOWERCASE_KEYWORD
     ]  # fmt writes upper case.
     found = [(f.rule.code, -f.span.line if f.span.path else number.get(f.span.line, -1)) for f in diagnostics]
     return calls, lines, found

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import re
 import tracemalloc
-from bisect import bisect_right
-from collections.abc import Callable
 from itertools import pairwise
 from math import ceil, floor
 
@@ -28,46 +26,20 @@ from support.vcd import (
     NS,
     F,
     Spans,
+    at_ticks,
+    held,
     off,
     periods,
+    pulses,
     read,
     run,
     same,
+    trapezoid,
     wave,
 )
 
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.simulate.outputs.vcd import vcd_pieces
-
-TICK = F(1, 4)
-
-
-def pulses(begin: F, finish: F, steps: list[tuple[F, F]], width: F) -> Spans:
-    """Low parts in frequency mode: a pulse at each whole phase; `steps`: moment, kHz."""
-    starts: list[F] = []
-    phase = F(0)
-    for (at, khz), (after, _) in pairwise([(begin, steps[0][1]), *steps[1:], (finish, F(0))]):
-        while khz and len(starts) < phase + khz * (after - at):
-            starts.append(at + (len(starts) - phase) / khz)
-        phase += khz * (after - at)
-    return [(s, min(s + width, after)) for s, after in pairwise([*starts, finish])]
-
-
-def at_ticks(since: F, until: F) -> list[F]:
-    """When held power is sampled from a call on."""
-    return [since, *(k * TICK for k in range(floor(since / TICK) + 1, ceil(until / TICK)))]
-
-
-def held(since: F, until: F, value: Callable[[F], F]) -> Callable[[F], F]:
-    """Power that is sampled at a call and at the ticks."""
-    moments = at_ticks(since, until)
-    return lambda t: value(moments[bisect_right(moments, t) - 1])
-
-
-def trapezoid(since: F, length: F, vel: F, acc: F) -> tuple[F, Callable[[F], F]]:
-    """When a motion from rest to rest ends, and its velocity."""
-    until = since + vel / acc + length / vel
-    return until, lambda t: max(F(0), min(acc * (t - since), vel, acc * (until - t)))
 
 
 @pytest.mark.parametrize(

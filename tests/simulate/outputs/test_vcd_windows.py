@@ -9,53 +9,11 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from support.vcd import (
-    DUTY,
-    FREQUENCY,
-    GO,
-    GTS,
-    HEAD,
-    LIT,
-    NS,
-    F,
-    Wave,
-    off,
-    periods,
-    read,
-    run,
-    same,
-    wave,
-)
+from support.vcd import DUTY, GO, GTS, JOBS, NS, F, Wave, off, periods, read, run, same, vcdvcd, wave, whole
 
 from gusjob.simulate.outputs import levels as outputs
 
-vcdvcd = pytest.importorskip("vcdvcd")
-FOLLOW = "ACC 1\nLASER FOLLOW RATIO 3 MIN {} MAX 40\nLASER ON\nLINE X 200\nLASER OFF\nDWELL 1\n"
-BOTH = (
-    "LASER MODE ANALOG CHANNEL 1\nLASER PREVOLT 0.5 CHANNEL 1\nLASER DELAY ON 0 OFF 450 CHANNEL 1\n"
-    "LASER POWER 7 CHANNEL 1\nLASER ON CHANNEL 1\nDWELL 1\nLASER FOLLOW RATIO 0.5 MIN 1 MAX 4 CHANNEL 1\n"
-    "LINE X 99\nLASER OFF CHANNEL 1\n"
-)
-JOBS = {
-    "duty": DUTY.format(30) + "LASER DELAY ON 3 OFF 17\n" + LIT.format(37, 3) + LIT.format(99, 2),
-    "follow": DUTY.format(20) + FOLLOW.format(5),
-    "frequency": FREQUENCY.format(20) + LIT.format(7, 2) + FOLLOW.format(1).replace("RATIO 3", "RATIO 2.9"),
-    "analog": HEAD + "LASER MODE ANALOG\nLASER PREVOLT 1\n" + LIT.format(3, 1) + FOLLOW.format(2).replace("40", "9"),
-    "fpk": DUTY.format(10) + "LASER FPK WIDTH 1700 GAP 333 OFFDELAY 50\n" + LIT.format(30, 2) + LIT.format(70, 3),
-    "standby": DUTY.format(7) + "LASER STANDBY FREQ 11 DUTY 30\n" + LIT.format(50, 2) + "WAIT\n" + LIT.format(9, 1),
-    "duty 2": HEAD + "LASER MODE DUTY2 CARRIER 3\n" + LIT.format(30, 3),
-    "both": DUTY.format(10) + "LASER STANDBY FREQ 3 DUTY 30\n" + BOTH + LIT.format(20, 2) + "WAIT\n"
-    + LIT.format(30, 1),
-    "modes": DUTY.format(10) + LIT.format(50, 1) + "LASER MODE ANALOG\n" + LIT.format(3, 1)
-    + "LASER MODE FREQUENCY WIDTH 10\n" + LIT.format(5, 2),
-}  # fmt: skip
 UNKNOWN = GTS.format("0,100,0", "") + GO
-
-
-def whole(text: str, *options: str, name: str = "x.job") -> bytes:
-    done = run(text, *options, name=name)
-    assert done.exit_code == 0, done.stderr
-    return done.stdout_bytes
 
 
 @cache

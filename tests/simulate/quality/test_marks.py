@@ -153,9 +153,16 @@ def report_of(stream: Stream, intent: Intent, machine: Machine = MACHINE) -> Rep
 def test_the_planner_says_where_a_mark_begins_and_ends() -> None:
     # The emission comes and goes 20 um (a lag) after S = 10 mm and E = 20 mm; one corner is passed between E and off.
     text = (
-        HEAD + move(10000, 0) + move(10020, 0) + ON + move(20000, 0) + move(20000, 20) + OFF
-        + move(20000, 5000, 0) + START
-    )  # fmt: skip
+        HEAD
+        + move(10000, 0)
+        + move(10020, 0)
+        + ON
+        + move(20000, 0)
+        + move(20000, 20)
+        + OFF
+        + move(20000, 5000, 0)
+        + START
+    )
     stream = listing_stream(text)
     rows = np.flatnonzero(stream.buffered.kind == Buffered.LINE).tolist()
     on, off = (int(np.flatnonzero(stream.buffered.kind == kind)[0]) for kind in (Buffered.ON, Buffered.OFF))
@@ -259,9 +266,19 @@ def test_two_channels_have_their_own_marks() -> None:
         "GT_BufLaserOff(1,0,1)\n",
     ]
     text = (
-        other[0] + HEAD + move(10000, 0) + ON + move(12000, 0) + other[1] + move(14000, 0) + OFF
-        + move(16000, 0) + other[2] + move(30000, 0, 0) + START
-    )  # fmt: skip
+        other[0]
+        + HEAD
+        + move(10000, 0)
+        + ON
+        + move(12000, 0)
+        + other[1]
+        + move(14000, 0)
+        + OFF
+        + move(16000, 0)
+        + other[2]
+        + move(30000, 0, 0)
+        + START
+    )
     ran = run_listing(text)
     assert marks_in(ran.report)["channel"].tolist() == [0, 1]
     assert marks_in(ran.report)["start_ms"] == pytest.approx([105, 125])

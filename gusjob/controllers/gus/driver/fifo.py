@@ -291,8 +291,8 @@ class Fifo:
         if stage.ran and not status.run and (queued > 0 or unsent):
             if queued <= sent_since:
                 rate = round(self.link.call_count / max(self.link.journal.now_s(), 1e-9))
-                raise failure(rules.STARVED, line, rate=rate)
-            raise failure(rules.HALTED, line, queued=queued)
+                raise failure(rules.FIFO_EMPTY, line, rate=rate)
+            raise failure(rules.STOPPED_FROM_OUTSIDE, line, queued=queued)
         if stage.started and not status.run and not stage.ran and queued > 0 and now - stage.since_s > START_S:
             raise failure(rules.NO_PROGRESS, line, what=Phrase("the motion did not start"), seconds=START_S)
         if status.run and now - stage.since_s > self.still_s:

@@ -71,7 +71,7 @@ def check_single_fifo(stream: Stream) -> list[Diagnostic]:
         for i in (row, 0)
     ]
     fields = {"what": names[0], "first": names[1]}
-    return [Diagnostic(rule=rules.TWO_SYSTEMS, span=Span(line=int(calls.line[row])), fields=fields)]
+    return [Diagnostic(rule=rules.SEVERAL_SYSTEMS, span=Span(line=int(calls.line[row])), fields=fields)]
 
 
 def outputs_of(stream: Stream) -> Outputs:

@@ -76,4 +76,4 @@ def recorded_remainder(stream: Stream, recorded: RecordedRun) -> Remainder:
 
 def _unknown(recorded: RecordedRun, why: str) -> BackendError:
     stage = recorded.stage
-    return failure(rules.PLACE_UNKNOWN, stage.line, why=why, calls=stage.queued)
+    return failure(rules.POSITION_UNKNOWN, stage.line, why=why, calls=stage.queued)

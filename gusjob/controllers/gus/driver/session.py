@@ -99,7 +99,7 @@ class Session:
         """Check that after the end of a job the laser is off and nothing moves."""
         self.ensure_laser_off()
         if self.shutdown.moving():
-            raise failure(rules.MOTION_UNKNOWN, 0, why=Phrase("something moves after the end of the job"))
+            raise failure(rules.MOTION_STATE_UNKNOWN, 0, why=Phrase("something moves after the end of the job"))
 
     def close(self) -> list[Diagnostic]:
         """Disable the axes if the profile says so, then close the controller."""
@@ -204,7 +204,7 @@ class Session:
         end_x, end_y = float(fifo.calls.x[row]), float(fifo.calls.y[row])
         if max(abs(status.x - end_x), abs(status.y - end_y)) > tolerance:
             fields = {"x": status.x, "y": status.y, "want_x": end_x, "want_y": end_y}
-            raise failure(rules.WRONG_END, int(fifo.calls.line[row]), **fields)
+            raise failure(rules.WRONG_END_POSITION, int(fifo.calls.line[row]), **fields)
 
     def _on_status(self, stage: FifoStage) -> None:
         """Publish the status after every poll, and check the interlock."""

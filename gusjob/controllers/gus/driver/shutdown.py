@@ -125,14 +125,14 @@ def hung_diagnostics(outputs: Outputs, call: str) -> list[Diagnostic]:
     why = Phrase("hangs behind {call}", call=call)
     laser = [
         Diagnostic(
-            rule=rules.LIGHT_UNKNOWN,
+            rule=rules.LASER_STATE_UNKNOWN,
             span=NOWHERE,
             fields={"channel": channel, "call": f"GT_SetHSIOOpt(0,{channel})", "why": why},
         )
         for channel in outputs.channels
     ]
     why = Phrase("GT_Stop hangs behind {call}", call=call)
-    return [*laser, Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})]
+    return [*laser, Diagnostic(rule=rules.MOTION_STATE_UNKNOWN, span=NOWHERE, fields={"why": why})]
 
 
 def _motion_diagnostic(code: int) -> Diagnostic:
@@ -140,7 +140,7 @@ def _motion_diagnostic(code: int) -> Diagnostic:
         why = Phrase("GT_Stop returned {code} ({meaning})", code=code, meaning=meaning(code)[0])
     else:
         why = Phrase("GT_CrdStatus still reports motion")
-    return Diagnostic(rule=rules.MOTION_UNKNOWN, span=NOWHERE, fields={"why": why})
+    return Diagnostic(rule=rules.MOTION_STATE_UNKNOWN, span=NOWHERE, fields={"why": why})
 
 
 def _laser_diagnostic(channel: int, code: int, power_failed: bool) -> Diagnostic:
@@ -150,4 +150,4 @@ def _laser_diagnostic(channel: int, code: int, power_failed: bool) -> Diagnostic
     else:
         why = Phrase("returned {code} ({meaning}); its power was set to 0", code=code, meaning=what)
     fields = {"channel": channel, "call": f"GT_SetHSIOOpt(0,{channel})", "why": why}
-    return Diagnostic(rule=rules.LIGHT_UNKNOWN, span=NOWHERE, fields=fields)
+    return Diagnostic(rule=rules.LASER_STATE_UNKNOWN, span=NOWHERE, fields=fields)

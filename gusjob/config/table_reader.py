@@ -36,7 +36,7 @@ _MAX_QUOTED = 40
 
 
 @dataclass(slots=True, kw_only=True)
-class Reader:
+class TableReader:
     """Reads tables and collects the diagnostics of one profile. What is wrong is left out of the result."""
 
     path: str
