@@ -44,10 +44,10 @@ def test_looking_for_jobs_that_include_it_makes_them_no_part(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("locale", "options", "reply"),
     [
-        ("zh-cn", (), "不应出现在这里"),
+        ("zh-cn", (), "此处不能出现"),
         ("zh-cn", ("--lang", "en"), "is not allowed here"),
         ("de", (), "is not allowed here"),
-        (None, ("--lang", "zh"), "不应出现在这里"),
+        (None, ("--lang", "zh"), "此处不能出现"),
     ],
 )
 def test_the_editors_language(tmp_path: Path, locale: str | None, options: tuple[str, ...], reply: str) -> None:
