@@ -264,7 +264,7 @@ def test_a_line_that_ends_too_soon_has_no_hint() -> None:
     source, _ = check_text(b"LINE X\n", "a.job")
     assert source is not None
     _, (diagnostic, *_) = read_job(source, Machine())
-    assert diagnostic.message == "the end of the line is not allowed here; expected a number"
+    assert diagnostic.message == "a number is missing after X"
 
 
 def test_an_octal_number_is_shown_as_it_was_written() -> None:

@@ -44,17 +44,17 @@ def test_looking_for_jobs_that_include_it_makes_them_no_part(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("locale", "options", "reply"),
     [
-        ("zh-cn", (), "此处不能出现"),
-        ("zh-cn", ("--lang", "en"), "is not allowed here"),
-        ("de", (), "is not allowed here"),
-        (None, ("--lang", "zh"), "此处不能出现"),
+        ("zh-cn", (), "没有以"),
+        ("zh-cn", ("--lang", "en"), "no statement begins with"),
+        ("de", (), "no statement begins with"),
+        (None, ("--lang", "zh"), "没有以"),
     ],
 )
 def test_the_editors_language(tmp_path: Path, locale: str | None, options: tuple[str, ...], reply: str) -> None:
     async def session() -> None:
         async with editor(None, *options, locale=locale) as mine:
             path = tmp_path / "a.job"
-            mine.open(path, "VEL\n")
+            mine.open(path, "QQ\n")
             (diagnostic, *_) = await mine.published(path)
             assert reply in diagnostic.message
 

@@ -9,7 +9,7 @@ UNEXPECTED = rule(
     "GJ101",
     ERROR,
     title="unexpected word",
-    text="{found} is not allowed here; {expected}{hint}",
+    text="{problem}{hint}",
     why="A skipped word would change what is marked: X1O is not X10.",
     bad=HEAD + "LINE X1O Y20\n",
     good=HEAD + "LINE X10 Y20\n",

@@ -8,7 +8,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR
 from gusjob.frontend.parse.misread import END_OF_LINE, Misread, misread
-from gusjob.i18n.phrases import Phrase
+from gusjob.i18n.phrases import Phrase, any_of
 from gusjob.kinematics.units import UNITS, QuantityKind
 
 COMPARISON_HINT = Phrase("; write a comparison with ==")
@@ -43,8 +43,16 @@ def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     if not text[: found.column - 1].strip():
         fields: dict[str, object] = {"found": found.found, "hint": found.hint}
         return Diagnostic(rule=rules.UNKNOWN_STATEMENT, span=span, fields=fields)
-    fields = {"found": found.found, "expected": found.expectation, "hint": found.hint or _hint(text, found)}
+    hint = found.hint or _hint(text, found)
+    fields = {"problem": _problem(text, found), "found": found.found, "hint": hint}
     return Diagnostic(rule=rules.UNEXPECTED, span=span, fields=fields)
+
+
+def _problem(text: str, misread: Misread) -> str:
+    """What is wrong: a word that is not allowed, or one that is missing at the end of the line."""
+    if misread.found is END_OF_LINE:
+        return Phrase("{words} is missing after {word}", words=any_of(misread.expected), word=text.split()[-1][-40:])
+    return Phrase("{found} is not allowed here; {expected}", found=misread.found, expected=misread.expectation)
 
 
 def _hint(text: str, misread: Misread) -> str:
