@@ -1,4 +1,4 @@
-"""Kill runs by SIGKILL at random moments and resume them: python tests/kill.py [COUNT]
+"""Kill runs by SIGKILL at random moments and resume them: PYTHONPATH=tests python -m support.kill [COUNT].
 
 The virtual controller outlives the process, as hardware does: it continues with what is in its FIFO. Each journal must
 resume to a complete job: the path whole, nothing twice beyond one segment, nothing left out.
