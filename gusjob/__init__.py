@@ -1,6 +1,7 @@
 """Compiler, linter and runner for laser jobs on Googol GUS galvo controllers.
 
-The Python interface: `read` and `read_text` give a JobFile with its diagnostics; `JobFile.simulate` gives a Simulation.
+The Python interface: `read` and `read_text` give a JobFile with its diagnostics; `JobFile.simulate` gives a Simulation;
+`run_on` runs a job on a controller.
 """
 
 from __future__ import annotations
@@ -10,9 +11,22 @@ from typing import TYPE_CHECKING, Any
 from gusjob.version import __version__
 
 if TYPE_CHECKING:
-    from gusjob.api import JobError, JobFile, ReportedDiagnostic, Simulation, read, read_text, set_language
+    from gusjob.api import (
+        Control,
+        ControllerRun,
+        JobError,
+        JobFile,
+        ReportedDiagnostic,
+        Simulation,
+        read,
+        read_text,
+        run_on,
+        set_language,
+    )
 
 __all__ = [
+    "Control",
+    "ControllerRun",
     "JobError",
     "JobFile",
     "ReportedDiagnostic",
@@ -20,6 +34,7 @@ __all__ = [
     "__version__",
     "read",
     "read_text",
+    "run_on",
     "set_language",
 ]
 

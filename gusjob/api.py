@@ -15,7 +15,7 @@ them raises JobError. The diagnostics are those of `gusjob check`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -26,18 +26,43 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Scanner, parse_scanner
+from gusjob.controllers.control import Control
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized, plural
-from gusjob.pipeline import Checked, Compiled, Rejected, Simulated, compile_calls, examine, load, simulate
+from gusjob.pipeline import (
+    Checked,
+    Compiled,
+    Origin,
+    Rejected,
+    Simulated,
+    compile_calls,
+    examine,
+    load,
+    run_request,
+    simulate,
+)
 
 if TYPE_CHECKING:
     import polars
     from matplotlib.figure import Figure
 
+    from gusjob.hardware.progress import Progress
+    from gusjob.hardware.run import RunPlan
     from gusjob.report.rows import Report
 
-__all__ = ["JobError", "JobFile", "ReportedDiagnostic", "Simulation", "read", "read_text", "set_language"]
+__all__ = [
+    "Control",
+    "ControllerRun",
+    "JobError",
+    "JobFile",
+    "ReportedDiagnostic",
+    "Simulation",
+    "read",
+    "read_text",
+    "run_on",
+    "set_language",
+]
 
 TableColumns = dict[str, npt.NDArray[Any]]
 """A table: equally long columns by name."""
@@ -131,6 +156,103 @@ def read_text(
     return JobFile(_readable(loaded, loaded.profile))
 
 
+def run_on(
+    job: JobFile | str | Path,
+    *,
+    confirm: bool | Callable[[RunPlan], bool],
+    library: str | Path = "",
+    abi: str = "",
+    mode: Literal["job", "no-laser", "frame"] = "job",
+    journal: str | Path | None = None,
+    resume: str | Path | None = None,
+    from_line: int | str | None = None,
+    control: Control | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> ControllerRun:
+    """Run a job on a controller through the vendor's library, as `gusjob run --backend gts` does.
+
+    Whatever ends the run, the laser is switched off first, then the motion is stopped, the laser switched off again and
+    the controller closed. Call it in the main thread: only there Ctrl+C and SIGTERM can stop the run.
+
+    Args:
+        job: The job, or its file.
+        confirm: True, or a function that gets the plan of the run and returns True. Without confirmation nothing is
+            sent and no laser is switched on.
+        library: The vendor's library; by default that of the machine profile.
+        abi: Its ABI, "gus", "gts" or "gts-multi"; by default that of the machine profile.
+        mode: "job"; "no-laser" for the whole motion without any laser call; "frame" for one turn round the marks.
+        journal: The journal's file, which must not exist; by default a name beside the job.
+        resume: The journal of a run that is to be continued.
+        from_line: Begin at this line: a number, or "FILE:N" for a line of an included file.
+        control: Stops or pauses the run from a callback or another thread.
+        on_progress: Called with the progress some times a second, in the calling thread. An exception in it stops the
+            run and is raised after the shutdown.
+
+    Returns:
+        How the run ended. Faults of the hardware are diagnostics in it, not exceptions.
+
+    Raises:
+        JobError: The job has errors, also those that only its simulation finds.
+        OSError: A file can't be read.
+        ValueError: A journal in place of a job, an unknown mode or ABI, or options that exclude each other.
+    """
+    from gusjob.config.machine import Abi
+    from gusjob.hardware.progress import report_to
+    from gusjob.hardware.request import Refusal, RunMode, RunOptions, read_recorded_run
+    from gusjob.hardware.run import Ending
+    from gusjob.hardware.run import run_on as run_request_on
+
+    recorded = None if resume is None else read_recorded_run(Path(resume))
+    options = RunOptions(
+        library=str(library),
+        abi=Abi(abi) if abi else None,
+        mode=RunMode(mode),
+        journal=None if journal is None else Path(journal),
+        resume=None if isinstance(recorded, Refusal) else recorded,
+        from_line=None if from_line is None else str(from_line),
+    )
+    if isinstance(recorded, Refusal):
+        return ControllerRun(ending=Ending.REFUSED.value, reason=recorded.localized)
+    request = run_request((job if isinstance(job, JobFile) else read(job))._runnable(), options)
+    watch = None if on_progress is None else report_to(on_progress)
+    outcome = run_request_on(request, confirm=confirm, control=control, watch=watch)
+    return ControllerRun(
+        ending=outcome.ending.value,
+        reason="" if outcome.refusal is None else outcome.refusal.localized,
+        diagnostics=tuple(map(_reported, outcome.diagnostics)),
+        journal=outcome.journal,
+        location=outcome.location,
+        elapsed_s=outcome.elapsed_s,
+        is_safe=outcome.is_safe,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerRun:
+    """How a run on a controller ended.
+
+    Attributes:
+        ending: "done": all of it was run. "nothing-left": the run that was to be continued had been run to its end.
+            "failed": the run was stopped or a fault occurred. "declined": `confirm` did not return True.
+            "unconfirmed": `confirm` is neither True nor a function. "refused": the request can't be run. "invalid": the
+            library does not fit, or the calls have errors.
+        reason: Why the request was refused or not confirmed, else "".
+        diagnostics: Faults and other problems, at lines of the job.
+        journal: The journal's file, None if none was begun.
+        location: FILE:N that a failed run reached, "" if it did not begin.
+        elapsed_s: Time since the journal was begun.
+        is_safe: Whether every call confirmed that the laser is off and the motion stopped. If not, look at the machine.
+    """
+
+    ending: str
+    reason: str = ""
+    diagnostics: tuple[ReportedDiagnostic, ...] = ()
+    journal: Path | None = None
+    location: str = ""
+    elapsed_s: float = 0.0
+    is_safe: bool = True
+
+
 class JobFile:
     """A job, listing or journal that was read and checked."""
 
@@ -194,6 +316,14 @@ class JobFile:
         if not isinstance(self._simulated, Simulated):
             raise JobError(str(self.path), tuple(map(_reported, self._simulated.diagnostics)))
         return Simulation(self._simulated)
+
+    def _runnable(self) -> Simulated:
+        """The simulation of a job that may be run on hardware."""
+        if isinstance(self._loaded, Checked) and self._loaded.origin is Origin.JOURNAL:
+            raise ValueError(f"{self.path} is the journal of a run: pass it as resume, with the job")
+        if not isinstance(self._simulated, Simulated) or has_errors(self._simulated.diagnostics):
+            raise JobError(str(self.path), tuple(map(_reported, self._simulated.diagnostics)))
+        return self._simulated
 
     def __repr__(self) -> str:
         return f"<gusjob.JobFile {self.path}: {_counts(self._examined.diagnostics)}>"

@@ -30,6 +30,7 @@ from gusjob.lint import check as lint_job
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
     from gusjob.controllers.gus.calls import Stream
+    from gusjob.hardware.request import RunOptions, RunRequest
     from gusjob.simulate import Trace
 
 _Sources = Mapping[str, Source]
@@ -278,6 +279,30 @@ def examine(checked: Checked) -> Checked:
     elif checked.content.has_forced_ends or checked.content.has_sky_writing:
         checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
+
+
+def run_request(simulated: Simulated, options: RunOptions) -> RunRequest:
+    """Make the request to run a simulated file on a controller (gusjob.hardware.run.run_on)."""
+    from gusjob.hardware.request import RunRequest
+
+    job = simulated.job
+    without_diagnostics = replace(simulated, diagnostics=())  # Those of the file are known: what comes is of the run.
+
+    def locate(line: int) -> Span:
+        return job.locate(line, "") if job is not None else Span(line=line)
+
+    def report(found: list[Diagnostic]) -> Iterable[Diagnostic]:
+        return with_simulation(without_diagnostics, found).diagnostics
+
+    return RunRequest(
+        path=simulated.path,
+        stream=simulated.stream,
+        trace=simulated.trace,
+        machine=simulated.machine,
+        options=options,
+        locate=locate,
+        report=report,
+    )
 
 
 def selected(result: FileResult, chosen: SelectionLayer) -> FileResult:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +12,12 @@ import click
 from gusjob.cli.common import show, stop
 from gusjob.cli.run_display import run_display
 from gusjob.controllers.journal.reader import RecordedRun
-from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.hardware.forecast import ChannelForecast
-from gusjob.hardware.request import Refusal, RunMode, RunOptions, RunRequest, read_recorded_run
+from gusjob.hardware.request import Refusal, RunMode, RunOptions, read_recorded_run
 from gusjob.hardware.run import Confirm, Ending, RunOutcome, RunPlan, run_on
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.i18n.width import padded, width
-from gusjob.pipeline import Simulated, with_simulation
+from gusjob.pipeline import Simulated, run_request
 
 
 def run_on_controller(result: Simulated, options: RunOptions, *, yes: bool, progress: str) -> int:
@@ -34,28 +32,8 @@ def run_on_controller(result: Simulated, options: RunOptions, *, yes: bool, prog
     Returns:
         The exit code.
     """
-    outcome = run_on(_request(result, options), confirm=_confirm(yes=yes), watch=run_display(progress))
+    outcome = run_on(run_request(result, options), confirm=_confirm(yes=yes), watch=run_display(progress))
     return _exit_code(result, outcome)
-
-
-def _request(result: Simulated, options: RunOptions) -> RunRequest:
-    without_diagnostics = replace(result, diagnostics=())  # They were shown; what is shown later is about the run.
-
-    def locate(line: int) -> Span:
-        return result.job.locate(line, "") if result.job is not None else Span(line=line)
-
-    def report(found: list[Diagnostic]) -> Iterable[Diagnostic]:
-        return with_simulation(without_diagnostics, found).diagnostics
-
-    return RunRequest(
-        path=result.path,
-        stream=result.stream,
-        trace=result.trace,
-        machine=result.machine,
-        options=options,
-        locate=locate,
-        report=report,
-    )
 
 
 def _confirm(*, yes: bool) -> Confirm:

@@ -98,7 +98,7 @@ class _HelpFormatter(click.HelpFormatter):
 
 
 def _paragraphs_wrapped(text: str, columns: int) -> str:
-    """A text with wide characters whose lines click takes as they are (\\b); others are left to click."""
+    r"""A text with wide characters whose lines click takes as they are (\b); others are left to click."""
     if width(text) == len(text):
         return text
     return "\n\n".join("\b\n" + wrapped(part, columns) for part in text.split("\n\n"))
@@ -114,17 +114,21 @@ class Command(click.Command):
     context_class = _LocalizedContext
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """Add --lang before --help."""
         *own, last = super().get_params(ctx)
         return [*own, _language_option(), last]
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        """Make --help anew: its text depends on the language."""
         self._help_option = None  # click keeps it, in the language of the first time.
         return super().get_help_option(ctx)
 
     def get_help(self, ctx: click.Context) -> str:
+        """Write the help in the user's language."""
         return super(Command, _localized_command(self)).get_help(ctx)
 
     def get_short_help_str(self, limit: int = 45) -> str:
+        """Cut the help to one line of the list of commands; wide characters count as two."""
         shown = _localized_command(self)
         if language() == "en" or shown.help is None:
             return super().get_short_help_str(limit)

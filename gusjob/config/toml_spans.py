@@ -248,7 +248,10 @@ def _unquoted(key: str) -> str:
         return key
     import tomllib
 
-    (name,) = tomllib.loads(f"{key} = 0")
+    try:
+        (name,) = tomllib.loads(f"{key} = 0")
+    except tomllib.TOMLDecodeError as error:
+        raise _UnknownSyntaxError from error
     return name
 
 

@@ -1,13 +1,13 @@
-"""Velocity trapezoids and look-ahead: pure functions on arrays. Units: pulse, ms, pulse/ms, pulse/ms2.
+r"""Velocity trapezoids and look-ahead: pure functions on arrays. Units: pulse, ms, pulse/ms, pulse/ms2.
 
     velocity
       peak |      ________________
-           |     /                \\
-     start |    /                  \\
-           |   /                    \\  end
+           |     /                \
+     start |    /                  \
+           |   /                    \  end
            +---+-----+------------+---+--> time
                | rise_ms| cruise_ms  | fall_ms
-"""
+"""  # noqa: D208  (a figure)
 
 from __future__ import annotations
 

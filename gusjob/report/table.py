@@ -35,7 +35,7 @@ _CHANNEL_HEADS = {
     "power_mean": Phrase("mean"),
     "power_max": Phrase("max"),
     "joules": "J",
-    "clamped_ms": Phrase("clamped ms"),
+    "clamped_ms": Phrase("held ms"),
     "unit": Phrase("unit"),
 }
 _MARK_HEADS = {
@@ -121,7 +121,7 @@ def _overall(report: Report) -> Phrase:
 def _channel(entry: dict[str, Any]) -> Phrase:
     """Describe the emission of a channel in one power unit."""
     joules = Phrase(", {joules} J", joules=figure(entry["joules"])) if entry["joules"] is not None else ""
-    held = Phrase(", clamped {time} ms", time=figure(entry["clamped_ms"])) if entry["clamped_ms"] else ""
+    held = Phrase(", held by a limit {time} ms", time=figure(entry["clamped_ms"])) if entry["clamped_ms"] else ""
     off = while_off(entry["off_output"])
     return Phrase(
         "channel {channel}: on {time} ms, {power} {unit}*ms, highest {highest} {unit}{joules}{held}{rest}",

@@ -13,36 +13,23 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
-from dataclasses import dataclass, field, replace
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-from support.tools import MARK, ROOT, stream_of
+from support.panel import Bench, Terminal, bench_of_job
+from support.tools import ROOT
 
 from gusjob.cli.keys import Keys
-from gusjob.cli.run_display import run_display
-from gusjob.config.machine import Machine
-from gusjob.controllers.control import Control, Phase, RunStatus
-from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.model import simulate_stream
-from gusjob.hardware.forecast import Forecast, forecast
-from gusjob.hardware.progress import ProgressDisplay, ProgressMeter
+from gusjob.controllers.control import Phase, RunStatus
+from gusjob.hardware.forecast import Forecast
 
-MACHINE = Machine(pulses_per_mm=(1000.0, 500.0))
-JOB = MARK + "LASER POWER 40\nJUMP X -10 Y 0\nLASER ON\nLINE X 10\nLASER OFF\nDWELL 60\nLASER ON\nLINE X 0\nLASER OFF\n"
 ON_POSIX = pytest.mark.skipif(sys.platform == "win32", reason="a POSIX terminal")
 NASTY = "[red]x[blink]\x1b[2J\n\u202e.job"
-
-
-class Terminal(io.StringIO):
-    """Says that it is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
 
 
 class Gone(Terminal):
@@ -54,48 +41,9 @@ class Gone(Terminal):
         raise self.error
 
 
-@dataclass
-class Bench:
-    """A run that stands still, and a clock that goes when it is told to."""
-
-    stream: Stream
-    forecast: Forecast
-    control: Control = field(default_factory=Control)
-    now_s: float = 100.0
-    path: str = "test.job"
-    stderr: Terminal | None = None
-
-    @contextmanager
-    def watch(self, mode: str) -> Iterator[ProgressDisplay]:
-        def line_of(row: int) -> str:
-            return f"{self.path}:{self.stream.buffered.line[row]}"
-
-        def clock() -> float:
-            return self.now_s
-
-        meter = ProgressMeter.of(self.control, self.forecast, self.stream, MACHINE, line_of)
-        watching = run_display(mode, clock)(meter)
-        with redirect_stderr(self.stderr) if self.stderr else nullcontext(), watching as watcher:
-            yield watcher
-
-    def be(self, phase: Phase, row: int = 0) -> None:
-        self.control.status = RunStatus(
-            phase=phase, row=row, sent=row, x_pulse=12340.0, y_pulse=-1500.0, queued=1024, slots=4096
-        )
-
-    def ticks(self, watcher: ProgressDisplay, seconds: float) -> None:
-        """50 a second, as the runner does."""
-        for _ in range(round(seconds * 50)):
-            self.now_s += 0.02
-            watcher.tick()
-
-
 @pytest.fixture(name="bench")
 def _bench() -> Bench:
-    stream = stream_of(JOB, MACHINE)
-    trace, _ = simulate_stream(stream, MACHINE)
-    assert trace is not None
-    return Bench(stream, forecast(stream, trace, MACHINE))
+    return bench_of_job()
 
 
 @pytest.fixture(name="terminal")
@@ -568,10 +516,8 @@ def read_until(master: int, raw: bytearray, done: Callable[[], bool], seconds: f
 PANEL = """
 import time
 from gusjob.controllers.control import Phase
-from cli.test_panel import JOB, MACHINE, Bench, forecast, simulate_stream, stream_of
-stream = stream_of(JOB, MACHINE)
-trace, _ = simulate_stream(stream, MACHINE)
-bench = Bench(stream, forecast(stream, trace, MACHINE), path="a folder of a long name/" * 4)
+from support.panel import bench_of_job
+bench = bench_of_job("a folder of a long name/" * 4)
 with bench.watch("auto") as watcher:
     while bench.control.stop < 2:
         time.sleep(0.01)

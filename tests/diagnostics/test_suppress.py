@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from diagnostics.test_selection import DIAGNOSTICS, JOB, checked, found
 from support.cli import gusjob, write
+from support.selection import DIAGNOSTICS, JOB, checked, found
 
 
 def allowing(line: str, comment: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
@@ -125,11 +124,13 @@ def test_python_examples_are_python(tmp_path: Path) -> None:
             compile(block, str(path), "exec")
 
 
-def test_the_profile_entries_of_the_guides_are_read(tmp_path: Path) -> None:
-    """Each TOML block with profile entries is accepted by `gusjob check`."""
-    shutil.copy(ROOT / "jobs" / "co2_cut.job", tmp_path / "part.job")
-    found = [b for path in GUIDES for b in blocks(path.read_text(encoding="utf-8"), "toml") if "[check]" in b]
+def test_the_profiles_of_the_guides_are_accepted(tmp_path: Path) -> None:
+    job = tmp_path / "part.job"
+    job.write_text("VEL 100\n", encoding="utf-8")
+    found = [
+        block for path in GUIDES for block in blocks(path.read_text(encoding="utf-8"), "toml") if "[check]" in block
+    ]
     assert found
     for block in found:
         (tmp_path / "gusjob.toml").write_text(block, encoding="utf-8")
-        assert gusjob("check", tmp_path / "part.job").exit_code == 0, block
+        assert gusjob("check", "--strict", job).exit_code == 0, block

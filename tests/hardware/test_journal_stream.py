@@ -10,7 +10,7 @@ from support.controller import Fault, Row, needs_controller
 from support.hardware import (
     EVERYTHING,
     Bench,
-    Ran,
+    BenchRun,
     RequestAt,
     fresh,
 )
@@ -58,7 +58,7 @@ def test_the_report_of_a_journal_is_what_was_run(gus: Bench, how: str) -> None:
     assert set(sent.buffered.line.tolist()) <= set(stream.buffered.line.tolist())
 
 
-def reported(ran: Ran, machine: Machine) -> tuple[Stream, float]:
+def reported(ran: BenchRun, machine: Machine) -> tuple[Stream, float]:
     """A journal as a stream, and the length of its path, pulse."""
     source, _ = check_text(ran.journal.read_bytes(), "x.journal")
     assert source is not None

@@ -519,7 +519,7 @@ def _stopped(session: Session, _part: object) -> None:
 @pytest.mark.usefixtures("dots")
 def test_what_a_laser_will_do() -> None:
     def channel(*found: float) -> SimpleNamespace:
-        return SimpleNamespace(channel=0, unit="%", left=lambda _number: found)
+        return SimpleNamespace(channel=0, unit="%", remaining=lambda _number: found)
 
     for found in ((0.0, 0.0, 0.0), (5.0, 40.0, 30.0), (5.0, 40.0, float("nan"))):
         assert left(localized(_laser_text(channel(*found), 0))) == set()  # type: ignore[arg-type]

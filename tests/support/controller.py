@@ -1,4 +1,4 @@
-"""The virtual controller (vendor/controller.c): built, loaded and watched from tests."""
+"""The virtual controller (vendor/controller.c): built, loaded and inspected by tests."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GUS, GTS, GTS_MULTI = 0, 1, 2
 
 
 def build(folder: Path, abi: int = GUS, *flags: str) -> Path:
-    """Compiles the controller into a folder; `flags` as -DVC_NO_FOLLOW. A library's name tells its flags."""
+    """Compile the controller into a folder; `flags` as -DVC_NO_FOLLOW are part of the library's name."""
     assert CC is not None
     name = "".join(c if c.isalnum() else "_" for c in "".join([f"controller{abi}", *flags]))
     path = folder / (name + (".dylib" if sys.platform == "darwin" else ".so"))
@@ -94,7 +94,7 @@ class Edge(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """What the machine does now. `moving` is a coordinate system, or 0; times in ms, place and velocity in pulse."""
+    """The machine's present state. `moving`: a coordinate system, or 0; times in ms, position and velocity in pulse."""
 
     now: float
     open: bool
@@ -139,50 +139,50 @@ class VirtualController:
             function.restype, function.argtypes = result, arguments
 
     def reset(self) -> None:
-        """Switches it off and on again: nothing is queued, logged, planted or set."""
+        """Switch it off and on again: nothing is queued, logged, planted or set."""
         self.library.vc_reset()
 
     def option(self, name: str, value: float) -> None:
-        """Sets an option; see controller.c for their names."""
+        """Set an option; see controller.c for their names."""
         if self.library.vc_option(name.encode(), float(value)) != 0:
             raise KeyError(name)
 
     def options(self, **values: float) -> None:
-        """Sets options by name."""
+        """Set options by name."""
         for name, value in values.items():
             self.option(name, value)
 
     def fault(self, what: Fault, name: str = "", nth: int = 1, count: int = 1, value: float = 0.0) -> None:
-        """Plants a fault in the nth call of that name from now on ("" any), `count` times (-1 for ever)."""
+        """Plant a fault in the nth call of that name from now on ("" any), `count` times (-1 for ever)."""
         self.library.vc_fault(name.encode(), nth, count, int(what), float(value))
 
     def release(self) -> None:
-        """Lets calls go that hang; later ones don't hang."""
+        """Release calls that hang; later ones don't hang."""
         self.library.vc_release()
 
     def advance(self, ms: float) -> None:
-        """Lets virtual time go by."""
+        """Advance the virtual time."""
         self.library.vc_advance(float(ms))
 
     def calls(self) -> list[tuple[int, str]]:
-        """(code, call) of every call of this process."""
+        """Return (code, call) of every call of this process."""
         lines = (self.library.vc_call(i).decode() for i in range(self.library.vc_calls()))
         return [(int(code), call) for code, _, call in (line.partition(" ") for line in lines)]
 
     def names(self) -> list[str]:
-        """The names of these calls."""
+        """Return the names of these calls."""
         return [call.partition("(")[0] for _, call in self.calls()]
 
     def rows(self) -> Floats:
-        """What was executed, one row a piece of a timed call that has ended; columns are Row."""
+        """Return what was executed, a row for each part of a timed call that has ended; columns are Row."""
         return self._table(self.library.vc_rows(), len(Row), self.library.vc_row)
 
     def edges(self) -> Floats:
-        """Light on and light off; columns are Edge."""
+        """Return the edges of the emission; columns are Edge."""
         return self._table(self.library.vc_edges(), len(Edge), self.library.vc_edge)
 
     def state(self) -> State:
-        """What the machine does now."""
+        """Return the machine's present state."""
         now = np.zeros(16)
         self.library.vc_state(now.ctypes.data)
         v = now.tolist()

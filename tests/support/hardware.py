@@ -62,8 +62,8 @@ _numbers = itertools.count()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ran:
-    """A run: its faults, its session, its journal."""
+class BenchRun:
+    """A run with its faults, session and journal."""
 
     faults: list[Diagnostic]
     session: Session
@@ -104,10 +104,10 @@ class Bench:
         *,
         begin: PathPosition | None = None,
         tick: Callable[[Control], None] | None = None,
-    ) -> Ran:
-        """A run as the command does it."""
-        place = begin or PathPosition(row=0)
-        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [place.row, place.along_pulse]})
+    ) -> BenchRun:
+        """Run a stream as run_on does it."""
+        first = begin or PathPosition(row=0)
+        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [first.row, first.along_pulse]})
         control = Control()
         session = Session(
             link=Link(self.library(stream, machine), journal),
@@ -116,54 +116,52 @@ class Bench:
             stream=stream,
             outputs=outputs_of(stream),
         )
-        runner = Supervisor(session, (lambda: tick(control)) if tick else (lambda: None))
+        supervisor = Supervisor(session, (lambda: tick(control)) if tick else (lambda: None))
 
-        def from_there(session: Session) -> Remainder:
-            return (
-                whole_job(stream, session.position_or_none())
-                if begin is None
-                else remainder_from(stream, begin, session.position_or_none())
-            )
+        def default_part(session: Session) -> Remainder:
+            head_pulse = session.position_or_none()
+            return whole_job(stream, head_pulse) if begin is None else remainder_from(stream, begin, head_pulse)
 
         try:
-            outcome = runner.run(part or from_there)
+            outcome = supervisor.run(part or default_part)
         finally:
             journal.close()
-        return Ran(faults=outcome.faults, session=session, journal=journal.path)
+        return BenchRun(faults=outcome.faults, session=session, journal=journal.path)
 
-    def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[Ran, PathPosition | None]:
-        """Go on where a journal's run broke, as the command does it."""
+    def resumed(self, stream: Stream, machine: Machine, journal: Path) -> tuple[BenchRun, PathPosition | None]:
+        """Continue the run of a journal as run_on does it."""
         recorded = read_journal(journal)
         assert not isinstance(recorded, str), recorded
-        place = recorded_position(recorded)
-        if place is None:
+        position = recorded_position(recorded)
+        if position is None:
             found: list[PathPosition] = []
             ran = self.run(stream, machine, lambda session: found.append(find_position(session, recorded)))
             if not found or ran.faults:
                 return ran, None
-            place = found[0]
-        return self.run(stream, machine, begin=place), place
+            position = found[0]
+        return self.run(stream, machine, begin=position), position
 
 
 def bench(folder: Path, abi: int = GUS, *flags: str) -> Bench:
-    """A virtual controller of an ABI, built into a folder."""
+    """Build a virtual controller of an ABI into a folder."""
     return Bench(build(folder, abi, *flags), folder, abi)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Broken:
-    """Where the light went off in a run that broke: segment of the whole path, and how far along it, pulse."""
+class Interruption:
+    """Where the laser of an interrupted run went off: segment of the whole path, and the distance along it, pulse."""
 
     segment: int
     along: float
 
 
-def laser_off_at(rows: Floats, edges: Floats) -> Broken:
-    """Where the light of a run from the job's start went off for the last time; where the motion ended, if it was dark
-    then. For an abrupt stop: what was run behind the light's end is run at the velocity of the end.
+def laser_off_at(rows: Floats, edges: Floats) -> Interruption:
+    """Return where the laser of a run from the job's start went off last, or where the motion ended if it was off.
+
+    For an abrupt stop: after the laser went off the motion has the velocity of the end.
     """
     if not len(rows):
-        return Broken(segment=0, along=0.0)
+        return Interruption(segment=0, along=0.0)
     last = len(rows) - 1
     along = rows[last, Row.LENGTH]
     off_ms = edges[-1, Edge.RUNNING_MS] if len(edges) else -1.0
@@ -171,37 +169,42 @@ def laser_off_at(rows: Floats, edges: Floats) -> Broken:
     if off_ms >= rows[last, Row.START_MS]:
         along -= rows[last, Row.V1] * (end_ms - off_ms)
     if rows[last, Row.COMPLETED] and rows[last, Row.LENGTH] - along < 1:
-        return Broken(segment=last + 1, along=0.0)
-    return Broken(segment=last, along=float(along))
+        return Interruption(segment=last + 1, along=0.0)
+    return Interruption(segment=last, along=float(along))
 
 
-def continues(wanted: Floats, rows: Floats, broken: Broken) -> tuple[int, float] | str:
-    """Whether a run goes on where another one broke, and makes the rest of the path: (its first segment, along it).
+def continues(expected: Floats, rows: Floats, interruption: Interruption) -> tuple[int, float] | str:
+    """Check that a run continues an interrupted one and runs the rest of the path.
 
-    `wanted`: the pieces of a whole run; `rows`: those of the run that goes on, to the end. It may begin up to one
-    segment earlier, never later. Else what is wrong.
+    Args:
+        expected: rows of a whole run.
+        rows: rows of the run that continues, to the end. It may begin up to one segment earlier, never later.
+        interruption: where the first run was interrupted.
+
+    Returns:
+        Its first segment and the distance along it, or what is wrong.
     """
     if not len(rows):
-        return (len(wanted), 0.0) if broken.segment >= len(wanted) else "nothing ran"
-    said = "its rows are not the rest of the path"
-    for way in (1, 0):  # With a dark way to where it begins, or without.
-        pieces = rows[way:]
-        segment = len(wanted) - len(pieces)
-        if segment < 0 or (way and rows[0, [Row.EMISSION0_MS, Row.EMISSION1_MS]].any()):
+        return (len(expected), 0.0) if interruption.segment >= len(expected) else "nothing ran"
+    reason = "its rows are not the rest of the path"
+    for jump in (1, 0):  # With a jump to where it begins, or without.
+        pieces = rows[jump:]
+        segment = len(expected) - len(pieces)
+        if segment < 0 or (jump and rows[0, [Row.EMISSION0_MS, Row.EMISSION1_MS]].any()):
             continue
-        rest_of = wanted[segment:]
-        ends = np.abs(pieces[:, [Row.X1, Row.Y1]] - rest_of[:, [Row.X1, Row.Y1]]).max(initial=0)
-        starts = np.abs(pieces[1:, [Row.X0, Row.Y0]] - rest_of[1:, [Row.X0, Row.Y0]]).max(initial=0)
+        rest = expected[segment:]
+        ends = np.abs(pieces[:, [Row.X1, Row.Y1]] - rest[:, [Row.X1, Row.Y1]]).max(initial=0)
+        starts = np.abs(pieces[1:, [Row.X0, Row.Y0]] - rest[1:, [Row.X0, Row.Y0]]).max(initial=0)
         if max(ends, starts) > 1.5:
             continue
-        along = float(rest_of[0, Row.LENGTH] - pieces[0, Row.LENGTH]) if len(pieces) else 0.0
-        if (segment, along) > (broken.segment, broken.along + 2):
-            said = f"it leaves out from {broken} to {segment}, {along}"
-        elif segment < broken.segment - 1 or (segment < broken.segment and along + 1 < 0):
-            said = f"it repeats from {segment}, {along} to {broken}"
+        along = float(rest[0, Row.LENGTH] - pieces[0, Row.LENGTH]) if len(pieces) else 0.0
+        if (segment, along) > (interruption.segment, interruption.along + 2):
+            reason = f"it leaves out from {interruption} to {segment}, {along}"
+        elif segment < interruption.segment - 1 or (segment < interruption.segment and along + 1 < 0):
+            reason = f"it repeats from {segment}, {along} to {interruption}"
         else:
             return segment, along
-    return said
+    return reason
 
 
 # Shared by the tests of driver and run.
@@ -228,7 +231,7 @@ def listed(text: str) -> Stream:
     return stream
 
 
-def recorded(ran: Ran) -> list[dict[str, Any]]:
+def recorded(ran: BenchRun) -> list[dict[str, Any]]:
     """Return the lines of a run's journal."""
     return [json.loads(line) for line in ran.journal.read_text(encoding="utf-8").splitlines()]
 

@@ -1,6 +1,6 @@
-"""Kills runs by SIGKILL at random moments and goes on with them: python tests/kill.py [COUNT]
+"""Kill runs by SIGKILL at random moments and resume them: python tests/kill.py [COUNT]
 
-The virtual controller outlives the process, as hardware does: it goes on with what is in its FIFO. Each journal must
+The virtual controller outlives the process, as hardware does: it continues with what is in its FIFO. Each journal must
 resume to a complete job: the path whole, nothing twice beyond one segment, nothing left out.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from support.controller import GUS, Floats, Row, VirtualController, build
-from support.hardware import Broken, continues
+from support.hardware import Interruption, continues
 from support.tools import MARK
 
 JOB = (
@@ -28,13 +28,13 @@ SPEED = 4.0
 
 
 def command(job: Path, library: Path, *more: str) -> list[str]:
-    """A run on the virtual controller."""
+    """Return the command line of a run on the virtual controller."""
     options = ("--backend", "gts", "--library", str(library), "--abi", "gus", "--yes", "--progress", "none")
     return [sys.executable, "-m", "gusjob", "run", str(job), *options, *more]
 
 
 def executed(library: Path, state: Path) -> Floats:
-    """All rows that a machine of that state executed. In a process of its own: a library maps one state."""
+    """Return all rows that a machine of that state executed, in a process of its own: a library maps one state."""
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]); import pathlib, numpy as np;"
         "from support.controller import VirtualController;"
@@ -52,7 +52,7 @@ def executed(library: Path, state: Path) -> Floats:
 
 
 def killed(folder: Path, library: Path, after_s: float, number: int, slots: int = 4096) -> tuple[Path, Path, bool]:
-    """A run that is killed so long after its journal appears: its machine, its journal, whether it was alive."""
+    """Kill a run some time after its journal appears; return its machine, its journal, and whether it was alive."""
     job, state, journal = folder / "kill.job", folder / f"{number}.state", folder / f"{number}.journal"
     job.write_text(JOB, encoding="utf-8")
     environment = os.environ | {"VC_STATE": str(state), "VC_OPTIONS": f"speed={SPEED},log=0,slots={slots}"}
@@ -70,7 +70,7 @@ def killed(folder: Path, library: Path, after_s: float, number: int, slots: int 
 
 
 def resume(folder: Path, library: Path, state: Path, journal: Path, whole: Floats, wait_s: float) -> str:
-    """Go on with a killed run; '' or what is wrong."""
+    """Continue a killed run; return '' or what is wrong."""
     time.sleep(wait_s)
     before = len(executed(library, state))
     environment = os.environ | {"VC_STATE": str(state)}
@@ -83,32 +83,32 @@ def resume(folder: Path, library: Path, state: Path, journal: Path, whole: Float
     rows = executed(library, state)
     if "nothing to resume" in done.stderr:
         return "" if len(rows) >= len(whole) else "not all was done"
-    # What the killed process had sent went on by itself, up to where the run that goes on stopped it.
+    # What the killed process had sent continued by itself, until the run that continues stopped it.
     return "" if _continues_somewhere(rows, before, whole) else "the path is not whole"
 
 
 def _continues_somewhere(rows: Floats, before: int, whole: Floats) -> bool:
-    """Whether behind the `before` rows or more that make the path's beginning the others make the rest of it."""
+    """Return whether at least `before` rows are the path's beginning and the others are the rest of it."""
     for first in range(before, min(len(rows), len(whole)) + 1):
         head = rows[:first]
         ends = np.abs(head[:-1, [Row.X1, Row.Y1]] - whole[: max(first - 1, 0), [Row.X1, Row.Y1]]).max(initial=0)
         if ends > 1.5:
             return False
-        if not isinstance(continues(whole, rows[first:], _broken_behind(head)), str):
+        if not isinstance(continues(whole, rows[first:], _interruption_after(head)), str):
             return True
     return False
 
 
-def _broken_behind(head: Floats) -> Broken:
+def _interruption_after(head: Floats) -> Interruption:
     if not len(head):
-        return Broken(segment=0, along=0.0)
+        return Interruption(segment=0, along=0.0)
     if head[-1, Row.COMPLETED]:
-        return Broken(segment=len(head), along=0.0)
-    return Broken(segment=len(head) - 1, along=float(head[-1, Row.LENGTH]))
+        return Interruption(segment=len(head), along=0.0)
+    return Interruption(segment=len(head) - 1, along=float(head[-1, Row.LENGTH]))
 
 
 def whole_run(folder: Path, library: Path) -> tuple[Floats, float]:
-    """The rows of a run that nobody kills, and how long it took from its journal on, s."""
+    """Return the rows of a run that is not killed, and its duration from the journal on, s."""
     job, state = folder / "kill.job", folder / "whole.state"
     job.write_text(JOB, encoding="utf-8")
     environment = os.environ | {"VC_STATE": str(state), "VC_OPTIONS": f"speed={SPEED},log=0"}
@@ -122,7 +122,7 @@ def whole_run(folder: Path, library: Path) -> tuple[Floats, float]:
 
 
 def main() -> int:
-    """Kill so often; the exit code is 1 if a journal did not resume to a complete job."""
+    """Kill COUNT runs; the exit code is 1 if a journal did not resume to a complete job."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     chance, failures, alive_count = random.Random(5), 0, 0
     with tempfile.TemporaryDirectory() as name:
@@ -134,7 +134,7 @@ def main() -> int:
             after_s = chance.uniform(0, took_s)
             state, journal, alive = killed(folder, library, after_s, number, chance.choice([64, 4096]))
             alive_count += alive
-            # Sometimes the controller is still running when the run is gone on with, sometimes it has long run dry.
+            # Sometimes the controller is still running when the run is resumed, sometimes its FIFO has long been empty.
             wrong = resume(folder, library, state, journal, whole, chance.choice([0.0, 0.2, 1.5]))
             failures += bool(wrong)
             if wrong:

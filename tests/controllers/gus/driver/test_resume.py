@@ -13,7 +13,7 @@ from support.hardware import (
     LONG,
     MARK_FIRST,
     Bench,
-    Ran,
+    BenchRun,
     RequestAt,
     fresh,
     recorded,
@@ -82,7 +82,7 @@ def test_the_journal_of_a_run_that_was_done(gus: Bench) -> None:
     assert (end["end"], end["row"], end["sure"], end["faults"]) == ("done", len(stream.buffered), True, [])
 
 
-def as_if_killed(ran: Ran) -> Path:
+def as_if_killed(ran: BenchRun) -> Path:
     """Its journal without the end, as a process leaves it that is killed."""
     text = b"".join(line for line in ran.journal.read_bytes().splitlines(keepends=True) if b',"broken":' not in line)
     path = ran.journal.with_suffix(".killed")
