@@ -22,7 +22,7 @@ from gusjob.kinematics.geometry import CLOSES_MM
 
 @dataclass(frozen=True, slots=True)
 class OpenArc:
-    """An arc in a turned frame that does not close: its row, and how far start and end are from the centre, mm."""
+    """An arc in a rotated frame that does not close: its row, and how far start and end are from the centre, mm."""
 
     row: int
     start_mm: float
@@ -72,9 +72,9 @@ def _path(columns: ResolvedColumns, frames: Frames | None) -> Path:
             return np.broadcast_to(column[0], count)
         return column if count == len(keep) else column[keep]
 
-    def of_op(wanted: RowOp) -> Floats:
+    def of_op(row_op: RowOp) -> Floats:
         """VALUE of the rows of one kind."""
-        is_op = op == wanted
+        is_op = op == row_op
         return cut(np.where(is_op, columns.raw(Column.VALUE), np.nan) if is_op.any() else nothing)
 
     nothing = np.broadcast_to(np.nan, len(op))
@@ -136,12 +136,12 @@ def _with_chords(
 ) -> tuple[Path, Indices | None, tuple[OpenArc, ...]]:
     """The path with arcs that a frame bends as chords.
 
-    Where the axes differ, arcs in pulses in a turned frame are ellipses. In the frame's own pulses they are circles;
+    Where the axes differ, arcs in pulses in a rotated frame are ellipses. In the frame's own pulses they are circles;
     only the frame's rotation and scale matter here, not its shift.
     """
     machine, frame = columns.machine, columns.frame()
-    turned = (frames.b[frame] != 0) | (frames.c[frame] != 0)
-    rows = np.flatnonzero(columns.is_arc & turned & ~columns.arc_in_mm())
+    rotated = (frames.b[frame] != 0) | (frames.c[frame] != 0)
+    rows = np.flatnonzero(columns.is_arc & rotated & ~columns.arc_in_mm())
     if not len(rows):
         return path, None, ()
     at, own = (np.cumsum(columns.in_path) - 1)[rows], frame[rows]

@@ -22,7 +22,7 @@ def positions(columns: ResolvedColumns, frames: Frames | None) -> tuple[Floats, 
     frame = columns.frame()[moves]
     is_relative = relative[moves] if relative is not None else np.zeros(len(moves), dtype=np.bool_)
     px, py = positions_in_frames(x[moves], y[moves], is_relative, frame, frames)
-    # The way into a frame and out again costs the last bits; a position that stays (a full circle) must stay exactly.
+    # Mapping into a frame and back costs the last bits; a position that stays (a full circle) must stay exactly.
     before_x, before_y = np.concatenate([[0.0], px[:-1]]), np.concatenate([[0.0], py[:-1]])
     stays = np.hypot(px - before_x, py - before_y) < _STAYS_PULSE
     found = []
