@@ -26,7 +26,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
     """Run the whole suite on all cores, unless -n says otherwise; some files, or --rewrite, in one process."""
-    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or config.getoption("rewrite"):
+    is_worker = hasattr(config, "workerinput")
+    if is_worker or config.args_source is not pytest.Config.ArgsSource.TESTPATHS or config.getoption("rewrite"):
         return
     # Without pytest-xdist (-p no:xdist) there is no such option.
     if config.getoption("numprocesses", 0) is None:
