@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from gusjob.diagnostics.rules.examples import HEAD
-from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule
+from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule, variant
 
 UNEXPECTED = rule(
     "GJ101",
     ERROR,
     title="unexpected word",
-    text="{problem}{hint}",
+    text="{found} is not allowed here; {expected}{hint}",
     why="A skipped word would change what is marked: X1O is not X10.",
     bad=HEAD + "LINE X1O Y20\n",
     good=HEAD + "LINE X10 Y20\n",
 )
+MISSING = variant(UNEXPECTED, text="{words} is missing after {word}")
 UNKNOWN_STATEMENT = rule(
     "GJ102",
     ERROR,

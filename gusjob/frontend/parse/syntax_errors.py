@@ -43,16 +43,11 @@ def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     if not text[: found.column - 1].strip():
         fields: dict[str, object] = {"found": found.found, "hint": found.hint}
         return Diagnostic(rule=rules.UNKNOWN_STATEMENT, span=span, fields=fields)
-    hint = found.hint or _hint(text, found)
-    fields = {"problem": _problem(text, found), "found": found.found, "hint": hint}
+    if found.found is END_OF_LINE and found.expected:
+        missing = {"words": any_of(found.expected), "word": text.split()[-1][-40:], "found": found.found}
+        return Diagnostic(rule=rules.MISSING, span=span, fields=missing)
+    fields = {"found": found.found, "expected": found.expectation, "hint": found.hint or _hint(text, found)}
     return Diagnostic(rule=rules.UNEXPECTED, span=span, fields=fields)
-
-
-def _problem(text: str, misread: Misread) -> str:
-    """What is wrong: a word that is not allowed, or one that is missing at the end of the line."""
-    if misread.found is END_OF_LINE:
-        return Phrase("{words} is missing after {word}", words=any_of(misread.expected), word=text.split()[-1][-40:])
-    return Phrase("{found} is not allowed here; {expected}", found=misread.found, expected=misread.expectation)
 
 
 def _hint(text: str, misread: Misread) -> str:
