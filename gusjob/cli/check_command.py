@@ -63,9 +63,9 @@ def command(
 ) -> None:  # fmt: skip
     """Check jobs and listings for errors.
 
-    A FOLDER stands for all .job and .gts files in it, a GLOB ("**/*.job") that the shell did not expand for what it
-    matches. Exit status: 0 clean, 1 errors (with --strict also warnings), 2 a file that can't be read. Rules that are
-    not selected, here or in the profile's [check], are not counted.
+    A FOLDER means all .job and .gts files in it. A GLOB ("**/*.job") works even if the shell does not expand it. Exit
+    status: 0 clean, 1 errors (with --strict also warnings), 2 a file that can't be read. Rules that are not selected,
+    here or in the profile's [check], are not counted.
 
     With --fix the exit status is that of the corrected files; with --diff it is 1 if there is something to correct.
     """

@@ -361,7 +361,7 @@ def test_the_frame_and_no_laser_are_dark(desk: Desk) -> None:
     job = desk.job(EVERYTHING)
     framed = desk.run(job, "--yes", "--progress", "none", "--frame")
     assert framed.returncode == 0, framed.stderr
-    assert "once round the marks" in framed.stderr
+    assert "once around the marks" in framed.stderr
     assert desk.rows()[:, [Row.EMISSION0_MS, Row.EMISSION1_MS]].sum() == 0
     count = len(desk.rows())
     assert count == 5

@@ -265,7 +265,7 @@ class _ListingReader:
         first = next((t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)), None)
         if first is not None and (octal := re.fullmatch("oo?([0-9]+)", first)):
             no_octal = bool(set(octal[1]) & set("89"))
-            value = Phrase("nothing (8 and 9 are not octal digits)") if no_octal else str(int(octal[1], 8))
+            value = Phrase("not defined (8 and 9 are not octal digits)") if no_octal else str(int(octal[1], 8))
             self.report_at(rules.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=value)
             return None
         if arg.kind is ArgKind.POINTER and tree.data == "pointer":

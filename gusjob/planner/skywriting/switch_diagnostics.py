@@ -31,7 +31,7 @@ _AT_SPEED = 0.02
 
 _ON, _OFF = Phrase("on"), Phrase("off")
 _BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("after the end of the motion")
-_INTO, _RAISE_NPOST = Phrase("into a DWELL"), Phrase("raise NPOST")
+_INTO, _RAISE_NPOST = Phrase("after the start of a DWELL"), Phrase("raise NPOST")
 
 
 def switch_diagnostics(
@@ -86,7 +86,7 @@ def _report_outside_motion(
                 (into_us, _INTO, Phrase("raise NPOST, or shorten LASER DELAY ON")),
                 (
                     waits_us,
-                    Phrase("before the switch or power in front of it"),
+                    Phrase("before the previous switch or change of power"),
                     Phrase("raise NPREV and NPOST, or SHIFT"),
                 ),
             ),

@@ -122,7 +122,7 @@ class Shutdown:
 
 def hung_diagnostics(outputs: Outputs, call: str) -> list[Diagnostic]:
     """Report laser and motion as unknown, because a call hangs and no other one could be made."""
-    why = Phrase("hangs behind {call}", call=call)
+    why = Phrase("can't be called while {call} hangs", call=call)
     laser = [
         Diagnostic(
             rule=rules.LASER_STATE_UNKNOWN,
@@ -131,7 +131,7 @@ def hung_diagnostics(outputs: Outputs, call: str) -> list[Diagnostic]:
         )
         for channel in outputs.channels
     ]
-    why = Phrase("GT_Stop hangs behind {call}", call=call)
+    why = Phrase("GT_Stop can't be called while {call} hangs", call=call)
     return [*laser, Diagnostic(rule=rules.MOTION_STATE_UNKNOWN, span=NOWHERE, fields={"why": why})]
 
 
