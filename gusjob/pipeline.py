@@ -1,4 +1,4 @@
-"""From a file to what is known of it: Parsed -> Checked -> Compiled -> Simulated.
+"""Steps from a file to its simulation: Parsed -> Checked -> Compiled -> Simulated.
 
 Each phase takes the result of the one before and returns a new one with more in it; nothing is changed in place. Where
 diagnostics forbid the next phase, the same result comes back with these diagnostics added. The commands, the editor

@@ -1,4 +1,4 @@
-"""gusjob run --backend gts: show what will happen, ask, show how the run ended. hardware/run.py does the run."""
+"""gusjob run --backend gts: show the plan, confirm it, and show the result. hardware/run.py runs the job."""
 
 from __future__ import annotations
 

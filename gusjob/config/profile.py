@@ -1,6 +1,6 @@
-"""The machine profile, gusjob.toml: found, read, and checked with a diagnostic at every value that is wrong.
+"""Find, read and check the machine profile, gusjob.toml. Every wrong value gets a diagnostic.
 
-What an entry may be is in the metadata of the machine's fields (machine.py); rule_tables.py reads [check].
+The allowed values of an entry are in the metadata of the machine's fields (machine.py); rule_tables.py reads [check].
 """
 
 from __future__ import annotations

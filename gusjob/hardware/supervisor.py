@@ -1,4 +1,4 @@
-"""Run a session in a thread of its own and watch it: requests, errors, calls that never return."""
+"""Run a session in its own thread and supervise it: requests, errors, calls that never return."""
 
 from __future__ import annotations
 

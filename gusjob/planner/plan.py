@@ -1,4 +1,4 @@
-"""The phases of a job on its way to calls; each pass turns one phase into the next.
+"""Intermediate results of the planner; each pass turns one into the next.
 
 StagedPath      rows of the path in stages; positions not yet rounded
 QuantizedPath   + segments in whole pulses, velocities and accelerations along each segment

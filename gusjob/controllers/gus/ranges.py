@@ -1,4 +1,4 @@
-"""The one table of documented ranges. Every check, call, simulation and printed table reads it here.
+"""The table of documented ranges, which all checks, calls, simulations and printed tables use.
 
 Sources: "M" is the vendor's GUS laser manual (section numbers are M's own), "sister" the public headers of the
 vendor's sister series (GTS), where M has no value. This module imports nothing from gusjob.

@@ -1,4 +1,4 @@
-"""The numbers of statements while they are expanded: their values and kinds, and what is wrong with them."""
+"""The numbers of statements while they are expanded: their values and kinds, and their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What messages call the things of the language, and what to do about a line that can't be parsed."""
+"""Names of the language's elements in messages, and hints for lines that can't be parsed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Line shapes: what lines that differ only in their digits have in common, and what is known about each shape.
+"""Line shapes: the common form of lines that differ only in their digits, and facts about each shape.
 
 The shape of a line is its code (the line without its comment) with every run of digits replaced by one 0:
 `LINE X 1.5 Y -20 ; a` has the shape `LINE X 0.0 Y -0 `. A file of a million lines has a handful of shapes, so whatever

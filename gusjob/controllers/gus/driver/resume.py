@@ -1,4 +1,4 @@
-"""Where a run was interrupted: from its journal, and from the controller if it still knows."""
+"""Find where a run was interrupted, from its journal and, if necessary, from the controller."""
 
 from __future__ import annotations
 

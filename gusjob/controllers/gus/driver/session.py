@@ -1,4 +1,4 @@
-"""A job on a controller, from GT_Open to GT_Close. Everything in here runs in one thread, which owns the link."""
+"""A job on a controller, from GT_Open to GT_Close. All of this module runs in one thread, which owns the link."""
 
 from __future__ import annotations
 

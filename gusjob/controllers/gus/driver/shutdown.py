@@ -1,6 +1,6 @@
-"""The shutdown, whatever happened: laser off first, then the motion stopped, then the laser off again.
+"""The shutdown after every run: laser off, motion stopped, laser off again.
 
-Nothing in here raises: every call is made, refused or not, and what could not be turned off becomes a diagnostic.
+No function in this module raises: every call is made, refused or not, and what could not be turned off becomes a diagnostic.
 """
 
 from __future__ import annotations
