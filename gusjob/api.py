@@ -180,13 +180,14 @@ def run_on(
             sent and no laser is switched on.
         library: The vendor's library; by default that of the machine profile.
         abi: Its ABI, "gus", "gts" or "gts-multi"; by default that of the machine profile.
-        mode: "job"; "no-laser" for the whole motion without any laser call; "frame" for the bounding box of the marks, once, without laser.
+        mode: "job"; "no-laser" for the whole motion without any laser call; "frame" for one pass around the bounding
+            box of the marks, without laser.
         journal: The journal's file, which must not exist; by default a name beside the job.
         resume: The journal of a run that is to be continued.
         from_line: Begin at this line: a number, or "FILE:N" for a line of an included file.
         control: Stops or pauses the run from a callback or another thread.
-        on_progress: Called with the progress several times a second, in the calling thread. An exception in it stops the
-            run and is raised after the shutdown.
+        on_progress: Called with the progress several times a second, in the calling thread. An exception in it stops
+            the run and is raised after the shutdown.
 
     Returns:
         How the run ended. Faults of the hardware are diagnostics in it, not exceptions.
@@ -368,8 +369,8 @@ class Simulation:
                 channel: 0 or 1; unit: of its power, "%", "kHz" or "V" (with several modes a channel has several
                 entries); emission_ms: time of emission; power_ms: integral of the emitted power, unit * ms;
                 power_max: highest emitted power, None without emission; joules: energy, None where the profile names
-                no rated power; clamped_ms: time for which a limit clamped the power; before_motion_power_ms: integral of the
-                power emitted before the first motion, which is part of no segment; off_output: the output while the
+                no rated power; clamped_ms: time for which a limit clamped the power; before_motion_power_ms: integral of
+                the power emitted before the first motion, which is part of no segment; off_output: the output while the
                 laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
             marking: a list with the quality of the marks by channel and unit: channel, unit, marks (their number),
                 worst (largest magnitude) and typical (median magnitude) of each quality column of `marks()`.

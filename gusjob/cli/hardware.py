@@ -21,7 +21,7 @@ from gusjob.pipeline import Simulated, run_request
 
 
 def run_on_controller(result: Simulated, options: RunOptions, *, yes: bool, progress: str) -> int:
-    """Show what will happen, ask, and run.
+    """Show the plan, confirm it, and run.
 
     Args:
         result: the job.
@@ -37,7 +37,7 @@ def run_on_controller(result: Simulated, options: RunOptions, *, yes: bool, prog
 
 
 def _confirm(*, yes: bool) -> Confirm:
-    """Return what shows the plan and asks; False if nobody can be asked."""
+    """Return a function that shows the plan and requests confirmation; False if there is no terminal."""
     if not yes and not _can_ask():
         return False
 

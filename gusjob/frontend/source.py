@@ -30,7 +30,7 @@ class Source:
     data: bytes
     path: Path | None = None
     _ends: Indices | None = field(default=None, repr=False)
-    """Where lines end; made when the first line is looked up."""
+    """Positions of line ends; computed when the first line is looked up."""
 
     def count_lines(self) -> int:
         """Count the lines."""

@@ -197,7 +197,7 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelaysInForce:
-    """Delay of emission behind laser-on and laser-off, (k,) each: from an instant on, ascending."""
+    """Delay of emission after laser-on and laser-off, (k,) each: from an instant on, ascending."""
 
     instant: Indices
     on_us: Floats

@@ -85,7 +85,7 @@ class MarkEvents:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkyRows:
-    """What sky writing knows of the rows of a path.
+    """Sky-writing facts about the rows of a path.
 
     `run` (n,): RunKind of a motion while the laser is off. `smooth` (n,): motions that continue into the next one
     without a corner, whatever rounding to pulses makes of it. Both have one entry for all rows, (1,), without sky

@@ -401,4 +401,4 @@ CONTRADICTIONS: tuple[tuple[str, str, str], ...] = (
         "the first argument is the off delay, the second the on delay",
     ),
 )
-"""Where M contradicts itself: section, what it says, what is done here."""
+"""Contradictions in M: section, the two statements, and the decision of gusjob."""

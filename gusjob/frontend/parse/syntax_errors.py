@@ -51,7 +51,7 @@ def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
 
 
 def _hint(text: str, misread: Misread) -> str:
-    """What was probably meant."""
+    """Hint at the probable intention."""
     if misread.found is END_OF_LINE:
         return ""
     found = misread.found.strip("'")

@@ -49,7 +49,7 @@ def new_parser(text: str) -> Lark:
 
 
 def tables_key(text: str) -> str:
-    """What tables depend on: the file's format, lark's version and the grammar."""
+    """Key of the tables: the file's format, lark's version and the grammar."""
     return f"{_FORMAT} {lark.__version__} {zlib.crc32(text.encode()):08x}"
 
 

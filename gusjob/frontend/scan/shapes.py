@@ -59,7 +59,7 @@ def shapes_of(code: bytes) -> list[bytes]:
 
 
 class ShapeTable(Generic[T]):
-    """What each line shape means, learned once from the code of the first line of that shape.
+    """The meaning of each line shape, learned once from the code of the first line of that shape.
 
     Args:
         learn: Called with the code of a line of a new shape.
