@@ -369,9 +369,9 @@ class Simulation:
                 channel: 0 or 1; unit: of its power, "%", "kHz" or "V" (with several modes a channel has several
                 entries); emission_ms: time of emission; power_ms: integral of the emitted power, unit * ms;
                 power_max: highest emitted power, None without emission; joules: energy, None where the profile names
-                no rated power; clamped_ms: time for which a limit clamped the power; before_motion_power_ms: integral of
-                the power emitted before the first motion, which is part of no segment; off_output: the output while the
-                laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
+                no rated power; clamped_ms: time for which a limit clamped the power; before_motion_power_ms: integral
+                of the power emitted before the first motion, which is part of no segment; off_output: the output while
+                the laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
             marking: a list with the quality of the marks by channel and unit: channel, unit, marks (their number),
                 worst (largest magnitude) and typical (median magnitude) of each quality column of `marks()`.
         """

@@ -2,9 +2,9 @@
 
 The beam lags behind the command by TIMELAG, so the laser goes on TIMELAG + SHIFT after the command passes
 the mark's start, and off TIMELAG after it passes the end (RTC5 p. 115; the sign of the shift is that of its text, not
-of its formula). A GUS switches between two motions: the motion that runs at that moment is split there, at whole pulses,
-and continues at its velocity. Delays of the switch line are subtracted beforehand, so that the emission is as it would
-be without them: the RTC5 ignores its own while sky writing is on.
+of its formula). A GUS switches between two motions: the motion that runs at that moment is split there, at whole
+pulses, and continues at its velocity. Delays of the switch line are subtracted first, so that the emission is as it
+would be without them: the RTC5 ignores its own delays while sky writing is on.
 """
 
 from __future__ import annotations
