@@ -45,7 +45,7 @@ class Origin(Enum):
     JOURNAL = "journal"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FileResult:
     """What is known of one file: its machine, the selection of rules, and its diagnostics, by position.
 
@@ -81,7 +81,7 @@ class FileResult:
         return source.line(span.line) if source is not None else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Rejected(FileResult):
     """A file that was not parsed: it, or its profile, can't be read, or the profile has errors."""
 
@@ -93,7 +93,7 @@ class Rejected(FileResult):
         return self.unreadable
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Parsed(FileResult):
     """A file that was read: a job's statements, or the calls of a listing or journal."""
 
@@ -124,19 +124,20 @@ class Parsed(FileResult):
         return FileResult.text_of(self, span, path)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Checked(Parsed):
     """A parsed file after the lint rules of a job."""
 
+    __slots__ = ()
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Compiled(Checked):
     """A checked file without errors, and its calls."""
 
     stream: Stream
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Simulated(Compiled):
     """A compiled file and the trace of its run."""
 

@@ -12,7 +12,6 @@ import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, show, write
 from gusjob.cli.files import files_named
-from gusjob.cli.fixes import FileFixer
 from gusjob.cli.language import Command
 from gusjob.diagnostics.formats.writers import writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
@@ -73,7 +72,11 @@ def command(
     asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(status=ExitStatus(strict=strict))
     writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
-    fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
+    fixer = None
+    if fixes or diffs:
+        from gusjob.cli.fixes import FileFixer
+
+        fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs)
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
         _refuse_overwriting(output, files)

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gusjob.config.machine import Machine
-from gusjob.config.rule_tables import read_rule_tables
-from gusjob.config.table_reader import TableReader, within
-from gusjob.config.toml_spans import TomlNode, error_span, parse_toml
 from gusjob.controllers.gus.ranges import ACCELERATION, VELOCITY
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule, Span
 from gusjob.diagnostics.select import RuleSelection
 from gusjob.i18n.phrases import Phrase, number, reason_of
+
+if TYPE_CHECKING:  # Most jobs have no profile: what reads one is imported when there is one, for a fast start.
+    from gusjob.config.table_reader import TableReader
+    from gusjob.config.toml_spans import TomlNode
 
 PROFILE_NAME = "gusjob.toml"
 CHECK = "check"
@@ -63,7 +65,11 @@ def read_profile(path: Path) -> Profile:
 
 def parse_profile(text: str, name: str = "") -> Profile:
     """Read a profile from TOML text. `name`: the path in its diagnostics."""
-    import tomllib  # Most jobs have no profile: start-up time is part of the tool.
+    import tomllib
+
+    from gusjob.config.rule_tables import read_rule_tables
+    from gusjob.config.table_reader import TableReader
+    from gusjob.config.toml_spans import error_span, parse_toml
 
     try:
         root = parse_toml(text)
@@ -104,6 +110,8 @@ def _with_paths(machine: Machine, folder: Path) -> Machine:
 
 def _check_pulses(reader: TableReader, root: TomlNode, machine: Machine) -> None:
     """Check the machine's limits in pulses against the ranges of the controller."""
+    from gusjob.config.table_reader import within
+
     for key, value, limits in (
         ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),
         ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),
