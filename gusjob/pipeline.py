@@ -38,7 +38,7 @@ _P = TypeVar("_P", bound="Parsed")
 
 
 class Origin(Enum):
-    """What kind of file the calls or statements come from."""
+    """Kind of file that the calls or statements come from."""
 
     JOB = "job"
     LISTING = "listing"
@@ -47,7 +47,7 @@ class Origin(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FileResult:
-    """What is known of one file: its machine, the selection of rules, and its diagnostics, by position.
+    """Result for one file: its machine, the selection of rules, and its diagnostics, by position.
 
     `profile`: the machine profile that was read, None for the defaults. `sources`: the texts that spans point into, by
     name.

@@ -88,7 +88,7 @@ class SkyRows:
     """Sky-writing facts about the rows of a path.
 
     `run` (n,): RunKind of a motion while the laser is off. `smooth` (n,): motions that continue into the next one
-    without a corner, whatever rounding to pulses makes of it. Both have one entry for all rows, (1,), without sky
+    without a corner, even if rounding to pulses makes one. Both have one entry for all rows, (1,), without sky
     writing.
     """
 

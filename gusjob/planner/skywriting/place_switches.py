@@ -208,7 +208,7 @@ class SplitMotions:
 
 
 def _mark_ends(planned: PlannedPath, now: Indices, first: Indices, last: Indices, count: int) -> Indices:
-    """For Intent: the first piece of the motion that a laser-on goes by, the last one of a laser-off's.
+    """For Intent: the first piece of the motion that determines a laser-on, the last one for a laser-off.
 
     Args:
         now: For each row of the path its row among `count` rows, (n,).

@@ -36,7 +36,7 @@ _A_CALL = Phrase("a buffered call")
 
 
 class Interrupted(BaseException):
-    """Not an error: the user requests a pause or stop; control has which."""
+    """The user requests a pause or stop, as `control` states. It is not an error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

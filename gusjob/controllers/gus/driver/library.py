@@ -80,7 +80,7 @@ def open_library(path: str) -> Any | str:
 
 
 def _refusal(path: str) -> str:
-    """Say why a file is not even given to the loader; '' if it is."""
+    """Return why a file is not passed to the loader; '' if it is."""
     if not path or "\0" in path:
         return NOT_FOUND
     if Path(path).is_dir():

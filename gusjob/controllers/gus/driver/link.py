@@ -73,7 +73,7 @@ class TakenOver(BaseException):
 
 
 def failure(rule: Rule, line: int, **fields: Any) -> BackendError:
-    """Make the error of a failure at a line of the job; line 0: wherever the run is."""
+    """Make the error of a failure at a line of the job; line 0: the line that the run has reached."""
     return BackendError(Diagnostic(rule=rule, span=Span(line=line), fields=fields))
 
 
@@ -102,7 +102,7 @@ class Link:
         self.owner = threading.get_ident()
 
     def release(self) -> None:
-        """Let nobody own the link until a thread takes it over: a call that hangs is not waited for any more."""
+        """Release the link until a thread takes it over: a call that hangs is no longer waited for."""
         self.owner, self.since_s = 0, 0.0
 
     def hung_s(self) -> float:
