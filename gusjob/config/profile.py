@@ -11,7 +11,7 @@ from pathlib import Path
 from gusjob.config.machine import Machine
 from gusjob.config.rule_tables import read_rule_tables
 from gusjob.config.table_reader import TableReader, within
-from gusjob.config.toml_spans import TomlNode, error_span, parse_toml
+from gusjob.config.toml_spans import TomlNode, error_span, long_integer_span, parse_toml
 from gusjob.controllers.gus.ranges import ACCELERATION, VELOCITY
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule, Span
@@ -19,6 +19,7 @@ from gusjob.diagnostics.select import RuleSelection
 from gusjob.i18n.phrases import Phrase, number, reason_of
 
 PROFILE_NAME = "gusjob.toml"
+MAX_PROFILE_MB = 10
 CHECK = "check"
 """The table of a profile that selects rules."""
 
@@ -28,13 +29,14 @@ class Profile:
     """A machine profile.
 
     `machine`: the defaults, if anything is wrong. `selection`: the rules of [check]. `source`: the file, None for the
-    defaults or a text.
+    defaults or a text. `text`: its text, None if the file can't be read or is not text.
     """
 
     machine: Machine = field(default_factory=Machine)
     selection: RuleSelection = field(default_factory=RuleSelection)
     diagnostics: tuple[Diagnostic, ...] = ()
     source: Path | None = None
+    text: str | None = None
 
 
 def find_profile(job: Path) -> Path | None:
@@ -45,12 +47,20 @@ def find_profile(job: Path) -> Path | None:
 
 def read_profile(path: Path) -> Profile:
     """Read a profile. Files that it names, and the globs of [check], are relative to its folder."""
+    limit = MAX_PROFILE_MB * 1_000_000
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:  # A pipe can be read only once, and a device may have no end.
+            data = file.read(limit + 1)
+        text = data.decode("utf-8-sig")
     except OSError as error:
-        return _unreadable(rules.UNREADABLE, path, reason_of(error))
+        return _unreadable(rules.UNREADABLE, path, reason=reason_of(error))
     except UnicodeDecodeError as error:
-        return _unreadable(rules.NOT_TEXT, path, error.reason)
+        return _unreadable(rules.NOT_TEXT, path, reason=error.reason)
+    if "\0" in text:
+        return _unreadable(rules.NOT_TEXT, path, reason=Phrase("it holds NUL bytes (a binary file?)"))
+    if len(data) > limit:
+        size = max(path.stat().st_size, len(data)) // 1_000_000
+        return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
     profile = parse_profile(text, str(path))
     folder = path.resolve().parent
     return replace(
@@ -58,6 +68,7 @@ def read_profile(path: Path) -> Profile:
         machine=_with_paths(profile.machine, folder),
         selection=replace(profile.selection, folder=str(folder)),
         source=path,
+        text=text,
     )
 
 
@@ -71,6 +82,8 @@ def parse_profile(text: str, name: str = "") -> Profile:
         return _not_toml(name, error_span(str(error), text), str(error))
     except RecursionError:
         return _not_toml(name, NOWHERE, Phrase("its arrays are nested too deep"))
+    except ValueError:
+        return _not_toml(name, long_integer_span(text), Phrase("an integer has too many digits"))
     reader = TableReader(path=name)
     machine = Machine(**reader.fields(root, Machine, extra=(CHECK,)))
     check = root.value.get(CHECK)
@@ -81,8 +94,8 @@ def parse_profile(text: str, name: str = "") -> Profile:
     return Profile(machine=machine, selection=selection)
 
 
-def _unreadable(rule: Rule, path: Path, reason: str) -> Profile:
-    diagnostic = Diagnostic(rule=rule, span=NOWHERE, fields={"reason": reason}, path=str(path))
+def _unreadable(rule: Rule, path: Path, **values: str) -> Profile:
+    diagnostic = Diagnostic(rule=rule, span=NOWHERE, fields=values, path=str(path))
     return Profile(diagnostics=(diagnostic,), source=path)
 
 
