@@ -28,11 +28,13 @@ import numpy.typing as npt
 from gusjob.config.machine import Scanner, parse_scanner
 from gusjob.controllers.control import Control
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
+from gusjob.diagnostics.select import EMPTY_LAYER
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized, plural
 from gusjob.pipeline import (
     Checked,
     Compiled,
+    FileResult,
     Origin,
     Rejected,
     Simulated,
@@ -40,6 +42,7 @@ from gusjob.pipeline import (
     examine,
     load,
     run_request,
+    selected,
     simulate,
 )
 
@@ -82,6 +85,11 @@ class JobError(Exception):
         found = plural(count, Phrase("{count} error", count=count), Phrase("{count} errors", count=count))
         super().__init__(localized(Phrase("{name} has {errors}{first}", name=name, errors=found, first=first)))
         self.diagnostics = diagnostics
+        self._name = name
+
+    def __reduce__(self) -> tuple[type[JobError], tuple[str, tuple[ReportedDiagnostic, ...]]]:
+        """Make the error from its arguments when a process passes it to another one."""
+        return type(self), (self._name, self.diagnostics)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,11 +156,11 @@ def read_text(
         The text with its diagnostics.
 
     Raises:
-        OSError: The profile can't be read, or the text contains NUL characters.
+        OSError: The profile can't be read, or the text contains NUL characters or surrogates.
         ValueError: `scanner` is not a scanner model.
     """
     profile = None if machine is None else Path(machine)
-    loaded = load(Path(name), profile, scanner=_scanner(scanner), data=text.encode())
+    loaded = load(Path(name), profile, scanner=_scanner(scanner), data=text.encode(errors="surrogatepass"))
     return JobFile(_readable(loaded, loaded.profile))
 
 
@@ -266,12 +274,16 @@ class JobFile:
         return self._loaded.path
 
     @cached_property
-    def _examined(self) -> Checked | Rejected:
-        return examine(self._loaded) if isinstance(self._loaded, Checked) else self._loaded
+    def _examined(self) -> FileResult:
+        examined = examine(self._loaded) if isinstance(self._loaded, Checked) else self._loaded
+        return selected(examined, EMPTY_LAYER)
 
     @property
     def diagnostics(self) -> tuple[ReportedDiagnostic, ...]:
-        """Everything that `gusjob check` reports, by position; those of a simulation are in `Simulation`."""
+        """Everything that `gusjob check` reports, by position; those of a simulation are in `Simulation`.
+
+        Rules that the profile's [check] leaves out are not among them; their errors still prevent calls and simulation.
+        """
         return tuple(map(_reported, self._examined.diagnostics))
 
     @property
@@ -297,7 +309,7 @@ class JobFile:
         from gusjob.controllers.gus.listing import listing
 
         if not isinstance(self._compiled, Compiled):
-            raise JobError(str(self.path), self.diagnostics)
+            raise JobError(str(self.path), tuple(map(_reported, self._compiled.diagnostics)))
         return "".join(listing(self._compiled.stream)).splitlines()
 
     @cached_property
@@ -467,12 +479,14 @@ class Simulation:
 
         Raises:
             ImportError: matplotlib (the extra "plot") is not installed.
-            ValueError: `by` is not one of these four.
+            ValueError: `by` is not one of these four, or there is no such channel.
         """
         from gusjob.view.plot.picture import ColorBy, figure_of
 
         if by not in list(ColorBy):
             raise ValueError(f"{by!r} is none of {', '.join(ColorBy)}")
+        if channel not in (None, 0, 1):
+            raise ValueError(f"{channel!r} is no channel: 0 or 1, or None for all")
         return figure_of(self._simulated.trace, self._simulated.machine, by=ColorBy(by), channel=channel)
 
     def __repr__(self) -> str:

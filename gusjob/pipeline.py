@@ -190,12 +190,12 @@ def parse(
     file = profile_path or find_profile(path)
     profile = Profile() if file is None else read_profile(file)
     if file is not None and profile.diagnostics:
-        text, _ = read_source(file)
-        if text is not None:
-            sources[text.name] = text
+        if profile.text is not None:
+            name = shown_name(file)
+            sources[name] = Source(name=name, data=profile.text.encode())
         return Rejected(
             path=path, machine=profile.machine, profile=file, diagnostics=profile.diagnostics,
-            sources=MappingProxyType(sources), unreadable=text is None,
+            sources=MappingProxyType(sources), unreadable=profile.text is None,
         )  # fmt: skip
     if scanner is not None:
         profile = replace(profile, machine=replace(profile.machine, scanner=scanner))

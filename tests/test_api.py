@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import pydoc
 import shutil
 import subprocess
@@ -102,6 +103,8 @@ def test_what_can_not_be_read(tmp_path: Path) -> None:
         gusjob.read(write(tmp_path, b"\xff\xfeL\0"))
     with pytest.raises(OSError, match="GJ002"):
         gusjob.read_text("LINE X\0 10")
+    with pytest.raises(OSError, match="GJ002"):
+        gusjob.read_text("LINE X 1 ; \ud800")
     with pytest.raises(AttributeError):
         _ = gusjob.nothing
 
@@ -128,6 +131,13 @@ def test_a_colour_that_is_none_is_named() -> None:
         run.plot(by="foo")  # type: ignore[arg-type]  # As somebody without a type checker writes.
 
 
+@pytest.mark.parametrize("channel", [2, -1, "0"])
+def test_a_channel_that_is_none_is_refused(channel: int) -> None:
+    run = gusjob.read_text(JOB).simulate()
+    with pytest.raises(ValueError, match="is no channel: 0 or 1"):
+        run.plot(channel=channel)
+
+
 ENDS = "LASER MODE DUTY CARRIER 20kHz\nVEL 500\nACC 5000\nLINE X 0.1 END 400\nLINE X 0.2\n"
 """Only the planner sees that this END can't be reached."""
 
@@ -147,6 +157,29 @@ def test_api_cli_and_editor_agree_on_what_is_clean(tmp_path: Path, text: str) ->
     assert [(d.span.line, d.span.column, d.rule.code, d.severity.value) for d in edited.diagnostics] == checked
     in_memory = gusjob.read_text(text, name=path)
     assert in_memory.diagnostics == job.diagnostics and in_memory.is_clean is job.is_clean
+
+
+@pytest.mark.parametrize(
+    "table", ['ignore = ["GJ503"]', 'select = ["GJ4"]', '[[check.path]]\nglob = "x.*"\nignore = ["GJ"]']
+)
+def test_rules_that_the_profile_leaves_out(tmp_path: Path, table: str) -> None:
+    write(tmp_path, f"[check]\n{table}\n", "gusjob.toml")
+    path = write(tmp_path, JOB.replace("LINE X 20", "LINE X 200"))
+    job = gusjob.read(path)
+    assert job.diagnostics == () and job.is_clean and repr(job).endswith(": clean>")
+    assert run_gusjob("check", path).exit_code == 0
+    for asked in (job.calls, job.simulate):  # As the commands, which refuse it all the same.
+        with pytest.raises(gusjob.JobError, match=r"1 error: .*GJ503") as refused:
+            asked()
+        assert [d.code for d in refused.value.diagnostics] == ["GJ503"]
+    assert run_gusjob("compile", path).exit_code == 1
+
+
+def test_an_error_passes_from_process_to_process() -> None:
+    with pytest.raises(gusjob.JobError) as refused:
+        gusjob.read_text("LINE X", name="a.job").calls()
+    copy = pickle.loads(pickle.dumps(refused.value))
+    assert str(copy) == str(refused.value) and copy.diagnostics == refused.value.diagnostics
 
 
 def test_an_end_that_the_planner_refuses_is_an_error() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from importlib import import_module
@@ -16,6 +17,8 @@ from gusjob.version import __version__
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _COMMANDS = ("check", "fmt", "explain", "compile", "run", "report", "plot", "trace", "watch", "lsp", "tune", "devices")
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of a full or broken disk, which may occur wherever a command prints."""
 
 
 class _CommandGroup(Command, click.Group):
@@ -58,4 +61,11 @@ def main() -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:  # Characters that a console can't show are escaped.
             reconfigure(errors="backslashreplace")
-    cli()
+    try:
+        cli()
+    except OSError as error:
+        if error.errno not in _FULL or error.filename is not None:
+            raise
+        from gusjob.cli.common import stop_writing
+
+        stop_writing(None, error)

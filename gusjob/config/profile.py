@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # Most jobs have no profile: what reads one is imported when 
     from gusjob.config.toml_spans import TomlNode
 
 PROFILE_NAME = "gusjob.toml"
+MAX_PROFILE_MB = 10
 CHECK = "check"
 """The table of a profile that selects rules."""
 
@@ -30,13 +31,14 @@ class Profile:
     """A machine profile.
 
     `machine`: the defaults, if anything is wrong. `selection`: the rules of [check]. `source`: the file, None for the
-    defaults or a text.
+    defaults or a text. `text`: its text, None if the file can't be read or is not text.
     """
 
     machine: Machine = field(default_factory=Machine)
     selection: RuleSelection = field(default_factory=RuleSelection)
     diagnostics: tuple[Diagnostic, ...] = ()
     source: Path | None = None
+    text: str | None = None
 
 
 def find_profile(job: Path) -> Path | None:
@@ -47,12 +49,20 @@ def find_profile(job: Path) -> Path | None:
 
 def read_profile(path: Path) -> Profile:
     """Read a profile. Files that it names, and the globs of [check], are relative to its folder."""
+    limit = MAX_PROFILE_MB * 1_000_000
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:  # A pipe can be read only once, and a device may have no end.
+            data = file.read(limit + 1)
+        text = data.decode("utf-8-sig")
     except OSError as error:
-        return _unreadable(rules.UNREADABLE, path, reason_of(error))
+        return _unreadable(rules.UNREADABLE, path, reason=reason_of(error))
     except UnicodeDecodeError as error:
-        return _unreadable(rules.NOT_TEXT, path, error.reason)
+        return _unreadable(rules.NOT_TEXT, path, reason=error.reason)
+    if "\0" in text:
+        return _unreadable(rules.NOT_TEXT, path, reason=Phrase("it holds NUL bytes (a binary file?)"))
+    if len(data) > limit:
+        size = max(path.stat().st_size, len(data)) // 1_000_000
+        return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
     profile = parse_profile(text, str(path))
     folder = path.resolve().parent
     return replace(
@@ -60,6 +70,7 @@ def read_profile(path: Path) -> Profile:
         machine=_with_paths(profile.machine, folder),
         selection=replace(profile.selection, folder=str(folder)),
         source=path,
+        text=text,
     )
 
 
@@ -69,7 +80,7 @@ def parse_profile(text: str, name: str = "") -> Profile:
 
     from gusjob.config.rule_tables import read_rule_tables
     from gusjob.config.table_reader import TableReader
-    from gusjob.config.toml_spans import error_span, parse_toml
+    from gusjob.config.toml_spans import error_span, long_integer_span, parse_toml
 
     try:
         root = parse_toml(text)
@@ -77,6 +88,8 @@ def parse_profile(text: str, name: str = "") -> Profile:
         return _not_toml(name, error_span(str(error), text), str(error))
     except RecursionError:
         return _not_toml(name, NOWHERE, Phrase("its arrays are nested too deep"))
+    except ValueError:
+        return _not_toml(name, long_integer_span(text), Phrase("an integer has too many digits"))
     reader = TableReader(path=name)
     machine = Machine(**reader.fields(root, Machine, extra=(CHECK,)))
     check = root.value.get(CHECK)
@@ -87,8 +100,8 @@ def parse_profile(text: str, name: str = "") -> Profile:
     return Profile(machine=machine, selection=selection)
 
 
-def _unreadable(rule: Rule, path: Path, reason: str) -> Profile:
-    diagnostic = Diagnostic(rule=rule, span=NOWHERE, fields={"reason": reason}, path=str(path))
+def _unreadable(rule: Rule, path: Path, **values: str) -> Profile:
+    diagnostic = Diagnostic(rule=rule, span=NOWHERE, fields=values, path=str(path))
     return Profile(diagnostics=(diagnostic,), source=path)
 
 

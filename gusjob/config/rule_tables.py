@@ -95,8 +95,8 @@ def _severities(node: TomlNode, reader: TableReader, key: str) -> tuple[tuple[st
         return ()
     words = {severity.value: severity for severity in Severity}
     found = []
-    for code, child in node.value.items():
-        word = child.value
+    for written, child in node.value.items():
+        code, word = written.upper(), child.value
         if not _is_known(code, replace(child, span=child.key_span), reader, key):
             continue
         if not isinstance(word, str) or word not in words:

@@ -74,7 +74,7 @@ class TableReader:
         found: dict[str, Any] = {}
         for key, child in node.value.items():
             full_key = f"{name}.{key}" if name else key
-            if key in entries:
+            if key in entries and "." not in key:  # A quoted key with a dot is not a dotted key.
                 field_name, entry = entries[key]
                 value = self.value(child, entry, full_key)
                 if value is not None:

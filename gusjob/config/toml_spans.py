@@ -7,6 +7,7 @@ finds where keys and values begin and end and leaves all checks to tomllib.
 from __future__ import annotations
 
 import re
+import sys
 from bisect import bisect_right
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -44,6 +45,7 @@ def parse_toml(text: str) -> TomlNode:
 
     Raises:
         tomllib.TOMLDecodeError: The text is not TOML.
+        ValueError: An integer has more digits than Python converts.
         RecursionError: Its arrays are nested too deep.
     """
     import tomllib  # Most jobs have no profile: start-up time is part of the tool.
@@ -57,6 +59,15 @@ def error_span(message: str, text: str) -> Span:
     lines = text.split("\n")
     line, column = (int(found[1]), int(found[2])) if found else (len(lines), len(lines[-1]) + 1)
     return Span(line=line, column=column, end_line=line, end_column=column + 1)
+
+
+def long_integer_span(text: str) -> Span:
+    """Return the position of the first integer that has more digits than Python converts; else the whole text."""
+    found = re.search(rf"(?<=[=\[,\s])[+-]?\d(?:_?\d){{{sys.get_int_max_str_digits()},}}", text)
+    if found is None:
+        return Span(line=1)
+    line, column = text.count("\n", 0, found.start()) + 1, found.start() - text.rfind("\n", 0, found.start())
+    return Span(line=line, column=column, end_line=line, end_column=column + len(found[0]))
 
 
 @dataclass(slots=True)

@@ -269,14 +269,19 @@ def test_outputs_that_can_not_be_written(good: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
-def test_a_full_disk_is_no_traceback(good: Path) -> None:
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("command", [["report"], ["compile"], ["check"], ["explain", "GJ402"]])
+def test_a_full_disk_is_no_traceback(good: Path, command: list[str], unbuffered: str) -> None:
+    good.write_bytes(good.read_bytes() + b"LET unused = 1\n")
+    arguments = command if command[0] == "explain" else [*command, str(good)]
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "gusjob", "report", str(good)], stdout=full, stderr=subprocess.PIPE, check=False
-        )
+            [sys.executable, "-m", "gusjob", *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+        )  # fmt: skip
     assert done.returncode == 2
-    assert b"Traceback" not in done.stderr
-    assert b"can't write" in done.stderr
+    assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+    assert "standard output: can't write: no space left on device" in done.stderr
 
 
 def test_a_diagnostic_is_printed_once(tmp_path: Path) -> None:

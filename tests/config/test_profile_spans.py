@@ -40,6 +40,9 @@ CASES = {
     "a channel that is taken": "[[laser]]\nchannel = 1\n[[laser]]\nchannel = <<1>> # again\n",
     "a velocity that is too fast in pulses": "pulses_per_mm = 1e3\nmax_velocity_mm_s = <<1e8>>\n",
     "pulses that are too fine": "pulses_per_mm = <<4000>>\n",
+    "a quoted key is no dotted key": '<<"expansion.max_depth">> = 3\n',
+    "an integer that Python does not convert": f"[controller]\ncard = <<{'9' * 5000}>>\n",
+    "such an integer in an array": f"field_x_mm = [1,\n <<-{'1_0' * 3000}>>]\n",
     "wide characters": 'name = "激光"\n<<"名">> = 3\n',
 }
 

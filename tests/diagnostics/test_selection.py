@@ -119,7 +119,7 @@ def test_a_warning_raised_to_an_error_stops_every_command(tmp_path: Path) -> Non
     path = write(tmp_path, JOB)
     assert gusjob("check", str(path)).exit_code == 0
     assert gusjob("run", str(path)).exit_code == 0
-    write(tmp_path, '[check.severity]\nGJ404 = "error"\n', "gusjob.toml")
+    write(tmp_path, '[check.severity]\ngj404 = "error"\n', "gusjob.toml")
     for command in ("check", "run", "compile", "report"):
         done = gusjob(command, str(path))
         assert done.exit_code == 1, command

@@ -92,7 +92,7 @@ def cache_directory() -> Path | None:
             base = Path(folder) if os.path.isabs(folder) else Path.home() / ".cache"  # noqa: PTH117
     except RuntimeError:  # No home directory.
         return None
-    return base / "gusjob"
+    return base / "gusjob" if base.is_absolute() else None  # HOME may be relative.
 
 
 def _load(path: Path, key: str) -> Lark | None:

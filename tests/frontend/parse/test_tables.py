@@ -250,6 +250,13 @@ def test_no_home_directory(cache: Path, made: list[str], monkeypatch: pytest.Mon
     assert not cache.exists()
 
 
+def test_a_relative_home_directory_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", lambda: Path("here"))
+    assert cache_directory() is None
+
+
 @pytest.mark.parametrize(
     ("platform", "variables", "folder"),
     [
