@@ -1,4 +1,4 @@
-"""The Python interface of gusjob, for programs and notebooks: read a job, look at its diagnostics, simulate it.
+"""The Python interface of gusjob, for programs and notebooks: read a job, list its diagnostics, simulate it.
 
     import gusjob
 
@@ -9,8 +9,8 @@
     print(run.totals["duration_ms"], run.frame())
     run.plot(by="energy")
 
-Problems of a job are data (`diagnostics`), not exceptions. A job with errors has no calls and no simulation: asking for
-them raises JobError. The diagnostics are those of `gusjob check`.
+Problems of a job are data (`diagnostics`), not exceptions. A job with errors has no calls and no simulation: the
+methods for them raise JobError. The diagnostics are those of `gusjob check`.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ class ReportedDiagnostic:
         column: Column in characters, from 1.
         severity: "error", "warning" or "note".
         code: The rule's code, such as "GJ402"; `gusjob explain GJ402` describes it.
-        message: The text in English, or in the language that `set_language` chose before it was asked for.
-        count: How often it was found in the iterations of loops and in calls of routines.
+        message: The text, in English or in the language that `set_language` selected before the diagnostics were read.
+        count: Number of loop iterations and routine calls in which it occurs.
     """
 
     path: str
@@ -125,7 +125,7 @@ def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | 
     Args:
         path: The file: a job (.job), a listing or C program (.gts, .c), or a journal.
         machine: The machine profile; by default gusjob.toml beside the file or above it.
-        scanner: How the beam lags behind the command, in place of the profile's, such as "first-order:250us".
+        scanner: Model of the beam's lag, used instead of the profile's, such as "first-order:250us".
 
     Returns:
         The file with its diagnostics. A file with errors is returned, too.
@@ -147,8 +147,8 @@ def read_text(
 
     Args:
         text: The job or listing.
-        name: The file that the text stands for. It need not exist: its ending tells jobs from listings, files are
-            included relative to it, and the machine profile is looked for beside it and above.
+        name: Name of a file, which need not exist. Its extension decides whether the text is a job or a listing. Files
+            are included relative to it, and the machine profile is searched for in its folder and above.
         machine: The machine profile; by default gusjob.toml beside `name` or above it.
         scanner: As for `read`.
 
@@ -156,7 +156,7 @@ def read_text(
         The text with its diagnostics.
 
     Raises:
-        OSError: The profile can't be read, or the text holds NUL characters or surrogates.
+        OSError: The profile can't be read, or the text contains NUL characters or surrogates.
         ValueError: `scanner` is not a scanner model.
     """
     profile = None if machine is None else Path(machine)
@@ -179,8 +179,8 @@ def run_on(
 ) -> ControllerRun:
     """Run a job on a controller through the vendor's library, as `gusjob run --backend gts` does.
 
-    Whatever ends the run, the laser is switched off first, then the motion is stopped, the laser switched off again and
-    the controller closed. Call it in the main thread: only there Ctrl+C and SIGTERM can stop the run.
+    However the run ends, the laser is switched off, the motion is stopped, the laser is switched off again, and the
+    controller is closed. Call this function in the main thread: only there Ctrl+C and SIGTERM can stop the run.
 
     Args:
         job: The job, or its file.
@@ -188,13 +188,14 @@ def run_on(
             sent and no laser is switched on.
         library: The vendor's library; by default that of the machine profile.
         abi: Its ABI, "gus", "gts" or "gts-multi"; by default that of the machine profile.
-        mode: "job"; "no-laser" for the whole motion without any laser call; "frame" for one turn round the marks.
+        mode: "job"; "no-laser" for the whole motion without any laser call; "frame" for one pass around the bounding
+            box of the marks, without laser.
         journal: The journal's file, which must not exist; by default a name beside the job.
         resume: The journal of a run that is to be continued.
         from_line: Begin at this line: a number, or "FILE:N" for a line of an included file.
         control: Stops or pauses the run from a callback or another thread.
-        on_progress: Called with the progress some times a second, in the calling thread. An exception in it stops the
-            run and is raised after the shutdown.
+        on_progress: Called with the progress several times a second, in the calling thread. An exception in it stops
+            the run and is raised after the shutdown.
 
     Returns:
         How the run ended. Faults of the hardware are diagnostics in it, not exceptions.
@@ -202,7 +203,7 @@ def run_on(
     Raises:
         JobError: The job has errors, also those that only its simulation finds.
         OSError: A file can't be read.
-        ValueError: A journal in place of a job, an unknown mode or ABI, or options that exclude each other.
+        ValueError: `job` is a journal, the mode or ABI is unknown, or options exclude each other.
     """
     from gusjob.config.machine import Abi
     from gusjob.hardware.progress import report_to
@@ -240,16 +241,16 @@ class ControllerRun:
     """How a run on a controller ended.
 
     Attributes:
-        ending: "done": all of it was run. "nothing-left": the run that was to be continued had been run to its end.
+        ending: "done": the whole job was run. "nothing-left": the recorded run was already complete.
             "failed": the run was stopped or a fault occurred. "declined": `confirm` did not return True.
             "unconfirmed": `confirm` is neither True nor a function. "refused": the request can't be run. "invalid": the
             library does not fit, or the calls have errors.
         reason: Why the request was refused or not confirmed, else "".
         diagnostics: Faults and other problems, at lines of the job.
-        journal: The journal's file, None if none was begun.
+        journal: The journal's file; None if no journal was written.
         location: FILE:N that a failed run reached, "" if it did not begin.
-        elapsed_s: Time since the journal was begun.
-        is_safe: Whether every call confirmed that the laser is off and the motion stopped. If not, look at the machine.
+        elapsed_s: Time from the start of the journal to the end of the run, s.
+        is_safe: Whether every call confirmed that the laser is off and the motion stopped. If not, check the machine.
     """
 
     ending: str
@@ -287,7 +288,7 @@ class JobFile:
 
     @property
     def faults(self) -> tuple[ReportedDiagnostic, ...]:
-        """The former name of `diagnostics`; it goes in 0.2."""
+        """Former name of `diagnostics`, removed in 0.2."""
         return self.diagnostics
 
     @property
@@ -360,12 +361,12 @@ class Simulation:
 
     @property
     def diagnostics(self) -> tuple[ReportedDiagnostic, ...]:
-        """What was found in the job and in its simulation, by position."""
+        """Diagnostics of the job and of its simulation, by position."""
         return tuple(map(_reported, self._simulated.diagnostics))
 
     @property
     def faults(self) -> tuple[ReportedDiagnostic, ...]:
-        """The former name of `diagnostics`; it goes in 0.2."""
+        """Former name of `diagnostics`, removed in 0.2."""
         return self.diagnostics
 
     @property
@@ -378,11 +379,11 @@ class Simulation:
             mark_mm, jump_mm, run_in_mm, run_out_mm: path length by kind of segment.
             channels: a list with an entry for each channel that the job uses:
                 channel: 0 or 1; unit: of its power, "%", "kHz" or "V" (with several modes a channel has several
-                entries); emission_ms: how long the laser emits; power_ms: integral of the emitted power, unit * ms;
+                entries); emission_ms: time of emission; power_ms: integral of the emitted power, unit * ms;
                 power_max: highest emitted power, None without emission; joules: energy, None where the profile names
-                no rated power; clamped_ms: how long a limit held the power; before_motion_power_ms: integral of what
-                is emitted before the first motion, which belongs to no segment; off_output: what the output carries
-                while the laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
+                no rated power; clamped_ms: time for which a limit clamped the power; before_motion_power_ms: integral
+                of the power emitted before the first motion, which is part of no segment; off_output: the output while
+                the laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
             marking: a list with the quality of the marks by channel and unit: channel, unit, marks (their number),
                 worst (largest magnitude) and typical (median magnitude) of each quality column of `marks()`.
         """
@@ -398,10 +399,10 @@ class Simulation:
                 x_mm, y_mm: end point; length_mm: path length.
                 start_ms: from the first stage's start, stages back to back; duration_ms.
                 vel_mean_mm_s, vel_max_mm_s: velocity along the path.
-                ch0_emission_ms: how long the laser of channel 0 emits; ch0_power_min, ch0_power_mean, ch0_power_max:
+                ch0_emission_ms: time of emission of channel 0; ch0_power_min, ch0_power_mean, ch0_power_max:
                     emitted power in the mode's unit, NaN without emission; ch0_power_ms: its integral, unit * ms;
-                    ch0_joules: energy, NaN where the rated power is unknown; ch0_clamped_ms: how long a limit held
-                    the power. ch1_... likewise; the columns of a channel that the job never uses are absent.
+                    ch0_joules: energy, NaN where the rated power is unknown; ch0_clamped_ms: time for which a limit
+                    clamped the power. ch1_... likewise; the columns of a channel that the job never uses are absent.
         """
         words = self._report.words
         return {
@@ -418,9 +419,9 @@ class Simulation:
         Returns:
             Columns of equal length (none if no channel is used):
                 line: source line where the mark begins; channel: 0 or 1.
-                start_ms: begin of the emission; length_mm: length of the beam's path during it.
-                on_error_um, off_error_um: distance along the path between where the emission begins (ends) and where
-                    the mark is meant to begin (end); negative is before, positive after.
+                start_ms: start of the emission; length_mm: length of the beam's path during it.
+                on_error_um, off_error_um: distance along the path between the start (end) of the emission and the
+                    intended start (end) of the mark; negative is before, positive after.
                 on_miss_um, off_miss_um: distance between beam and intended point at these moments.
                 outside_power_ms: integral of the power emitted outside the intended mark, unit * ms.
                 power_per_mm_mid, power_per_mm_peak: median and highest power integral per length, unit * ms / mm.
@@ -439,7 +440,7 @@ class Simulation:
                 x_mm, y_mm: commanded position; vel_mm_s: velocity along the path.
                 beam_x_mm, beam_y_mm: position of the beam, with a scanner model only.
                 ch0_power: power of channel 0 held until the next tick, in the mode's unit; ch0_on: 1 where the laser
-                    emits at the tick; ch0_emission_us: how long it emits until the next tick. ch1_... likewise.
+                    emits at the tick; ch0_emission_us: time of emission until the next tick. ch1_... likewise.
                 ch0_unit: unit of the power, only where the mode changes.
         """
         pieces = list(self.tick_pieces())
@@ -478,7 +479,7 @@ class Simulation:
 
         Raises:
             ImportError: matplotlib (the extra "plot") is not installed.
-            ValueError: `by` is none of the four, or there is no such channel.
+            ValueError: `by` is not one of these four, or `channel` is neither 0 nor 1.
         """
         from gusjob.view.plot.picture import ColorBy, figure_of
 

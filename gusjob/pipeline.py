@@ -1,4 +1,4 @@
-"""From a file to what is known of it: Parsed -> Checked -> Compiled -> Simulated.
+"""Steps from a file to its simulation: Parsed -> Checked -> Compiled -> Simulated.
 
 Each phase takes the result of the one before and returns a new one with more in it; nothing is changed in place. Where
 diagnostics forbid the next phase, the same result comes back with these diagnostics added. The commands, the editor
@@ -38,16 +38,16 @@ _P = TypeVar("_P", bound="Parsed")
 
 
 class Origin(Enum):
-    """What kind of file the calls or statements come from."""
+    """Kind of file that the calls or statements come from."""
 
     JOB = "job"
     LISTING = "listing"
     JOURNAL = "journal"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FileResult:
-    """What is known of one file: its machine, the selection of rules, and its diagnostics, by position.
+    """Result for one file: its machine, the selection of rules, and its diagnostics, by position.
 
     `profile`: the machine profile that was read, None for the defaults. `sources`: the texts that spans point into, by
     name.
@@ -81,7 +81,7 @@ class FileResult:
         return source.line(span.line) if source is not None else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Rejected(FileResult):
     """A file that was not parsed: it, or its profile, can't be read, or the profile has errors."""
 
@@ -93,7 +93,7 @@ class Rejected(FileResult):
         return self.unreadable
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Parsed(FileResult):
     """A file that was read: a job's statements, or the calls of a listing or journal."""
 
@@ -124,19 +124,20 @@ class Parsed(FileResult):
         return FileResult.text_of(self, span, path)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Checked(Parsed):
     """A parsed file after the lint rules of a job."""
 
+    __slots__ = ()
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Compiled(Checked):
     """A checked file without errors, and its calls."""
 
     stream: Stream
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Simulated(Compiled):
     """A compiled file and the trace of its run."""
 

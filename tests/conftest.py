@@ -37,10 +37,12 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what needs the virtual controller."""
+    """Mark what needs the virtual controller, and run what takes long first, so that no process waits at the end."""
     for item in items:
         if needs_controller.mark in item.iter_markers("skipif"):
             item.add_marker("hardware")
+    first = {item.module for item in items if isinstance(item, pytest.Function) and item.get_closest_marker("slow")}
+    items.sort(key=lambda item: getattr(item, "module", None) not in first)
 
 
 def pytest_collection_finish() -> None:

@@ -12,7 +12,6 @@ import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, show, write
 from gusjob.cli.files import files_named
-from gusjob.cli.fixes import FileFixer
 from gusjob.cli.language import Command
 from gusjob.diagnostics.formats.writers import writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
@@ -63,9 +62,9 @@ def command(
 ) -> None:  # fmt: skip
     """Check jobs and listings for errors.
 
-    A FOLDER stands for all .job and .gts files in it, a GLOB ("**/*.job") that the shell did not expand for what it
-    matches. Exit status: 0 clean, 1 errors (with --strict also warnings), 2 a file that can't be read. Rules that are
-    not selected, here or in the profile's [check], are not counted.
+    A FOLDER means all .job and .gts files in it. A GLOB ("**/*.job") works even if the shell does not expand it. Exit
+    status: 0 clean, 1 errors (with --strict also warnings), 2 a file that can't be read. Rules that are not selected,
+    here or in the profile's [check], are not counted.
 
     With --fix the exit status is that of the corrected files; with --diff it is 1 if there is something to correct.
     """
@@ -73,7 +72,11 @@ def command(
     asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(status=ExitStatus(strict=strict))
     writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
-    fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs) if fixes or diffs else None
+    fixer = None
+    if fixes or diffs:
+        from gusjob.cli.fixes import FileFixer
+
+        fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs)
     files = files_named(paths, _CHECKED)
     if fixes and output is not None:
         _refuse_overwriting(output, files)

@@ -176,7 +176,7 @@ def counted_files(count: int) -> str:
 
 
 def need(extra: str, module: str, *, to: str) -> None:
-    """Exit with 2, and the line that installs it, unless an extra is installed. `to`: what it is needed for."""
+    """Exit with 2 and print the install command if an extra is missing. `to`: its purpose."""
     try:
         import_module(module)
     except ImportError:

@@ -21,7 +21,7 @@ from gusjob.pipeline import Compiled, compile_file
 def command(path: Path, machine_path: Path | None, form: str, output: Path | None) -> None:
     """Compile a job to GT_ calls.
 
-    gts: one call a line, which gusjob reads again. json: the calls as columns. c: a C program that sends them.
+    gts: one call a line, which gusjob can read again. json: the calls as columns. c: a C program that sends them.
     """
     result = compile_file(path, machine_path)
     show(result, notes=False)

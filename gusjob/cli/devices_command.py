@@ -33,10 +33,10 @@ _SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
 @machine_option
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) -> None:
-    """List what this computer can run on: the vendor's libraries, and known laser controllers on USB.
+    """List the vendor's libraries and the known laser controllers on USB of this computer.
 
-    Checked are the libraries that --library and the machine profile name, and those in the system's folders. They are
-    loaded, but no controller is opened; only texts are read from USB devices. Exit status: 0, also if nothing is found;
+    The command checks the libraries that --library and the machine profile name, and those in the system's folders. It
+    loads them, but opens no controller; from USB devices it reads only texts. Exit status: 0, also if nothing is found;
     1 if the profile has errors, 2 if it can't be read.
     """
     from gusjob.hardware.devices import survey
@@ -90,7 +90,7 @@ def _text(found: Survey, in_profile: str) -> Iterator[str]:
         yield from _steps(found.usb_problem.next_steps)
     elif not found.usb:
         yield from _wrapped(Phrase("no known laser controller; searched for {known}", known=_known()))
-    yield from _wrapped(Phrase("a Googol GUS or GTS is found by its library alone: none of its USB ids is public"))
+    yield from _wrapped(Phrase("a Googol GUS or GTS is found only by its library: its USB ids are not public"))
     yield "\n" + localized(Phrase("No controller was opened, no device was changed."))
 
 
@@ -141,7 +141,7 @@ def _usb(device: UsbDevice) -> Iterator[str]:
     yield f"  {known.ids} {localized(driven)}"
     serial = Phrase("serial {serial}", serial=device.serial) if device.serial else ""
     place = Phrase("bus {bus}, address {address}", bus=device.bus, address=device.address)
-    held = Phrase("held by a driver of the system") if device.kernel_driver else ""
+    held = Phrase("in use by a driver of the system") if device.kernel_driver else ""
     parts = (device.product, serial, "" if device.bus is None else place, held)
     yield f"      {localized(all_of(part for part in parts if part))}"
     if device.problem:

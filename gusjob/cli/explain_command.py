@@ -21,7 +21,7 @@ from gusjob.i18n.width import padded, wrapped
 def command(codes: tuple[str, ...]) -> None:
     """Explain rules, each with a bad and a good example.
 
-    Without a CODE all rules are listed; with a prefix of codes, such as GJ4, those that it matches.
+    Without a CODE, list all rules; with a prefix of codes, such as GJ4, list the rules that it matches.
     """
     names = tuple(code.upper() for code in codes)
     are_prefixes = all(any(known.startswith(name) for known in RULES) for name in names)

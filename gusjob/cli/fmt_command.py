@@ -29,10 +29,10 @@ _CHANGED, _UNCHANGED, _FAILED, _LISTING = "changed", "unchanged", "failed", "lis
 def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
     """Format jobs: words, spaces, indents and comments in one canonical layout. Their calls stay the same.
 
-    A FOLDER stands for all .job files in it, a GLOB ("**/*.job") that the shell did not expand for what it matches;
-    listings are not formatted. - reads standard input and writes standard output. A job with lines that can't be read
-    stays as it is. Exit status: 0 done, 1 a job with errors (with --check or --diff also one that would change), 2 a
-    file that can't be read or written.
+    A FOLDER means all .job files in it. A GLOB ("**/*.job") works even if the shell does not expand it. Listings are
+    not formatted. - reads standard input and writes standard output. A job with lines that can't be read stays as it
+    is. Exit status: 0 done, 1 a job with errors (with --check or --diff also one that would change), 2 a file that
+    can't be read or written.
     """
     files = _files(paths)
     run = _Formatting(checks=checks, diffs=diffs)

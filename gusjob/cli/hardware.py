@@ -1,4 +1,4 @@
-"""gusjob run --backend gts: show what will happen, ask, show how the run ended. hardware/run.py does the run."""
+"""gusjob run --backend gts: show the plan, confirm it, and show the result. hardware/run.py runs the job."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gusjob.pipeline import Simulated, run_request
 
 
 def run_on_controller(result: Simulated, options: RunOptions, *, yes: bool, progress: str) -> int:
-    """Show what will happen, ask, and run.
+    """Show the plan, confirm it, and run.
 
     Args:
         result: the job.
@@ -37,7 +37,7 @@ def run_on_controller(result: Simulated, options: RunOptions, *, yes: bool, prog
 
 
 def _confirm(*, yes: bool) -> Confirm:
-    """Return what shows the plan and asks; False if nobody can be asked."""
+    """Return a function that shows the plan and requests confirmation; False if there is no terminal."""
     if not yes and not _can_ask():
         return False
 
@@ -56,7 +56,7 @@ def _can_ask() -> bool:
 def _exit_code(result: Simulated, outcome: RunOutcome) -> int:
     """Show how a run ended; return the exit code."""
     if outcome.ending is Ending.UNCONFIRMED:
-        stop(Phrase("a run on hardware asks before it starts: answer on a terminal, or give --yes"))
+        stop(Phrase("a run on hardware must be confirmed: answer on a terminal, or use --yes"))
     if outcome.refusal is not None:
         stop(outcome.refusal.localized)
     show(replace(result, diagnostics=outcome.diagnostics))
@@ -77,7 +77,7 @@ def _closing_message(outcome: RunOutcome) -> str:
             safe = Phrase("the laser is off and the motion stopped")
             state = safe if outcome.is_safe else Phrase("CHECK THE MACHINE")
             if outcome.location:
-                state = Phrase("{state}; the job was reached at {place}", state=state, place=outcome.location)
+                state = Phrase("{state}; the run reached {place}", state=state, place=outcome.location)
             return Phrase("{state}; journal: {journal}", state=state, journal=journal)
         case Ending.DONE:
             return Phrase("done in {time} s; journal: {journal}", time=f"{outcome.elapsed_s:.2f}", journal=journal)
@@ -106,7 +106,7 @@ def _plan_text(plan: RunPlan) -> str:
     rows += [(Phrase("laser {channel}", channel=c.channel), _laser_text(c, number)) for c in expected.channels]
     if not expected.channels:
         is_frame = plan.mode is RunMode.FRAME
-        rows.append((Phrase("laser"), Phrase("off: once round the marks") if is_frame else Phrase("off")))
+        rows.append((Phrase("laser"), Phrase("off: once around the marks") if is_frame else Phrase("off")))
     if plan.begin_location:
         begin = Phrase("{place}; the head moves there with the laser off", place=plan.begin_location)
         rows.append((Phrase("from"), begin))

@@ -1,4 +1,4 @@
-"""Keys that are typed during a run, read without waiting, not even for Enter."""
+"""Read the keys that are pressed during a run, without blocking and without Enter."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def own_language_settings() -> Iterator[None]:
 
 
 def _displayable(name: str) -> str:
-    """A language that was not asked for, if standard output and error can show it; else English."""
+    """Return the system's language if standard output and error can show it; else English."""
     try:
         for stream in (sys.stdout, sys.stderr):
             _SAMPLES.get(name, "").encode((stream and stream.encoding) or "utf-8")

@@ -111,7 +111,7 @@ def command(
 ) -> None:
     """Draw the path: emission, jumps, run-ins, run-outs, switch points and the field.
 
-    With a scanner, emission is drawn where the beam is. A job with errors is not drawn; a listing is.
+    With a scanner, emission is drawn where the beam is. A job with errors is not drawn; a listing with errors is.
     """
     form = output.suffix.lower().removeprefix(".")
     if form not in _FORMATS:

@@ -70,8 +70,8 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     "--marks/--no-marks",
     "marking",
     default=None,
-    help="Compute the quality of each mark: ends, energy per mm, corners. Default: with a scanner, else up to 100,000 "
-    "segments.",
+    help="Compute the quality of each mark: ends, energy per mm, corners. Default: on with a scanner, "
+    "otherwise up to 100,000 segments.",
 )
 @click.option(
     "--against",
@@ -102,8 +102,8 @@ def command(
 ) -> None:
     """Report the time, speed and laser power of every segment.
 
-    The calls are simulated tick by tick. A job with errors is not simulated; a listing is: calls that the controller
-    would refuse are reported and have no effect.
+    The calls are simulated tick by tick. A job with errors is not simulated. A listing with errors is: calls that the
+    controller would refuse are reported and have no effect.
     """
     form = form or _ENDINGS.get(output.suffix.lower() if output is not None else "", "table")
     _refuse(form, marking=bool(marking), summary=summary)

@@ -37,8 +37,8 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
 )
 @click.option("--library", metavar="PATH", help="The vendor's library. [gts]")
 @click.option("--abi", type=click.Choice([abi.value for abi in Abi]), help="The library's ABI. [gts]")
-@click.option("--yes", is_flag=True, help="Start without asking. [gts]")
-@click.option("--frame", is_flag=True, help="Go once round the bounding box of the marks, with the laser off. [gts]")
+@click.option("--yes", is_flag=True, help="Start without confirmation. [gts]")
+@click.option("--frame", is_flag=True, help="Move once around the bounding box of the marks, with the laser off. [gts]")
 @click.option("--no-laser", is_flag=True, help="Run the whole motion without any laser call. [gts]")
 @click.option(
     "--progress",
@@ -52,7 +52,7 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
 @click.option(
     "--from-line",
     metavar="[FILE:]N",
-    help="Begin at this line of the job, or of a FILE that it includes, with the state rebuilt. [gts]",
+    help="Begin at this line of the job, or of a FILE that it includes, with the state that the job has there. [gts]",
 )
 def command(
     path: Path | None,
@@ -72,9 +72,9 @@ def command(
     """Simulate a job or listing and print its power report, or run it on a controller.
 
     A job with errors is not run. With --backend gts it runs on hardware: library and ABI come from the options or the
-    machine profile; the run is described, and starts when you confirm it. Keys: p pauses and continues, q and Ctrl+C
-    stop, a second time at once. Whatever ends a run, the laser is switched off first. All calls are recorded in a
-    journal, from which --resume continues. Options marked [gts] are for hardware only.
+    machine profile; the command describes the run and starts it when you confirm. Keys: p pauses and continues; q and
+    Ctrl+C stop smoothly, pressed a second time at once. However a run ends, the laser is switched off first. All calls
+    are recorded in a journal; --resume continues the run of a journal. Options marked [gts] are for hardware only.
     """
     if backend == "sim":
         given = {
@@ -95,9 +95,11 @@ def command(
     if frame and no_laser:
         raise click.UsageError(localized(Phrase("--frame runs without laser already: leave out --no-laser.")))
     if frame and (resume is not None or from_line is not None):
-        raise click.UsageError(localized(Phrase("--frame is a run of its own: leave out --resume and --from-line.")))
+        raise click.UsageError(localized(Phrase("--frame can't be combined with --resume or --from-line.")))
     if resume is not None and from_line is not None:
-        raise click.UsageError(localized(Phrase("--resume and --from-line both say where to begin: leave out one.")))
+        raise click.UsageError(
+            localized(Phrase("--resume and --from-line both set where the run begins: leave out one."))
+        )
     from gusjob.cli.hardware import recorded_run
     from gusjob.hardware.request import RunMode, RunOptions
 

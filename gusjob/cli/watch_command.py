@@ -49,7 +49,10 @@ Stamp = dict[Path, tuple[int, int] | None]
 def command(
     path: Path, machine_path: Path | None, scanner: Scanner | None, summary: bool, page: bool, port: int
 ) -> None:
-    """Report a job, and again whenever the job, its profile or an included file is saved. Ctrl-C ends it."""
+    """Report a job, and report it again whenever the job, its profile or an included file is saved.
+
+    Ctrl+C ends the command.
+    """
     if port and not page:
         raise click.UsageError(localized(Phrase("--port needs --page")))
     if not path.exists():
@@ -102,7 +105,7 @@ def _report(
     if sys.stdout is not None and sys.stdout.isatty():
         click.clear()
     head = [f"{datetime.now():%H:%M:%S}", printable(str(path)), *([server.url] if server else [])]
-    click.echo("  ".join([*head, localized(Phrase("Ctrl-C ends"))]))
+    click.echo("  ".join([*head, localized(Phrase("Ctrl+C ends"))]))
     if report is not None:
         from gusjob.report.table import report_table
 

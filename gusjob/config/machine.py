@@ -80,7 +80,7 @@ class Laser:
 
 
 class ScannerModel(StrEnum):
-    """How the mirrors follow the command: a delay, or a low pass of first or (critically damped) second order."""
+    """Response of the mirrors to the command: a delay, or a low pass of first or second order (critically damped)."""
 
     DELAY = "delay"
     FIRST_ORDER = "first-order"
@@ -89,7 +89,7 @@ class ScannerModel(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scanner:
-    """How the beam lags behind the command: at constant velocity, every model lags by velocity * tracking error."""
+    """Lag of the beam behind the command: at constant velocity, every model lags by velocity * tracking error."""
 
     model: ScannerModel
     tracking_error_us: float
@@ -140,7 +140,7 @@ class Interlock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
-    """How the controller is reached through the vendor's library, and how it is left. Empty texts: not given."""
+    """Access to the controller through the vendor's library, and its state after a run. An empty text is not set."""
 
     library: str = field(
         default="",

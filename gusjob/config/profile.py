@@ -1,22 +1,24 @@
-"""The machine profile, gusjob.toml: found, read, and checked with a diagnostic at every value that is wrong.
+"""Find, read and check the machine profile, gusjob.toml. Every wrong value gets a diagnostic.
 
-What an entry may be is in the metadata of the machine's fields (machine.py); rule_tables.py reads [check].
+The allowed values of an entry are in the metadata of the machine's fields (machine.py); rule_tables.py reads [check].
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gusjob.config.machine import Machine
-from gusjob.config.rule_tables import read_rule_tables
-from gusjob.config.table_reader import TableReader, within
-from gusjob.config.toml_spans import TomlNode, error_span, long_integer_span, parse_toml
 from gusjob.controllers.gus.ranges import ACCELERATION, VELOCITY
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule, Span
 from gusjob.diagnostics.select import RuleSelection
 from gusjob.i18n.phrases import Phrase, number, reason_of
+
+if TYPE_CHECKING:  # Most jobs have no profile: what reads one is imported when there is one, for a fast start.
+    from gusjob.config.table_reader import TableReader
+    from gusjob.config.toml_spans import TomlNode
 
 PROFILE_NAME = "gusjob.toml"
 MAX_PROFILE_MB = 10
@@ -51,16 +53,17 @@ def read_profile(path: Path) -> Profile:
     try:
         with path.open("rb") as file:  # A pipe can be read only once, and a device may have no end.
             data = file.read(limit + 1)
-        text = data.decode("utf-8-sig")
     except OSError as error:
         return _unreadable(rules.UNREADABLE, path, reason=reason_of(error))
+    if len(data) > limit:
+        size = len(data) // 1_000_000
+        return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
+    try:
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         return _unreadable(rules.NOT_TEXT, path, reason=error.reason)
     if "\0" in text:
         return _unreadable(rules.NOT_TEXT, path, reason=Phrase("it holds NUL bytes (a binary file?)"))
-    if len(data) > limit:
-        size = max(path.stat().st_size, len(data)) // 1_000_000
-        return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
     profile = parse_profile(text, str(path))
     folder = path.resolve().parent
     return replace(
@@ -74,7 +77,11 @@ def read_profile(path: Path) -> Profile:
 
 def parse_profile(text: str, name: str = "") -> Profile:
     """Read a profile from TOML text. `name`: the path in its diagnostics."""
-    import tomllib  # Most jobs have no profile: start-up time is part of the tool.
+    import tomllib
+
+    from gusjob.config.rule_tables import read_rule_tables
+    from gusjob.config.table_reader import TableReader
+    from gusjob.config.toml_spans import error_span, long_integer_span, parse_toml
 
     try:
         root = parse_toml(text)
@@ -117,6 +124,8 @@ def _with_paths(machine: Machine, folder: Path) -> Machine:
 
 def _check_pulses(reader: TableReader, root: TomlNode, machine: Machine) -> None:
     """Check the machine's limits in pulses against the ranges of the controller."""
+    from gusjob.config.table_reader import within
+
     for key, value, limits in (
         ("max_velocity_mm_s", machine.max_velocity_pulse_per_ms, VELOCITY),
         ("max_acceleration_mm_s2", machine.max_acceleration_pulse_per_ms2, ACCELERATION),

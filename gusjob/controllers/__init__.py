@@ -1,1 +1,1 @@
-"""Controllers: each package has what is known of one controller, behind the protocol of protocol.py."""
+"""Controllers: one package for each, with the interface that protocol.py defines."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
 _SLEEP_STEP_S = 0.002
-"""How soon a new request ends a sleep."""
+"""Longest time until a new request ends a sleep."""
 
 
 class Phase(StrEnum):
-    """What a run is doing."""
+    """State of a run."""
 
     OPENING = "opening"
     FILLING = "filling"
@@ -27,7 +27,7 @@ class Phase(StrEnum):
 
 
 class StopKind(IntEnum):
-    """How a run is to be stopped."""
+    """Requested way of stopping a run."""
 
     NONE = 0
     SMOOTH = 1

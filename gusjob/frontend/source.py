@@ -30,7 +30,7 @@ class Source:
     data: bytes
     path: Path | None = None
     _ends: Indices | None = field(default=None, repr=False)
-    """Where lines end; made when the first line is looked up."""
+    """Positions of line ends; computed when the first line is looked up."""
 
     def count_lines(self) -> int:
         """Count the lines."""
@@ -61,7 +61,7 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
     except OSError as error:
         return None, [_diagnostic(rules.UNREADABLE, name, reason=reason_of(error))]
     except ValueError:  # A NUL in the name.
-        return None, [_diagnostic(rules.UNREADABLE, name, reason=Phrase("no such name"))]
+        return None, [_diagnostic(rules.UNREADABLE, name, reason=Phrase("the name is not valid"))]
     return check_text(data, name, path)
 
 

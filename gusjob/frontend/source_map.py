@@ -13,7 +13,7 @@ from gusjob.frontend.source import Source
 
 @dataclass(slots=True)
 class SourceMap:
-    """Texts whose line numbers go on from one to the next, so that the first text keeps its own.
+    """Texts whose line numbers continue from one to the next, so that the first text keeps its own.
 
     Attributes:
         sources: The texts.

@@ -16,7 +16,7 @@ from gusjob.i18n.phrases import Phrase, printable
 
 
 def begin_position(request: RunRequest) -> PathPosition | Refusal | None:
-    """Find where a run begins; None if only the controller knows."""
+    """Find where a run begins; None if only the controller has the position."""
     options, stream = request.options, request.stream
     if options.from_line is not None:
         row = row_of_line(request, options.from_line)

@@ -1,4 +1,4 @@
-"""What a run will do, from the simulation: shown before it starts, and its progress while it runs."""
+"""Forecast of a run from the simulation: shown before the start, and used for the progress."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read a journal as a stream: the calls that a controller was really sent, as far as they were run."""
+"""Read a journal as a stream: the calls that were really sent to a controller, as far as they were run."""
 
 from __future__ import annotations
 

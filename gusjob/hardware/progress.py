@@ -1,4 +1,4 @@
-"""The progress of a run as figures, and when they are due. How they are shown is not decided here.
+"""The progress of a run as figures, and when they are due. Other modules display them.
 
 The run works in another thread, which sends calls one by one: a tick in which nothing is due must cost next to nothing.
 """

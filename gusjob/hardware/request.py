@@ -16,7 +16,7 @@ from gusjob.simulate import Trace
 
 
 class RunMode(StrEnum):
-    """What of a job is run."""
+    """The part of a job that is run."""
 
     JOB = "job"
     NO_LASER = "no-laser"

@@ -115,8 +115,8 @@ def run_on(
 ) -> RunOutcome:
     """Run a job on a controller through the vendor's library.
 
-    Whatever ends the run, the laser is switched off first, then the motion is stopped, the laser switched off again,
-    and the controller closed. Call it in the main thread: only there signals (Ctrl+C, SIGTERM) can stop the run.
+    However the run ends, the laser is switched off, the motion is stopped, the laser is switched off again, and the
+    controller is closed. Call it in the main thread: only there signals (Ctrl+C, SIGTERM) can stop the run.
 
     Args:
         request: the job, with its options.

@@ -1,4 +1,4 @@
-"""Signals as requests to stop or pause, as long as a run goes on."""
+"""Turn signals into requests to stop or pause, during a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run a session in a thread of its own and watch it: requests, errors, calls that never return."""
+"""Run a session in its own thread and supervise it: requests, errors, calls that never return."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _GRACE_S = 1.0
 
 @dataclass(slots=True)
 class SessionOutcome:
-    """How a session ended. No faults: all of it was done."""
+    """How a session ended. Without faults the whole job was done."""
 
     faults: list[Diagnostic] = field(default_factory=list)
     bug: BaseException | None = None
@@ -35,7 +35,7 @@ class SessionOutcome:
 
 @dataclass(slots=True)
 class Supervisor:
-    """Runs a session. `tick` is called in the caller's thread all the while."""
+    """Runs a session. `tick` is called repeatedly in the caller's thread during the run."""
 
     session: Session
     tick: Callable[[], None] = lambda: None
@@ -117,7 +117,7 @@ class Supervisor:
                 return
 
     def _tick(self) -> None:
-        """Call `tick`. If it fails, as when its terminal is gone, the run ends: nobody watches it any more."""
+        """Call `tick`. If it fails, for example because its terminal is closed, the run is stopped."""
         try:
             self.tick()
         except OSError:
@@ -129,7 +129,7 @@ class Supervisor:
             self.session.control.request_stop(Phrase("an internal error"))
 
     def _emergency_shutdown(self, call: str, hung_s: float) -> None:
-        """Shut down in another thread while a call hangs, as far as the library lets it."""
+        """Shut down in another thread while a call hangs, as far as the library allows."""
         session, controller = self.session, self.session.machine.controller
         session.control.requested = True  # Should the call return after all, no other one follows it.
         fields = {"call": call, "seconds": round(hung_s, 1)}

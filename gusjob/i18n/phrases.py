@@ -1,4 +1,4 @@
-"""Texts for people: phrases that can be translated, lists of words, and numbers."""
+"""Texts for users: phrases that can be translated, lists of words, and numbers."""
 
 from __future__ import annotations
 

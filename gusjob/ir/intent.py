@@ -1,4 +1,4 @@
-"""What the planner means by calls that do not show it."""
+"""Purposes of calls that only the planner knows: run-ins, run-outs, and the marks of laser calls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gusjob.kinematics.arrays import Indices
 
 
 class RunKind(IntEnum):
-    """Purpose of a motion without emission: none in particular, run-in to a mark, run-out behind a mark."""
+    """Purpose of a motion without emission: none in particular, run-in to a mark, run-out after a mark."""
 
     NONE = 0
     RUN_IN = 1
@@ -21,7 +21,7 @@ class RunKind(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intent:
-    """What the planner means by the buffered calls of a job with sky writing, (n,) each. No controller receives it.
+    """Purpose of each buffered call of a job with sky writing, (n,) each; it is not sent to a controller.
 
     `run`: RunKind of each motion. `mark_end`: for a laser-on call the buffered motion at whose start the mark begins,
     for a laser-off call the one at whose end it ends; -1 where the call itself is the end of the mark.

@@ -67,7 +67,7 @@ class LaserCommand:
     """Commanded state of a channel's laser along the path.
 
     `on` (n,): on in each row. `on_line` (n,): line of the ON in force, of the first where several follow each other.
-    `on_at_end`: on behind the path; `last_on_line`: line of the ON in force there.
+    `on_at_end`: on after the path; `last_on_line`: line of the ON in force there.
     """
 
     on: Bools

@@ -13,7 +13,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 TURN = 2 * np.pi
 CLOSES_MM = 0.005
-"""How far the end of an arc may be off its circle."""
+"""Largest distance of the end of an arc from its circle."""
 
 
 def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:

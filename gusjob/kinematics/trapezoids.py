@@ -142,7 +142,7 @@ def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, ju
 
     Args:
         out_x, out_y: Unit direction at the end of the segment before the corner, (n,).
-        in_x, in_y: Unit direction at the start of the segment behind it, (n,).
+        in_x, in_y: Unit direction at the start of the next segment, (n,).
         jump: Largest change of the velocity vector, (n,) pulse/ms.
     """
     change = np.hypot(in_x - out_x, in_y - out_y)

@@ -14,7 +14,7 @@ from gusjob.kinematics.arrays import Floats
 
 
 class QuantityKind(IntEnum):
-    """What a number measures."""
+    """Kind of quantity that a number has."""
 
     LENGTH = 0
     VELOCITY = 1

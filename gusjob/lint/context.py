@@ -1,4 +1,4 @@
-"""What all lint checks read: a job on a machine, and its modal state."""
+"""The input of all lint checks: a job on a machine, and its modal state."""
 
 from __future__ import annotations
 

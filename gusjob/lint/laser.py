@@ -185,7 +185,7 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
         marks = np.flatnonzero(on[:-1] & ~on[1:] & (on_us > most_us) & checked)
         for no_emission, lost in (
             (True, Phrase("there is no emission")),
-            (False, Phrase("emission begins when the mark is over")),
+            (False, Phrase("emission begins after the mark")),
         ):
             which = marks[(on_us[marks] >= most_us[marks] + off_us[marks]) == no_emission]
             fields = {"on": on_us[which], "most": np.round(most_us[which], 3), "lost": lost}
@@ -197,7 +197,7 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelaysInForce:
-    """Delay of emission behind laser-on and laser-off, (k,) each: from an instant on, ascending."""
+    """Delay of emission after laser-on and laser-off, (k,) each: from an instant on, ascending."""
 
     instant: Indices
     on_us: Floats

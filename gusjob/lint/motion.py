@@ -116,7 +116,7 @@ def field(context: LintContext, report: Reporter) -> None:
     if not len(arcs):
         return
     x_low, x_high, y_low, y_high = arcs_mm(path, arcs, machine).extent()
-    hint = Phrase(": the arc bulges out between its ends")
+    hint = Phrase(": the arc leaves the field between its ends")
     for (axis, values, (low, high), scale), near, far in zip(axes, (x_low, y_low), (x_high, y_high), strict=True):
         ends_mm = values[arcs] / scale
         ends_in = (ends_mm >= low) & (ends_mm <= high)
@@ -151,7 +151,7 @@ def arcs_close(context: LintContext, report: Reporter) -> None:
         _bad_arc(
             report,
             rows[(chord == 0) & (radius > 0)],
-            Phrase("an arc with R that ends where it starts could be any circle: write it with I J"),
+            Phrase("an arc with R that ends where it starts does not define a circle: write it with I J"),
         )
         short = (2 * radius < chord - CLOSES_MM) & (radius > 0)
         least = chord[short] / 2

@@ -219,7 +219,7 @@ def coordinate_system(context: LintContext, report: Reporter) -> None:
 
 
 def new_stages(context: LintContext, report: Reporter) -> None:
-    """A setup statement behind a motion stops it."""
+    """A setup statement after a motion stops it."""
     for setup, opens in zip(context.job.setups, opens_stage(context.job), strict=True):
         if opens and not isinstance(setup.statement, Wait):
             report.setup(rules.NEW_STAGE, setup, word=setup.word)

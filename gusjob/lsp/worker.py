@@ -1,4 +1,4 @@
-"""A thread that checks texts, so that the server answers meanwhile; of each file only the newest text is checked."""
+"""A thread that checks texts while the server answers requests. Only the newest text of each file is checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The phases of a job on its way to calls; each pass turns one phase into the next.
+"""Intermediate results of the planner; each pass turns one into the next.
 
 StagedPath      rows of the path in stages; positions not yet rounded
 QuantizedPath   + segments in whole pulses, velocities and accelerations along each segment
@@ -85,10 +85,10 @@ class MarkEvents:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkyRows:
-    """What sky writing knows of the rows of a path.
+    """Sky-writing facts about the rows of a path.
 
     `run` (n,): RunKind of a motion while the laser is off. `smooth` (n,): motions that continue into the next one
-    without a corner, whatever rounding to pulses makes of it. Both have one entry for all rows, (1,), without sky
+    without a corner, even if rounding to pulses makes one. Both have one entry for all rows, (1,), without sky
     writing.
     """
 

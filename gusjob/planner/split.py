@@ -1,4 +1,4 @@
-"""Pass: cut the path into stages. A setup statement behind a motion begins a new one."""
+"""Pass: cut the path into stages. A setup statement after a motion begins a new stage."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def at_rest_before(staged: StagedPath) -> Bools:
 
 
 def corner_jump(staged: StagedPath) -> Floats:
-    """By how much the velocity vector may change behind each segment, (m,) pulse/ms; NaN where LOOKAHEAD is OFF."""
+    """Largest change of the velocity vector after each segment, (m,) pulse/ms; NaN where LOOKAHEAD is OFF."""
     jump = np.full(len(staged.timed), _jump(LookAhead(corner=(math.nan, math.nan)), staged.machine))
     for setup in staged.job.setups:
         if isinstance(setup.statement, LookAhead):
@@ -110,7 +110,7 @@ def _end_diagnostics(quantized: QuantizedPath, jump: Floats, vel_end: Floats, st
     Args:
         jump: Result of corner_jump, (m,).
         vel_end: End velocities that can be met, (m,) pulse/ms.
-        stops: Timed rows behind which motion stops, (m,).
+        stops: Timed rows after which motion stops, (m,).
     """
     segments, forced_end, machine = quantized.segments, quantized.forced_end, quantized.machine
     forced = np.isfinite(forced_end)

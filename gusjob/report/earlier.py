@@ -69,7 +69,7 @@ def read_earlier(path: Path) -> tuple[EarlierReport | None, str]:
     except _NotAReportError as error:
         return None, error.reason
     except ValueError:  # A NUL in the name.
-        return None, Phrase("can't read this file: no such name")
+        return None, Phrase("can't read this file: the name is not valid")
 
 
 def _parse(path: str, data: bytes) -> EarlierReport:

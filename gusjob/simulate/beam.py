@@ -169,7 +169,7 @@ def _sum_up(transient: Floats, elapsed: Floats, stage: Floats) -> None:
 
 
 def _decayed(transient: Floats, past: Floats) -> Floats:
-    """What is left of transients (order, 2, k) after a time in T."""
+    """Remainder of transients (order, 2, k) after a time in T."""
     left = transient * np.exp(-past)
     if len(transient) == 2:
         left[1] += past * left[0]

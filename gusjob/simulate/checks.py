@@ -1,4 +1,4 @@
-"""Diagnostics of a simulation: what the calls ask for and the path cannot give, corners, the field, emission."""
+"""Diagnostics of a simulation: velocities that the path cannot reach, corners, the field, emission."""
 
 from __future__ import annotations
 

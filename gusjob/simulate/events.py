@@ -117,7 +117,7 @@ class MotionEvents:
 class LaserSwitchEvents:
     """Buffered switches of one channel in order, (e,).
 
-    `mark_segment`: number of the segment before which the mark is meant to start or end: `segment`, or where the
+    `mark_segment`: number of the segment before which the intended start or end of the mark is: `segment`, or where the
     planner puts it.
     """
 

@@ -125,7 +125,7 @@ class _TickRuns:
     """Time of each run's first tick."""
     count: Indices
     last: Floats
-    """How long each run's last tick is held, ms; the others are held for a period."""
+    """Time for which each run's last tick is held, ms; the others are held for a period."""
 
     def add(self, energy: Floats, lowest: Floats, highest: Floats, clamped: Floats) -> None:
         """Add the runs to the results of their parts, a chunk at a time."""

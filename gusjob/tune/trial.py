@@ -19,7 +19,7 @@ from gusjob.simulate.quality.marks import marking_totals, marks_of
 from gusjob.tune.edit import with_statement
 
 CLOSED_FORM, SEARCH = Phrase("closed form"), Phrase("search in the simulator")
-"""How a statement was found."""
+"""Method by which a statement was found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -236,6 +236,7 @@ def in_motion(desk: Desk, process: subprocess.Popen[str], row: int = 20) -> None
     raise AssertionError(f"it never came there: {process.communicate()}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("signals", "said"),
     [
@@ -306,6 +307,7 @@ def test_a_reader_that_goes_away_ends_the_run(desk: Desk) -> None:
     assert not desk.lit()
 
 
+@pytest.mark.slow
 def test_killed_runs_resume(desk: Desk) -> None:
     """A few of what tests/kill.py does a hundred times."""
     whole, took_s = whole_run(desk.folder, desk.library)
@@ -361,7 +363,7 @@ def test_the_frame_and_no_laser_are_dark(desk: Desk) -> None:
     job = desk.job(EVERYTHING)
     framed = desk.run(job, "--yes", "--progress", "none", "--frame")
     assert framed.returncode == 0, framed.stderr
-    assert "once round the marks" in framed.stderr
+    assert "once around the marks" in framed.stderr
     assert desk.rows()[:, [Row.EMISSION0_MS, Row.EMISSION1_MS]].sum() == 0
     count = len(desk.rows())
     assert count == 5

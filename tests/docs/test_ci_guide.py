@@ -157,6 +157,7 @@ def test_the_workflow_fits_the_schema() -> None:
     assert any(f"-o {sarif_file} " in step.get("run", "") for step in steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", [False, True])
 def test_the_workflow_runs(tmp_path: Path, shell: dict[str, str], bad: bool) -> None:
     need_posix("git", "bash")

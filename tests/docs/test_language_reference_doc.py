@@ -36,7 +36,7 @@ def ranges() -> str:
 
 
 def contradictions() -> str:
-    return table(["section", "it says", "here"], [list(row) for row in CONTRADICTIONS])
+    return table(["section", "M", "here"], [list(row) for row in CONTRADICTIONS])
 
 
 def calls() -> str:
@@ -49,7 +49,7 @@ def calls() -> str:
 
 def rules() -> str:
     rows = [[r.code, r.severity.value, r.title, r.why, r.section] for r in RULES.values()]
-    return table(["code", "severity", "what", "why it hurts", "section"], rows)
+    return table(["code", "severity", "what", "reason", "section"], rows)
 
 
 TABLES: dict[str, Callable[[], str]] = {

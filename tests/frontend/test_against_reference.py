@@ -506,6 +506,7 @@ def difference(text: str, machine: Machine = MACHINE) -> str | None:
     return None
 
 
+@pytest.mark.slow
 @given(st.randoms(use_true_random=False))
 @settings(max_examples=EXAMPLES)
 def test_random_jobs(rng: Random) -> None:

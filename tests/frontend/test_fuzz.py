@@ -123,6 +123,7 @@ def test_random_bytes(data: bytes) -> None:
         read_listing(source)
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(st.sampled_from(KEYWORDS + NUMBERS + ["(", ";", "//", '"']), max_size=9), max_size=25))
 @settings(max_examples=150)
 def test_token_soup(lines: list[list[str]]) -> None:

@@ -352,7 +352,7 @@ def test_known_devices_are_listed_with_their_texts(monkeypatch: pytest.MonkeyPat
     assert card.opened == 0, "it is closed again"
     out = run().output
     assert "9588:9899 BJJCZ (LMC) galvo card: gusjob can't drive it yet; EzCad2, LightBurn, MeerK40t can\n" in out
-    assert "      USBLMCV4, serial A1, bus 1, address 6, held by a driver of the system\n" in out
+    assert "      USBLMCV4, serial A1, bus 1, address 6, in use by a driver of the system\n" in out
 
 
 @pytest.mark.parametrize(("vendor", "product"), [(0x1A86, 0x5512), (0x0403, 0x6001), (0x0471, 0x0999)])
@@ -457,7 +457,7 @@ def test_nothing_found_is_no_error() -> None:
     flat = " ".join(result.output.split())
     assert "no library that fits; searched for libgus.so and libgts.so in no folder" in flat
     assert "no known laser controller; searched for 9588:9899 BJJCZ (LMC) galvo card," in flat
-    assert "a Googol GUS or GTS is found by its library alone: none of its USB ids is public" in flat
+    assert "a Googol GUS or GTS is found only by its library: its USB ids are not public" in flat
     assert "No controller was opened, no device was changed." in flat
 
 

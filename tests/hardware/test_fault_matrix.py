@@ -28,6 +28,7 @@ CODES = (1, 2, 3, 7, 8, -1, -6, -7, -8)
 POLLS = ("GT_CrdStatus", "GT_CrdSpace", "GT_GetCrdPos")
 
 
+@pytest.mark.slow
 def test_fault_matrix_each_call_and_each_code(gus: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     """Each call of a job fails once with each code; then the run is gone on with, and the path is whole."""
     stream, machine = stream_of(EVERYTHING), gus.machine(Machine())
@@ -66,6 +67,7 @@ def test_fault_matrix_each_call_and_each_code(gus: Bench, capsys: pytest.Capture
     assert cases > 800
 
 
+@pytest.mark.slow
 def test_fault_matrix_link_lost(gus: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     """The link dies at each point: for a while, then the light goes off as soon as it is back; or for ever."""
     stream, machine = stream_of(EVERYTHING), gus.machine(Machine(), link_patience_s=0.08)
@@ -93,6 +95,7 @@ def test_fault_matrix_link_lost(gus: Bench, capsys: pytest.CaptureFixture[str]) 
         print(f"\nlink lost: {cases} cases")
 
 
+@pytest.mark.slow
 def test_fault_matrix_hang(gus: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     """Each call hangs: another thread turns the light off, and the hung one makes no call any more."""
     stream, machine = stream_of(EVERYTHING), gus.machine(Machine(), call_timeout_s=0.03)
@@ -119,6 +122,7 @@ def test_fault_matrix_hang(gus: Bench, capsys: pytest.CaptureFixture[str]) -> No
         print(f"\nhang: {len(names) - 2} cases")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("what", "codes"), [(Fault.HALT, {"GJ907"}), (Fault.DRY, {"GJ906", "GJ907"})])
 def test_fault_matrix_motion_stopped_by_something_else(gus: Bench, what: Fault, codes: set[str]) -> None:
     """An emergency stop at each point, and a FIFO that ran dry: noticed, dark, and gone on with."""

@@ -198,6 +198,7 @@ def test_symbols(tmp_path: Path) -> None:
     run(session())
 
 
+@pytest.mark.slow
 def test_a_changed_profile_is_read_again(tmp_path: Path) -> None:
     async def session() -> None:
         text = MARK + "LINE X 20\n"

@@ -72,7 +72,7 @@ def _report_arcs(calls: BufferedCalls, motion: MotionEvents, reporter: SegmentRe
             Phrase("the radius is below half the chord"),
         ),
         (~by_radius & (segments.arcs.radius == 0), Phrase("the centre is the start point")),
-        (off_circle & (segments.arcs.radius > 0), Phrase("the end does not lie on the circle about this centre")),
+        (off_circle & (segments.arcs.radius > 0), Phrase("the end is not on the circle around this centre")),
     ):
         where = np.zeros(len(motion), dtype=np.bool_)
         where[at[bad]] = True

@@ -23,7 +23,7 @@ def without_laser(stream: Stream) -> Stream:
 
 
 def frame(stream: Stream, trace: Trace) -> Stream | None:
-    """Make a stream that goes once round the bounding box of a job and back to its first corner, without laser.
+    """Make a stream that moves once around the bounding box of a job and back to its first corner, without laser.
 
     Velocity and acceleration are those of the first motion.
 

@@ -1,4 +1,4 @@
-"""Where on the path a run is: from the calls that left the FIFO and the position that the controller reports."""
+"""Position of a run on its path, from the calls that left the FIFO and the position that the controller reports."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class TimedPath:
     def rewind(self, position: PathPosition, by_ms: float) -> PathPosition:
         """Move a position back by a time, at full velocity throughout: rather too far than not far enough.
 
-        It never goes back over a dwell, which is run again as a whole.
+        It stops at a dwell, which is run again as a whole.
         """
         row, along, left_ms = position.row, position.along_pulse, by_ms
         if row < len(self.calls) and self.calls.kind[row] == Buffered.DELAY:

@@ -1,7 +1,7 @@
-"""The one table of documented ranges. Every check, call, simulation and printed table reads it here.
+"""The table of documented ranges, which all checks, calls, simulations and printed tables use.
 
 Sources: "M" is the vendor's GUS laser manual (section numbers are M's own), "sister" the public headers of the
-vendor's sister series (GTS), where M is silent. Imports nothing of ours.
+vendor's sister series (GTS), where M has no value. This module imports nothing from gusjob.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy.typing as npt
 class PowerMode(IntEnum):
     """First argument of GT_LaserPowerMode (M 二.2).
 
-    M 一 speaks of three modes, M 三.1 of four; the argument takes four.
+    M 一 names three modes, M 三.1 four; the argument takes four.
     """
 
     DUTY = 0
@@ -104,10 +104,10 @@ def _plain(value: float) -> str:
     return f"{value:.0f}" if math.isfinite(value) and value == int(value) else repr(value)
 
 
-_MODES = "M says three modes in 一 and four in 三.1; its argument takes four, so four it is"
+_MODES = "M names three modes in 一 and four in 三.1; the argument takes four"
 _OPEN = (
-    "M prints an open interval here and a closed one for GT_LaserPrfCmd, and its own example (五.3) stands on an end: "
-    "an end is a warning, beyond it an error"
+    "M prints an open interval here and a closed one for GT_LaserPrfCmd, and its own example (五.3) uses "
+    "an end: a value on an end is a warning, outside it an error"
 )
 _FOLLOW = _OPEN + "; the argument is a C long, so whole numbers only"
 
@@ -135,7 +135,7 @@ PULSE_WIDTH_US = Range(
     low_open=True,
     whole=True,
     section="二.2",
-    note="sister headers take an unsigned long; M's unsigned short is the law here",
+    note="sister headers take an unsigned long; the range is that of M's unsigned short",
 )
 PULSE_DUTY_PCT = Range(
     name="laser pulse width times frequency",
@@ -145,7 +145,8 @@ PULSE_DUTY_PCT = Range(
     low_open=True,
     high_open=True,
     section="二.2",
-    note="M's own routine 三.1 (2) has a mode MAX that would stand at 1000 %, so it binds powers, not the mode's MAX",
+    note="with the mode's MAX of M's own routine 三.1 (2) this would be 1000 %, so the range applies to powers, "
+    "not to the mode's MAX",
 )
 
 # Laser: switch, standby, first pulse (M 二.2).
@@ -156,8 +157,8 @@ SWITCH_DELAY_US = Range(
     high=65535,
     whole=True,
     section="二.2",
-    note="M words the delays by level (high to low = off, low to high = on) while 一.2 has the switch line high when "
-    "off; the names off/on in M are followed, off first",
+    note="M names the delays by level (high to low = off, low to high = on), but in 一.2 the switch line is "
+    "high when off; gusjob follows M's names off and on: the off delay comes first",
 )
 STANDBY_KHZ = Range(name="standby frequency", unit="kHz", low=0, high=2000, low_open=True, section="二.2")
 STANDBY_PCT = Range(name="standby duty", unit="%", low=0, high=100, section="二.2")
@@ -184,8 +185,8 @@ AXIS_MODE_AXIS = Range(
     high=8,
     whole=True,
     section="二.2",
-    note="not to be called in analog mode: M's analog routine calls it and says in its comment not to; the "
-    "comment wins",
+    note="must not be called in analog mode: M's analog routine calls it, but a comment in it forbids it; "
+    "gusjob follows the comment",
 )
 AXIS_MODE = Range(
     name="mode of GT_SetAxisMode", unit="", low=0, high=1, whole=True, section="二.2", note="axis 8 takes 1 only"
@@ -309,7 +310,7 @@ FIFO = Range(
     high=1,
     whole=True,
     section="四.2",
-    note="M's default before an argument without one is illegal C: always written out",
+    note="M gives a default to it but not to the next argument, which is illegal C: it is always written",
 )
 COORDINATE_PULSE = Range(
     name="coordinate", unit="pulse", low=-1073741823, high=1073741823, whole=True, section="sister"
@@ -391,9 +392,13 @@ FIFO_SLOTS = 4096
 CONTRADICTIONS: tuple[tuple[str, str, str], ...] = (
     ("一, 三.1", "three power modes, then four", "four: 0 duty 1, 1 frequency, 2 analog, 3 duty 2"),
     ("二.2, 四.2", "[0,100] % immediate, (0,100) % buffered", "an end of the buffered range is a warning"),
-    ("三.1 (3)", "the analog routine calls GT_SetAxisMode, its comment forbids it", "the comment: a warning"),
-    ("四.2", "GT_LaserOn is named in the text and stands in no list", "GT_BufLaserOn is meant"),
-    ("四.2", "fifo=0 before an argument without default", "illegal C: every argument is written out"),
-    ("二.2, 一.2", "GT_SetLevelDelay by level, switch levels by polarity", "first argument off delay, second on delay"),
+    ("三.1 (3)", "the analog routine calls GT_SetAxisMode, its comment forbids it", "the comment applies: a warning"),
+    ("四.2", "the text names GT_LaserOn, which is in no list", "GT_BufLaserOn is meant"),
+    ("四.2", "fifo=0 before an argument without default", "illegal C: every argument is always written"),
+    (
+        "二.2, 一.2",
+        "GT_SetLevelDelay names levels that differ from those of the switch line",
+        "the first argument is the off delay, the second the on delay",
+    ),
 )
-"""Where M contradicts itself: section, what it says, what is done here."""
+"""Contradictions in M: section, the two statements, and the decision of gusjob."""

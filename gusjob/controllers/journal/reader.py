@@ -72,7 +72,7 @@ def read_journal(path: Path) -> RecordedRun | str:
         return Phrase("{name}: this run was resumed already: resume {other}", name=path.name, other=other)
     if head.get("begin") is None and b',"part":' not in text:
         return Phrase(
-            "{name}: this run never began; resume the journal that it was to resume: {other}",
+            "{name}: this run never began; resume {other} instead",
             name=path.name,
             other=head["resumes"],
         )

@@ -30,7 +30,7 @@ class Journal:
         self.write: Callable[[bytes], int | None] = self._file.write
         """Raises OSError; call give_up() then."""
         self.lost = ""
-        """Why nothing can be written any more; '' as long as it can."""
+        """The error that prevents further writing; '' if there is none."""
         self.start_s = time.perf_counter()
         self.write(_json_line(schema=JOURNAL_SCHEMA, **head))
 

@@ -46,5 +46,5 @@ LINE_TOO_LONG = rule(
     ERROR,
     title="line is too long",
     text="this line has {size} characters; the limit is {limit}",
-    why="Such a line is usually no job text, or its line ends are missing.",
+    why="A line of this length is usually not job text, or its line ends are missing.",
 )

@@ -31,7 +31,7 @@ CALL_FAILED = rule(
     ERROR,
     title="call refused by the controller",
     text="{call} returned {code}: {meaning}; {advice}",
-    why="The controller did not do what it refused. Everything after it would be wrong.",
+    why="A refused call has no effect. Everything after it would be wrong.",
 )
 NO_ANSWER = rule(
     "GJ905",
@@ -92,14 +92,14 @@ LASER_STATE_UNKNOWN = rule(
     ERROR,
     title="laser may be on",
     text="THE LASER OF CHANNEL {channel} MAY BE ON: {call} {why}. Use the emergency stop, then check the machine",
-    why="Over a link that does not answer, nothing can be switched off. That takes an interlock in hardware.",
+    why="If the link does not answer, software can't switch the laser off. Only an interlock in hardware can.",
 )
 MOTION_STATE_UNKNOWN = rule(
     "GJ913",
     ERROR,
     title="motion may continue",
     text="the motion may still continue: {why}. Use the emergency stop",
-    why="Over a link that does not answer, nothing can be stopped.",
+    why="If the link does not answer, software can't stop the motion.",
 )
 POSITION_UNKNOWN = rule(
     "GJ914",

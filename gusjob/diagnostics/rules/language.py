@@ -47,7 +47,7 @@ WORD_NOT_ALLOWED = rule(
     ERROR,
     title="word not allowed in this statement",
     text="{word} is not allowed in {statement}: {hint}",
-    why="The statement has no such setting: the job would not do what it says.",
+    why="The statement has no such setting: the job would not do what is intended.",
     bad=HEAD + "JUMP X 10 VEL 500\n",
     good=HEAD + "JUMPVEL 500\nJUMP X 10\n",
 )
@@ -111,7 +111,7 @@ CALL_ARGUMENTS = rule(
     ERROR,
     title="wrong number of arguments",
     text="{call} takes {wanted} arguments ({names}), not {found}",
-    why="If an argument is missing, those after it are taken for others: the FIFO for the channel.",
+    why="If an argument is missing, those after it are read as others: a FIFO number becomes a channel number.",
     bad="GT_BufLaserOff(1,0)\n",
     good="GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
     section="四.2",
@@ -129,7 +129,7 @@ CALL_OCTAL = rule(
     "GJ115",
     ERROR,
     title="octal number",
-    text="{found} is an octal number in C, worth {value}: remove the leading zero",
+    text="{found} is an octal number in C; its value is {value}: remove the leading zero",
     why="In C, a leading zero makes a number octal: 010 is 8.",
     bad="GT_BufDelay(1,010,0)\n",
     good="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
@@ -306,7 +306,7 @@ BAD_INCLUDE = rule(
     ERROR,
     title="file can't be included",
     text='can\'t include "{file}": {reason}',
-    why="A job may come from anywhere, so it can't read files outside its own folder.",
+    why="A job may come from an unknown source, so it can't read files outside its own folder.",
     bad='INCLUDE "../secret.job"\n',
 )
 FRAME_SCALE = rule(

@@ -65,7 +65,7 @@ MARKED_TWICE = rule(
     WARNING,
     title="same mark twice",
     text="this mark was made before, with the same power and velocity",
-    why="Doubled lines of a drawing are marked twice as deep. Intended passes are a REPEAT.",
+    why="Doubled lines of a drawing are marked twice as deep. Write intended passes as a REPEAT.",
     bad=LASER_ON + "LINE X 5\nLINE X 0\nLASER OFF\n",
     good=HEAD + "LASER POWER 30\nREPEAT 2\nJUMP X 0\nLASER ON\nLINE X 5\nLASER OFF\nEND\n",
 )

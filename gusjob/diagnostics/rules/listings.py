@@ -15,7 +15,7 @@ REFUSED = rule(
     ERROR,
     title="call refused",
     text="{call} returns {code}: {reason}",
-    why="The call has no effect, and a program that does not read the return code goes on as if it had.",
+    why="The call has no effect. A program that does not check the return code continues as if the call were accepted.",
     bad=_CALLS + "GT_LaserOutFrq(0,0)\nGT_CrdStart(1,0)\n",
     good=_CALLS + "GT_LaserOutFrq(20,0)\nGT_CrdStart(1,0)\n",
     section="二.2",
@@ -90,7 +90,7 @@ LISTING_FIELD = rule(
     WARNING,
     title="outside the field in a listing",
     text="{axis} {value} mm is outside the machine's field {low}..{high} mm",
-    why="The controller does not know the field: it moves there.",
+    why="The controller does not check the field: it moves there.",
     bad=_CALLS + "GT_LnXY(1,200000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
     good=_CALLS + "GT_LnXY(1,100000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
@@ -98,7 +98,7 @@ ASSUMED_CRD = rule(
     "GJ710",
     NOTE,
     title="coordinate system assumed",
-    text="there is no GT_SetCrdPrm: the coordinate system is assumed to be built elsewhere, at the origin",
+    text="there is no GT_SetCrdPrm: the coordinate system is assumed to be set up elsewhere, at the origin",
     why="The manual's routines leave it out, too. The position of the axes is not known.",
     bad="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
     good=_CALLS + "GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
@@ -108,7 +108,7 @@ TWO_SYSTEMS_AT_ONCE = rule(
     ERROR,
     title="two coordinate systems at once",
     text="coordinate systems 1 and 2 would move at the same time: gusjob can't simulate that",
-    why="Two paths at once have no single order of laser and motion.",
+    why="If two paths run at the same time, the order of their laser and motion calls is not defined.",
     bad="GT_BufDelay(1,10,0)\nGT_BufDelay(2,10,0)\nGT_CrdStart(3,0)\n",
     good="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
 )
@@ -127,7 +127,7 @@ RUN_TOO_LONG = rule(
     ERROR,
     title="run too long to simulate",
     text="this run takes {duration} ms, that is {ticks} ticks; the limit is {limit}. This is its longest segment",
-    why="A velocity of almost 0 makes a segment of years.",
+    why="At a velocity of almost 0, a segment takes years.",
     bad=_CALLS + "GT_LnXY(1,1000000000,0,0.0001,2,0,0)\nGT_CrdStart(1,0)\n",
     good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
@@ -157,5 +157,5 @@ FIFO_FULL = rule(
     title="FIFO is full before the start",
     text="this is buffered call {count} before GT_CrdStart, and a FIFO holds {slots}: the call returns 1 and is "
     "lost, unless the program starts the motion and sends it again",
-    why="A program that ignores a full FIFO, or takes it for an error, loses the rest of the path.",
+    why="A program that ignores a full FIFO, or treats it as an error, loses the rest of the path.",
 )

@@ -19,7 +19,7 @@ NO_ACCELERATION = rule(
     ERROR,
     title="no acceleration",
     text="{word} needs an acceleration: write ACC before it",
-    why="Only the machine builder knows how hard the mirrors may be driven.",
+    why="Only the builder of the machine knows the highest acceleration of its mirrors.",
     bad="VEL 100\nLINE X 1\n",
     good="VEL 100\nACC 5000\nLINE X 1\n",
 )
@@ -46,7 +46,7 @@ BAD_ARC = rule(
     ERROR,
     title="impossible arc",
     text="{reason}",
-    why="Start, end and centre are not on one circle: the controller would jump or refuse.",
+    why="Start, end and centre are not on one circle: the controller would jump or refuse the call.",
     bad=HEAD + "ARC CW X 10 Y 0 I 3 J 0\n",
     good=HEAD + "ARC CW X 10 Y 0 I 5 J 0\n",
 )
@@ -92,14 +92,15 @@ FOLLOW_UNEQUAL_AXES = rule(
     ERROR,
     title="velocity follow in mm with unequal axes",
     text="velocity follow in mm needs the same pulses per mm on X and Y; write it under UNITS PULSE",
-    why="The controller follows the velocity in pulses, which is another velocity in mm for each direction.",
+    why="The controller follows the velocity in pulses. The same velocity in pulses is a different one in mm "
+    "in each direction.",
     section="四.2",
 )
 END_AT_STOP = rule(
     "GJ510",
     WARNING,
     title="END before a stop",
-    text="the motion stops after this segment, abruptly from END {value} {speed}",
+    text="the motion stops after this segment: from END {value} {speed} it stops abruptly",
     why="The axes stop abruptly, and the mirrors overshoot.",
     bad=HEAD + "LINE X 5 END 50\n",
     good=HEAD + "LINE X 5 END 50\nLINE X 10\n",

@@ -80,7 +80,7 @@ DISTANCE_UNIT_CHANGED = rule(
     title="distance follow in the unit of another mode",
     text="the limits of LASER DISTANCE are in {unit}, but this mode uses {mode_unit}: set LASER DISTANCE again here, "
     "or OFF",
-    why="Percent would be taken for volts.",
+    why="Percent would be read as volts.",
     bad="LASER MODE DUTY CARRIER 10\nLASER DISTANCE REF X 0 Y 0 RATIO X 1 Y 1 MIN 0 MAX 50\nLASER MODE ANALOG\n",
     good="LASER MODE DUTY CARRIER 10\nLASER DISTANCE REF X 0 Y 0 RATIO X 1 Y 1 MIN 0 MAX 50\nLASER DISTANCE OFF\n"
     "LASER MODE ANALOG\n",

@@ -37,7 +37,7 @@ BUDGET_DURATION = rule(
     ERROR,
     title="run time above the budget",
     text="the run takes {value} s; the budget of {limit} s ends here",
-    why="The time of the machine is planned with this limit (machine profile, [budget]).",
+    why="Machine time is planned with this limit (machine profile, [budget]).",
 )
 BUDGET_POWER = rule(
     "GJ606",
@@ -63,7 +63,8 @@ BUDGET_CLAMPED = rule(
 BUDGET_ON_ERROR = rule(
     "GJ609",
     ERROR,
-    title="emission starts too far off",
-    text="the emission of channel {channel} starts {value} um off; the budget is {limit} um",
+    title="emission starts too far from its point",
+    text="the emission of channel {channel} starts {value} um from the intended start of the mark; the budget "
+    "is {limit} um",
     why="A mark that starts too early or too late does not join the others (machine profile, [budget]).",
 )

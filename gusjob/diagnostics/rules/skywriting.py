@@ -22,7 +22,7 @@ SKY_LASER_ON = rule(
     "GJ801",
     ERROR,
     title="SKYWRITE with the laser on",
-    text="SKYWRITE with the laser of channel {channel} on: sky writing is for whole marks, switch the laser off before",
+    text="SKYWRITE with the laser of channel {channel} on: sky writing applies to whole marks, put LASER OFF before it",
     why="Sky writing starts and ends a mark at full velocity. Emission that began at rest can't be moved along the "
     "path.",
     bad=HEAD + "LASER POWER 30\nLASER ON\nLINE X 5\n" + _SKY + "LINE X 9\nLASER OFF\n",
@@ -47,7 +47,7 @@ SKY_END = rule(
     ERROR,
     title="END under sky writing",
     text="END is not allowed under SKYWRITE: a mark runs at its VEL from its first to its last point",
-    why="An end velocity would slow down inside the mark, which sky writing prevents.",
+    why="An end velocity would reduce the velocity inside the mark, which sky writing keeps constant.",
     bad=HEAD + _SKY + "LASER POWER 30\nLASER ON\nLINE X 5 END 0\nLASER OFF\n",
     good=HEAD + _SKY + "LASER POWER 30\n" + _MARK,
     section="RTC5",
@@ -92,7 +92,7 @@ SKY_NO_LIMIT = rule(
     "GJ806",
     WARNING,
     title="LIMIT without effect",
-    text="LIMIT has no effect in mode {mode}: modes 1 and 2 end and start at every corner",
+    text="LIMIT has no effect in mode {mode}: modes 1 and 2 end a mark and start a new one at every corner",
     why="Perhaps mode 3 was intended.",
     bad="SKYWRITE MODE 2 TIMELAG 250us LIMIT 0.8\n",
     good="SKYWRITE MODE 3 TIMELAG 250us LIMIT 0.8\n",
@@ -145,8 +145,9 @@ SKY_NOT_AT_SPEED = rule(
     "GJ811",
     WARNING,
     title="mark not at full velocity at its ends",
-    text="this mark {what} at {value} {speed} instead of {velocity} {speed}: it slows down close by, for a corner "
-    "that LIMIT treats as flat or for another VEL; with a larger LIMIT sky writing starts again at the corner",
+    text="this mark {what} at {value} {speed} instead of {velocity} {speed}: a corner near its end that LIMIT "
+    "treats as flat, or another VEL, slows it down; with a larger LIMIT sky writing starts again at the "
+    "corner",
     why="The end is marked deeper, as without sky writing, and the beam is not where TIMELAG assumes it.",
     bad=HEAD + "SKYWRITE MODE 3 TIMELAG 250us LIMIT 0.5\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLINE X 0.2 Y 0.1\n"
     "LASER OFF\n",
@@ -157,9 +158,9 @@ SKY_COARSE = rule(
     "GJ812",
     WARNING,
     title="laser switched in slow motion",
-    text="the laser goes {what} where the motion is almost at rest: a whole pulse there is up to {error} um at the "
-    "velocity of the mark; increase {word} to {least}",
-    why="A GUS switches at whole pulses, and the slower the motion, the longer a pulse takes.",
+    text="the laser goes {what} while the motion is very slow: rounding the switch point to a whole pulse "
+    "shifts it by up to {error} um on the mark; increase {word} to {least}",
+    why="A GUS switches only at whole pulses. The slower the motion is, the longer a pulse takes.",
     bad=_SLOW.replace("NPOST 48", "NPOST 0"),
     good=_SLOW,
     section="RTC5",
@@ -168,6 +169,6 @@ SKY_TIMELAG_MISMATCH = rule(
     "GJ813",
     WARNING,
     title="TIMELAG differs from the scanner's lag",
-    text="TIMELAG is {value} us, but the machine's scanner lags {lag} us: marks start and end {off} us off",
+    text="TIMELAG is {value} us, but the machine's scanner lags by {lag} us: the switch times are wrong by {off} us",
     why="TIMELAG compensates for this lag; gusjob tune --skywrite finds it.",
 )

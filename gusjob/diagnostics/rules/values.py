@@ -30,7 +30,7 @@ WRONG_UNIT = rule(
     ERROR,
     title="unit of the wrong kind",
     text="{what} is {wanted}, but {unit} is {kind}{hint}",
-    why="In a duty mode, 20 kHz would be taken for 20 %.",
+    why="In a duty mode, 20 kHz would be read as 20 %.",
     bad=HEAD + "LASER POWER 20kHz\n",
     good=HEAD + "LASER POWER 20%\nLASER ON\nLINE X 1\nLASER OFF\n",
 )

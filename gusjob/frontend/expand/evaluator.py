@@ -1,4 +1,4 @@
-"""The numbers of statements while they are expanded: their values and kinds, and what is wrong with them."""
+"""The numbers of statements while they are expanded: their values and kinds, and their errors."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ class Evaluator:
 
 
 def kind_words(kind: NumberType) -> str:
-    """What messages call a kind; of a length or speed also whether it is in mm or in pulses."""
+    """Name of a kind in messages; for a length or speed also whether it is in mm or in pulses."""
     if kind[0] == TRUTH:
         return Phrase("a comparison")
     words = QuantityKind(kind[0]).words

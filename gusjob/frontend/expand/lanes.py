@@ -27,7 +27,7 @@ class Scope:
         self.values[name], self.types[name] = value, kind
 
     def pop(self, name: str) -> tuple[Number, NumberType] | None:
-        """Remove a name; returns what it was."""
+        """Remove a name and return its value."""
         value = self.values.pop(name, None)
         return None if value is None else (value, self.types.pop(name))
 

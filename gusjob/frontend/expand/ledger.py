@@ -1,4 +1,4 @@
-"""What an expansion reports, and what it has used of its limits."""
+"""Diagnostics of an expansion, and counts against its limits."""
 
 from __future__ import annotations
 

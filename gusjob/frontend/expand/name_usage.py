@@ -15,7 +15,7 @@ class _Usage:
 
     Attributes:
         exposed: Names that it reads before it sets them.
-        surely_set: Names that it sets whatever happens.
+        surely_set: Names that it sets on every path.
         maybe_set: Names that it sets on some path.
         reads: How often it reads each name.
     """

@@ -22,7 +22,7 @@ class ExpressionSlot:
     """A number of a statement that an expression gives.
 
     Attributes:
-        column: Where it goes.
+        column: Its destination.
         kind: What kind of number it must be.
         word: What the statement calls it.
         expression: Gives the value.

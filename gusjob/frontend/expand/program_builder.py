@@ -74,7 +74,7 @@ class _ProgramBuilder:
     setups: list[Statement] = field(default_factory=list)
     routines: dict[str, Routine] = field(default_factory=dict)
     diagnostics: list[Diagnostic] = field(default_factory=list)
-    """What could not be parsed in the included files."""
+    """Errors of parsing the included files."""
     collector: Collector = field(default_factory=lambda: Collector(""))
     included: dict[Path, tuple[Block, int]] = field(default_factory=dict)
     """Included files: their blocks, and how deep these nest."""
@@ -167,7 +167,7 @@ class _OpenBlock:
 
     @property
     def target(self) -> list[Item]:
-        """Where the next item goes."""
+        """The list that takes the next item."""
         return self.items if self.otherwise is None else self.otherwise
 
 
@@ -181,7 +181,7 @@ class _FileBuilder:
     """Offset of the file's setup statements."""
     chain: tuple[Path, ...]
     depth: int = 0
-    """How deep blocks nest."""
+    """Depth of nested blocks."""
 
     def block(self) -> Block:
         """All items of the file; DEFs go to the job's routines."""

@@ -44,7 +44,7 @@ class ExpandedRun:
 
 
 Output = list[LaneRows | ExpandedRun]
-"""What a block has made so far. An ExpandedRun in it is that of one lane."""
+"""Output of a block so far. An ExpandedRun in it is that of one lane."""
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""What formatting changes, as a unified diff.
+"""The changes of formatting as a unified diff.
 
 Lines correspond one to one, except for blank lines that were removed and lines that are added at the end. So nothing
 has to be searched for, and the diff of a million lines takes no longer than reading them.

@@ -1,4 +1,4 @@
-"""A listing's text to its calls: each line shape goes through the grammar once, its numbers are read at once."""
+"""A listing's text to its calls: each line shape is parsed once, and the numbers of all its lines are read together."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _TERMINALS = {
     "DOT": ".",
 }
 _CODE = re.compile(r"GT_|[;={}#]|[A-Za-z_][A-Za-z0-9_]*\s*\(")
-"""What no comment of the manual has and most code does."""
+"""Characters that most code has, but no comment of the manual."""
 _MAX_JOINED_LINES = 20
 """Lines that one call may take."""
 _LOOK_BACK = 50
@@ -143,7 +143,7 @@ class _ListingReader:
         return builder.build(signature.buffered)
 
     def parse_line(self, number: int, text: str) -> Sequence[Row]:
-        """Parse one line, joined to the lines before it where a call goes on."""
+        """Parse one line, joined to the lines before it where a call continues."""
         if len(self.diagnostics) >= MAX_DIAGNOSTICS:
             self.not_listed += 1
             return ()
@@ -265,7 +265,7 @@ class _ListingReader:
         first = next((t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)), None)
         if first is not None and (octal := re.fullmatch("oo?([0-9]+)", first)):
             no_octal = bool(set(octal[1]) & set("89"))
-            value = Phrase("nothing (8 and 9 are not octal digits)") if no_octal else str(int(octal[1], 8))
+            value = Phrase("not defined (8 and 9 are not octal digits)") if no_octal else str(int(octal[1], 8))
             self.report_at(rules.CALL_OCTAL, first, line, found=f"0{octal[1]}", value=value)
             return None
         if arg.kind is ArgKind.POINTER and tree.data == "pointer":

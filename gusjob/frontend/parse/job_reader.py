@@ -1,4 +1,4 @@
-"""Job text to rows: each line shape goes through the grammar once, the numbers of all its lines are read at once."""
+"""Job text to rows: each line shape is parsed once, and the numbers of all its lines are read together."""
 
 from __future__ import annotations
 

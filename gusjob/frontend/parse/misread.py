@@ -1,4 +1,4 @@
-"""Why a line can't be parsed, in terms of the user's text."""
+"""The reason why a line can't be parsed, in terms of the user's text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*|\S")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Misread:
-    """What was found instead of what.
+    """The found text and the expected words.
 
     Attributes:
         found: The text, in quotes.

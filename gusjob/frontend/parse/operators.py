@@ -38,7 +38,7 @@ class Typing(Enum):
     SAME = Phrase("takes numbers of one kind")
     KEEP = Phrase("takes a number")
     TIMES = Phrase("needs a plain number on one side")
-    OVER = Phrase("needs a plain number below, or two numbers of one kind")
+    OVER = Phrase("needs a plain number as the divisor, or two numbers of one kind")
     PLAIN = Phrase("takes plain numbers")
     ANGLE = Phrase("takes an angle in degrees")
     RATIO = Phrase("takes two numbers of one kind")

@@ -20,7 +20,7 @@ BROKEN = "broken"
 
 
 class RowOp(IntEnum):
-    """What a row of a job text is."""
+    """Kind of a row of a job text."""
 
     LINE = 0
     JUMP = 1
@@ -149,7 +149,7 @@ class Statement:
 
     @property
     def row_op(self) -> RowOp:
-        """What row the statement becomes."""
+        """The row that the statement becomes."""
         match self.form, self.options:
             case "arc", options:
                 kind = "RADIUS" if "R" in self.words else "CENTRE"

@@ -1,4 +1,4 @@
-"""What messages call the things of the language, and what to do about a line that can't be parsed."""
+"""Names of the language's elements in messages, and hints for lines that can't be parsed."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
 
 
 def _hint(text: str, misread: Misread) -> str:
-    """What was probably meant."""
+    """Hint at the probable intention."""
     if misread.found is END_OF_LINE:
         return ""
     found = misread.found.strip("'")

@@ -1,4 +1,4 @@
-"""Parser tables that are ready to use, since working them out takes longer than all else at start-up.
+"""Precomputed parser tables: computing them would take most of the start-up time.
 
 Tables fit one grammar and one version of lark. Those of this package's own grammar were made with one version; for any
 other they are worked out once and kept in the user's cache directory. Whatever is wrong with a cached file, the parser
@@ -49,7 +49,7 @@ def new_parser(text: str) -> Lark:
 
 
 def tables_key(text: str) -> str:
-    """What tables depend on: the file's format, lark's version and the grammar."""
+    """Key of the tables: the file's format, lark's version and the grammar."""
     return f"{_FORMAT} {lark.__version__} {zlib.crc32(text.encode()):08x}"
 
 

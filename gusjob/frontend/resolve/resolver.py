@@ -1,4 +1,4 @@
-"""Assemble the Job from expanded statements, and report what only the whole job shows."""
+"""Assemble the Job from expanded statements, and report problems that only the whole job shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Line shapes: what lines that differ only in their digits have in common, and what is known about each shape.
+"""Line shapes: the common form of lines that differ only in their digits, and facts about each shape.
 
 The shape of a line is its code (the line without its comment) with every run of digits replaced by one 0:
 `LINE X 1.5 Y -20 ; a` has the shape `LINE X 0.0 Y -0 `. A file of a million lines has a handful of shapes, so whatever
@@ -59,7 +59,7 @@ def shapes_of(code: bytes) -> list[bytes]:
 
 
 class ShapeTable(Generic[T]):
-    """What each line shape means, learned once from the code of the first line of that shape.
+    """The meaning of each line shape, learned once from the code of the first line of that shape.
 
     Args:
         learn: Called with the code of a line of a new shape.

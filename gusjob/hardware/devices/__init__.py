@@ -1,4 +1,4 @@
-"""What this computer can run on: the vendor's libraries, and USB devices that are known laser controllers.
+"""Devices of this computer: the vendor's libraries, and USB devices that are known laser controllers.
 
 Nothing is changed: a library is loaded but none of its calls is made (not even GT_Open), and only texts are read from a
 USB device. A Googol controller is found by its library alone: none of its USB ids is public.

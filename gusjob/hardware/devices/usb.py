@@ -18,7 +18,7 @@ class KnownUsb:
     """A laser controller with its USB ids.
 
     `sure`: False if other products have the same ids; `driven_by`: programs that drive it; `gusjob`: whether gusjob can
-    drive it; `short`: the name without what it may be.
+    drive it; `short`: the name without the possible boards.
     """
 
     vendor: int

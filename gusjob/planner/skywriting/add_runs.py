@@ -5,9 +5,9 @@
                 |  v^2/2a  | 10 us * NPREV |       | 10 us * NPOST |  v^2/2a |
 
 RTC5 manual p. 115: run-in and run-out last 10 us * Nprev and Npost at mark speed. The RTC5's set path has no
-acceleration; a GUS has one, so the distance up to mark speed is added before, and the one down from it behind. Mode 1
-moves to P backwards from S, and from Q back to E; modes 2 and 3 jump to P, and on from Q. A line is continued straight,
-an arc along its circle. Switches that need all velocities are placed by a later pass.
+acceleration; a GUS has one, so the distance for acceleration is added before the run-in, and that for deceleration
+after the run-out. Mode 1 moves to P backwards from S, and from Q back to E; modes 2 and 3 jump to P and on from Q.
+A line is continued straight, an arc along its circle. Switches that need all velocities are placed by a later pass.
 """
 
 from __future__ import annotations

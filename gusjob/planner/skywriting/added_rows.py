@@ -38,7 +38,7 @@ SWITCH_OFF = 0.45
 class AddedRows:
     """Collects rows that are added to a path, and changes of its own rows.
 
-    Added rows are numbered behind the n rows of the path, in the order in which they are added.
+    Added rows are numbered after the n rows of the path, in the order in which they are added.
     """
 
     quantized: QuantizedPath
@@ -118,7 +118,7 @@ class AddedRows:
         return np.concatenate(parts)
 
     def _sky_rows(self, run: npt.NDArray[np.int8], smooth: Bools, rank: Indices) -> SkyRows:
-        """What later passes need, by the rows' new numbers `rank`."""
+        """Facts for later passes, by the rows' new numbers `rank`."""
         return SkyRows(
             run=run,
             smooth=smooth,

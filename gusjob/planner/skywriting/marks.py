@@ -23,7 +23,7 @@ _SAME_CORNER = 1e-9
 class Marks:
     """The timed rows of a path as sky writing sees them, (m,) each.
 
-    `is_mark`: the row is sky-written. `joined`: the mark before it goes on without a break. `is_chord`: so it does,
+    `is_mark`: the row is sky-written. `joined`: the mark before it continues without a break. `is_chord`: so it does,
     and both are chords of one arc. `on`: the laser is commanded on, by channel. `stage`: number of the stage. `mode`,
     `lag_us`, `on_us`, `run_in_us`, `run_out_us`: settings of SKYWRITE. `vel`, `acc`: pulse/ms and pulse/ms2 of the
     motion. `as_written`: velocities and accelerations of all marks are those of their rows, none slower or scaled.
@@ -118,7 +118,7 @@ def find_marks(quantized: QuantizedPath, number: Indices, settings: tuple[SkyWri
 
 
 def _cosines(quantized: QuantizedPath, at: Indices) -> Floats:
-    """Cosine of the angle, on the part, by which the path turns behind timed rows."""
+    """Cosine of the angle, on the part, by which the path turns after timed rows."""
     px, py = quantized.machine.pulses_per_mm
     segments = quantized.segments
     out_x, out_y = segments.end_x[at] / px, segments.end_y[at] / py

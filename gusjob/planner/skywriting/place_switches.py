@@ -1,10 +1,10 @@
-"""Pass: sky writing switches the laser where the beam is: what a mark switches or sets comes later along the path.
+"""Pass: move the switches and powers of sky-written marks along the path, to where the lagging beam needs them.
 
-The beam lags behind the command by TIMELAG, so the laser goes on TIMELAG + SHIFT behind the moment at which the command
-passes the mark's start, and off TIMELAG behind its end (RTC5 p. 115; the sign of the shift is that of its text, not of
-its formula). A GUS switches between two motions: the motion that runs at that moment is split there, at whole pulses,
-and continues at its velocity. Delays of the switch line are subtracted beforehand, so that the emission is as it would
-be without them: the RTC5 ignores its own while sky writing is on.
+The beam lags behind the command by TIMELAG, so the laser goes on TIMELAG + SHIFT after the command passes
+the mark's start, and off TIMELAG after it passes the end (RTC5 p. 115; the sign of the shift is that of its text, not
+of its formula). A GUS switches between two motions: the motion that runs at that moment is split there, at whole
+pulses, and continues at its velocity. Delays of the switch line are subtracted first, so that the emission is as it
+would be without them: the RTC5 ignores its own delays while sky writing is on.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _HALF_PULSE = 0.5
 
 
 def place_switches(planned: PlannedPath) -> Plan:
-    """Split motions where a switch or power takes effect, and move it there; record what is meant by the calls."""
+    """Split motions where a switch or power takes effect, and move it there; record the Intent of the calls."""
     marked = planned.sky.events
     if not len(marked):
         return next_phase(Plan, planned, intent=None)
@@ -208,7 +208,7 @@ class SplitMotions:
 
 
 def _mark_ends(planned: PlannedPath, now: Indices, first: Indices, last: Indices, count: int) -> Indices:
-    """For Intent: the first piece of the motion that a laser-on goes by, the last one of a laser-off's.
+    """For Intent: the first piece of the motion that determines a laser-on, the last one for a laser-off.
 
     Args:
         now: For each row of the path its row among `count` rows, (n,).

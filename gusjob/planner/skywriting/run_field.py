@@ -16,7 +16,7 @@ from gusjob.planner.row_diagnostics import report_rows
 
 _RUN_IN, _RUN_OUT = Phrase("run-in"), Phrase("run-out")
 _SLACK_PULSE = 1.5
-"""How far rounding to whole pulses may move a run."""
+"""Largest shift of a run by rounding to whole pulses."""
 
 
 def run_field_diagnostics(quantized: QuantizedPath) -> list[Diagnostic]:

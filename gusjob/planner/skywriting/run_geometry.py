@@ -10,7 +10,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import TURN, Arcs, Segments
 
 _HALF_DIAGONAL_PULSE = 0.7072
-"""How far rounding to whole pulses can move a point: half the diagonal of a pulse."""
+"""Largest shift of a point by rounding to whole pulses: half the diagonal of a pulse."""
 _LONGER_PULSE = (0.0, 0.75, 1.5, 2.25, 3.0, 4.0)
 """Additions that are tried until an arc whose ends and centre are rounded is long enough."""
 

@@ -76,7 +76,7 @@ class _RunWriter:
         return run_us
 
     def stops_behind(self, at: Indices) -> Bools:
-        """Whether motion stops behind marks: at a dwell, or at the end of their stage."""
+        """Whether motion stops after marks: at a dwell, or at the end of their stage."""
         dwell = np.append(self.quantized.is_dwell, True)
         return np.asarray(dwell[at + 1] | (np.append(self.marks.stage, -1)[at + 1] != self.marks.stage[at]))
 
@@ -95,7 +95,7 @@ class _RunWriter:
         self.jump(runs, ~reverse & (before < 0), JUMP_TO_RUN_IN, runs.far_x, runs.far_y)
 
     def run_out(self, runs: Runs, run_out_us: Floats) -> None:
-        """Add the motion from E to Q; behind it the one back to E where it is needed."""
+        """Add the motion from E to Q, and after it the motion back to E where it is needed."""
         at = runs.at
         reverse = self.marks.mode[at] == 1
         kind = RunKind.RUN_OUT
@@ -106,12 +106,12 @@ class _RunWriter:
         self.jump(runs, ~reverse & self.must_return(at, run_out_us), JUMP_BACK, *self.ends(at))
 
     def starts(self, at: Indices) -> tuple[Floats, Floats]:
-        """Where marks start, not rounded: a full circle is one because it ends exactly where it starts."""
+        """Start points of marks, not rounded: a full circle is one because it ends exactly where it starts."""
         rows, path = self.quantized.timed[at], self.quantized.path
         return np.append(path.x, 0.0)[rows - 1], np.append(path.y, 0.0)[rows - 1]
 
     def ends(self, at: Indices) -> tuple[Floats, Floats]:
-        """Where marks end, not rounded."""
+        """End points of marks, not rounded."""
         rows, path = self.quantized.timed[at], self.quantized.path
         return path.x[rows], path.y[rows]
 

@@ -26,7 +26,7 @@ _SLOWEST = 0.2
 
 
 class SwitchLeg(IntEnum):
-    """Where a switch is: at the start of the mark, inside it, at its end, or in the run-out."""
+    """Position of a switch: at the start of the mark, inside it, at its end, or in the run-out."""
 
     START = 0
     MARK = 1

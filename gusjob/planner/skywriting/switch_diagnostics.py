@@ -25,13 +25,13 @@ _NO_TIME_US = 1e-6
 _MOMENT_MS = 1e-4
 """Half the time over which a velocity is measured."""
 _COARSE_PULSE = 3.0
-"""How far the beam may be off at a switch before a warning is due."""
+"""Largest error of the beam's position at a switch without a warning."""
 _AT_SPEED = 0.02
 """Share by which a mark may miss its speed at its ends: rounding of small circles makes as much."""
 
 _ON, _OFF = Phrase("on"), Phrase("off")
 _BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("after the end of the motion")
-_INTO, _RAISE_NPOST = Phrase("into a DWELL"), Phrase("raise NPOST")
+_INTO, _RAISE_NPOST = Phrase("after the start of a DWELL"), Phrase("raise NPOST")
 
 
 def switch_diagnostics(
@@ -86,7 +86,7 @@ def _report_outside_motion(
                 (into_us, _INTO, Phrase("raise NPOST, or shorten LASER DELAY ON")),
                 (
                     waits_us,
-                    Phrase("before the switch or power in front of it"),
+                    Phrase("before the previous switch or change of power"),
                     Phrase("raise NPREV and NPOST, or SHIFT"),
                 ),
             ),
@@ -115,7 +115,7 @@ def _report_outside_motion(
 
 
 def _waits_us(planned: PlannedPath, events: PlannedEvents, time_us: Floats) -> Floats:
-    """How much later than its own time each event comes, (e,): none of a channel comes before those in front of it."""
+    """Delay of each event after its own time, (e,): the events of a channel keep their order."""
     waits = np.zeros(len(time_us))
     for channel in CHANNELS:
         own = np.flatnonzero(planned.path.channel[events.row] == channel)

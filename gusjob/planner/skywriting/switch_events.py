@@ -26,7 +26,7 @@ class PlannedEvents:
     Of all (e,): `row`: row of the path. `boundary`: number of timed rows before it. `time_ms`: time of the call.
 
     Of those to be placed (g,): `moved`: number among the events. `mark`: number of the mark among the timed rows.
-    `stage`: number of the stage. `op`: Op of the row. `late_us`: delay of the effect behind the call.
+    `stage`: number of the stage. `op`: Op of the row. `late_us`: delay of the effect after the call.
     """
 
     row: Indices
@@ -81,7 +81,7 @@ def switch_events(planned: PlannedPath, schedule: Schedule) -> PlannedEvents:
 
 
 def delays_us(staged: StagedPath) -> Floats:
-    """Compute the delay of an effect behind its call, (stages, channels, 3) by ON and OFF.
+    """Compute the delay of an effect after its call, (stages, channels, 3) by ON and OFF.
 
     The off delay of the first pulse killer counts; its gap does not: SHIFT compensates for it (RTC5 p. 115).
     """

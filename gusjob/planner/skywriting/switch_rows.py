@@ -63,7 +63,7 @@ class _SwitchWriter:
         self.powers(np.flatnonzero(path.sets_power & own), off, is_on)
 
     def powers(self, rows: Indices, off: Indices, is_on: Bools) -> None:
-        """Let powers follow the beam that are set inside a mark, or behind its end while the laser is still on.
+        """Delay powers by the beam's lag: those set inside a mark, or after its end while the laser is still on.
 
         Args:
             rows: Rows that set a power, (k,).
@@ -104,7 +104,7 @@ class _SwitchWriter:
             op: Op.ON or Op.OFF.
             at: Marks that need the switch, (k,).
             found: Row of the switch of each, where it `exists`, (k,).
-            mark_rows: Row of the motion by whose start or end the switch goes, (k,).
+            mark_rows: Row of the motion whose start or end determines the switch, (k,).
         """
         off = op is Op.OFF
         effect_us = (self.marks.lag_us if off else self.marks.on_us)[at]
@@ -128,7 +128,7 @@ class _SwitchWriter:
         self.rows.new_keys.append((found[moved], np.asarray(rows[moved] + offset[moved], dtype=np.float64)))
 
     def split(self, simple: SimpleMarkSwitches) -> Indices:
-        """Add the pieces of motions in front of switches of simple marks.
+        """Add the pieces of motions before switches of simple marks.
 
         Returns:
             The row that starts where each timed row does, (m,).

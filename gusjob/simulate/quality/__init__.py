@@ -1,1 +1,1 @@
-"""How good each mark is."""
+"""Quality of marks: the error of their ends and corners, and the evenness of their energy."""

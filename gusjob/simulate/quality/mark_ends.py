@@ -1,7 +1,7 @@
 """Intended start and end points of marks, S and E.
 
 The planner names them for sky writing; otherwise they are where the switch is in the order of the path. Emission that
-was on before its stage, or continues after it, is meant from the stage's start or to its end.
+was on before its stage, or continues after it, has the start or the end of the stage as its intended point.
 """
 
 from __future__ import annotations

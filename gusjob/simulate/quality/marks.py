@@ -1,6 +1,6 @@
 """Mark quality: position of the beam when the emission starts and ends, and how even the energy is in between.
 
-A mark is one emission interval of one channel. It is meant to go from S to E (mark_ends.py).
+A mark is one emission interval of one channel. Its intended path is from S to E (mark_ends.py).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ Texts = Mapping[str, Any]
 
 _SCRIPTS = {
     "data": {
-        "cut-off": Phrase("the page's data are cut off"),
+        "cut-off": Phrase("the page's data are incomplete"),
         "line": Phrase("line {line}", line="{line}"),
         "line-of-file": Phrase("line {line} of {file}", line="{line}", file="{file}"),
         "and": Phrase("{first}, {second}", first="{first}", second="{second}"),

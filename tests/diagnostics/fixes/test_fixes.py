@@ -498,6 +498,7 @@ def calls(loaded: FileResult) -> str:
     return "" if stream is None else "".join(listing(stream))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32))
 @settings(max_examples=EXAMPLES, phases=(Phase.explicit, Phase.reuse, Phase.generate), deadline=None)
 def test_random_jobs(seed: int) -> None:

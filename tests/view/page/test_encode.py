@@ -54,6 +54,7 @@ def test_rounding_at_the_ends() -> None:
         assert found[0] == 0 and found[7] == 12.5 and found[8] == -40.0
 
 
+@pytest.mark.slow
 def test_figures_are_rounded_only_as_far_as_needed() -> None:
     random = np.random.default_rng(3)
     tables: dict[str, Columns] = {"rows": {f"c{n}": random.random(200_000) for n in range(8)}}

@@ -119,6 +119,7 @@ def test_the_legend_says_range_and_unit(square_tab: Tab) -> None:
     assert square_tab.page.inner_text("#scale-bar").split()[1] in ("mm", "um")
 
 
+@pytest.mark.slow
 def test_the_scale_bar_is_true(square_tab: Tab) -> None:
     for _ in range(3):
         text = square_tab.page.inner_text("#scale-bar").split()
@@ -215,6 +216,7 @@ def test_previous_next_and_line(square_tab: Tab) -> None:
     assert "no segment" in page.inner_text("#line-none")
 
 
+@pytest.mark.slow
 def test_a_link_selects_and_survives_reload(chromium: Chromium, tmp_path: Path) -> None:
     path = written(page_of(columns_of(square())), tmp_path)
     with chromium.open(path, fragment="#s=4") as tab:
@@ -256,6 +258,7 @@ def test_a_selection_out_of_sight_is_brought_into_it(square_tab: Tab) -> None:
     assert selected(square_tab)["marker"] == 3
 
 
+@pytest.mark.slow
 def test_order_and_filters_give_the_rows_that_numpy_gives(chromium: Chromium, tmp_path: Path) -> None:
     tables = field_of_marks(3000)
     rows = tables["rows"]
@@ -453,6 +456,7 @@ def test_no_horizontal_scrolling(chromium: Chromium, tmp_path: Path, width: int)
         assert tab.complaints == []
 
 
+@pytest.mark.slow
 def test_all_can_be_reached_by_keyboard(fresh_tab: Tab) -> None:
     page = fresh_tab.page
     page.evaluate("document.body.focus()")
@@ -542,6 +546,7 @@ def test_a_page_without_tables(chromium: Chromium, tmp_path: Path) -> None:
         assert tab.complaints == [] and tab.requests == []
 
 
+@pytest.mark.slow
 def test_without_emission(chromium: Chromium, tmp_path: Path) -> None:
     steps = [{"line": 1, "kind": JUMP, "x": 5.0, "vel": 10.0}, {"line": 2, "kind": DWELL, "ms": 3.0}]
     for channels in (0, 1):
@@ -582,6 +587,7 @@ def test_an_old_browser_shows_what_it_lacks(chromium: Chromium, tmp_path: Path) 
         assert "DecompressionStream" in tab.page.inner_text("#status") and tab.complaints == []
 
 
+@pytest.mark.slow
 def test_columns_come_back_in_the_browser(chromium: Chromium, tmp_path: Path) -> None:
     page_ = rich_page()
     tables = page_.tables
@@ -632,6 +638,7 @@ def test_rounding_is_noted(chromium: Chromium, tmp_path: Path, monkeypatch: pyte
         assert digits < 6 and f"rounded to about {digits} digits" in tab.page.inner_text("#totals")
 
 
+@pytest.mark.slow
 def test_a_million_segments(chromium: Chromium, tmp_path: Path) -> None:
     tables = field_of_marks(1_000_000)
     path = written(page_of(tables, facts={"exact": False}), tmp_path)
@@ -686,6 +693,7 @@ class Watched(BaseHTTPRequestHandler):
         return
 
 
+@pytest.mark.slow
 def test_a_watched_page_is_reloaded_and_keeps_its_view(chromium: Chromium) -> None:
     Watched.page = b"".join(render(page_of(columns_of(square()), watched="/events")))
     server = ThreadingHTTPServer(("127.0.0.1", 0), Watched)

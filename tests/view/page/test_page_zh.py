@@ -182,6 +182,7 @@ def test_no_english_word_is_left(tab: Tab) -> None:
         assert all(CHINESE.search(title) for _, _, title in columns)
 
 
+@pytest.mark.slow
 def test_no_english_word_is_left_in_the_grid(tab: Tab) -> None:
     page = tab.page
     page.locator("#segments-grid").scroll_into_view_if_needed()
@@ -253,6 +254,7 @@ def long_report() -> Any:
     return Long()
 
 
+@pytest.mark.slow
 def test_no_english_word_is_left_in_other_pages(
     chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -353,6 +355,7 @@ def in_english(page: Page, folder: Path) -> Path:
         set_language("zh")
 
 
+@pytest.mark.slow
 def test_order_filters_and_files_are_as_in_english(chromium: Chromium, tmp_path: Path) -> None:
     cases: list[tuple[list[tuple[str, str]], dict[str, Any]]] = [
         ([("kind", "asc")], {}), ([("kind", "desc"), ("length_mm", "asc")], {}), ([("file", "desc")], {}),
@@ -411,6 +414,7 @@ def test_selection_by_all_ways(tab: Tab) -> None:
     check_row(10)
 
 
+@pytest.mark.slow
 def test_a_watched_page_says_whether_it_follows(chromium: Chromium) -> None:
     server = PageServer()
     try:
@@ -435,6 +439,7 @@ def test_a_watched_page_says_whether_it_follows(chromium: Chromium) -> None:
         server.close()
 
 
+@pytest.mark.slow
 def test_hostile_texts_do_nothing(chromium: Chromium, tmp_path: Path) -> None:
     page_ = hostile_page()
     odd = "{line} {kind} $& $1 {} {0} 中文 {x"

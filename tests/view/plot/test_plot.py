@@ -571,6 +571,7 @@ def test_same_job_same_bytes(form: str) -> None:
     assert picture(figure(STEPS, dpi=72), form) == picture(figure(STEPS, dpi=72), form)
 
 
+@pytest.mark.slow
 def test_same_bytes_in_another_process(tmp_path: Path) -> None:
     path = job(tmp_path)
     found = set()

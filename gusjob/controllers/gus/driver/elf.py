@@ -1,4 +1,4 @@
-"""Whether an ELF file is complete: loading a truncated one would kill the process with SIGBUS."""
+"""Check that an ELF file is complete: loading a truncated one would kill the process with SIGBUS."""
 
 from __future__ import annotations
 

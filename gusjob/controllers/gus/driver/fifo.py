@@ -24,19 +24,19 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.units import MS_PER_S
 
 POLL_S = 0.02
-"""How often the controller's state is polled: 4096 slots of 10 us segments last twice as long."""
+"""Interval between polls of the controller's state: 4096 slots of 10 us segments last twice as long."""
 START_S = 1.0
-"""How long after GT_CrdStart the axes may still be at rest."""
+"""Longest time after GT_CrdStart for which the axes may still be at rest."""
 STILL_S = 3.0
-"""How long, in addition to the longest dwell, nothing may change while the motion runs."""
+"""Longest time, in addition to the longest dwell, without a change while the motion runs."""
 _CHUNK = 1024
 _TRIES = 3
-"""How often a call may be refused as if the FIFO were full though GT_CrdSpace found free slots."""
+"""Number of times that a call may be refused for a full FIFO although GT_CrdSpace found free slots."""
 _A_CALL = Phrase("a buffered call")
 
 
 class Interrupted(BaseException):
-    """Not an error: the user requests a pause or stop; control has which."""
+    """The user requests a pause or stop, as `control` states. It is not an error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,9 +258,9 @@ class Fifo:
     # Polling.
 
     def poll(self) -> FifoStatus:
-        """Poll the controller's state and check that the motion goes on.
+        """Poll the controller's state and check that the motion continues.
 
-        GT_CrdStatus goes first: at rest no more calls are taken, so the free slots still hold.
+        GT_CrdStatus is called first: at rest the controller takes no more calls, so the free slots stay valid.
         """
         stage = self.stage
         assert stage is not None

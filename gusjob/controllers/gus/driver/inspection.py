@@ -78,7 +78,9 @@ _NEXT_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (
     ),
     (
         ("Permission denied", "WinError 5]", "Operation not permitted", "failed to map segment"),
-        Phrase("let your user read and execute it (Linux: chmod a+rx FILE; not on a disk mounted noexec)"),
+        Phrase(
+            "give your user permission to read and execute it (Linux: chmod a+rx FILE; not on a disk mounted noexec)"
+        ),
     ),
     (
         ("one of its dependencies", "WinError 126", "WinError 127"),

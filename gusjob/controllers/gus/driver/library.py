@@ -80,7 +80,7 @@ def open_library(path: str) -> Any | str:
 
 
 def _refusal(path: str) -> str:
-    """Say why a file is not even given to the loader; '' if it is."""
+    """Return why a file is not passed to the loader; '' if it is."""
     if not path or "\0" in path:
         return NOT_FOUND
     if Path(path).is_dir():
@@ -92,7 +92,8 @@ def _load_error(path: str, text: str) -> str:
     """Translate the loader's error message."""
     if any(part in text for part in ("[WinError 193]", "wrong ELF class", "incompatible architecture")):
         return Phrase(
-            "it is not for this Python, which has {bits} bits; install a Python of the library's kind ({text})",
+            "it is not for this Python, which has {bits} bits; install a Python with as many bits as the "
+            "library ({text})",
             bits=BITS,
             text=text,
         )

@@ -17,7 +17,7 @@ from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase
 
 FULL = 1
-"""What a buffered call returns when the FIFO is full."""
+"""Return code of a buffered call when the FIFO is full."""
 SLOW_CALLS = ("GT_Open", "GT_Close", "GT_LoadConfig", "GT_Reset")
 """Calls that take much longer than others."""
 
@@ -73,7 +73,7 @@ class TakenOver(BaseException):
 
 
 def failure(rule: Rule, line: int, **fields: Any) -> BackendError:
-    """Make the error of a failure at a line of the job; line 0: wherever the run is."""
+    """Make the error of a failure at a line of the job; line 0: the line that the run has reached."""
     return BackendError(Diagnostic(rule=rule, span=Span(line=line), fields=fields))
 
 
@@ -94,7 +94,7 @@ class Link:
         self.since_s = 0.0
         """When the call in progress was made (time.perf_counter), 0 if there is none."""
         self.call_count = 0
-        """How many calls returned."""
+        """Number of calls that returned."""
 
     def take_over(self) -> None:
         """Let this thread own the link from now on."""
@@ -102,7 +102,7 @@ class Link:
         self.owner = threading.get_ident()
 
     def release(self) -> None:
-        """Let nobody own the link until a thread takes it over: a call that hangs is not waited for any more."""
+        """Release the link until a thread takes it over: a call that hangs is no longer waited for."""
         self.owner, self.since_s = 0, 0.0
 
     def hung_s(self) -> float:
@@ -116,7 +116,7 @@ class Link:
         A journal that can't be written ends the run (see checked), but not its shutdown.
 
         Returns:
-            What the call returned, and what it found for each pointer, in order.
+            The return code, and the value at each pointer, in order.
         """
         prototype = self.library.prototypes[name]
         given = [c_value(arg, value) for arg, value in zip(prototype.args, values, strict=True)]

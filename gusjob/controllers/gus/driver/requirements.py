@@ -60,7 +60,7 @@ def needed_calls(stream: Stream, machine: Machine) -> set[str]:
 
 
 def check_single_fifo(stream: Stream) -> list[Diagnostic]:
-    """Refuse a stream that fills more than one FIFO: the order in which they run could not be followed."""
+    """Refuse a stream that fills more than one FIFO: the order in which they run is not known."""
     calls = stream.buffered
     queue = calls.crd.astype(np.int64) * 2 + calls.fifo
     if not len(queue) or (queue == queue[0]).all():

@@ -1,4 +1,4 @@
-"""Where a run was interrupted: from its journal, and from the controller if it still knows."""
+"""Find where a run was interrupted, from its journal and, if necessary, from the controller."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gusjob.i18n.phrases import Phrase
 
 
 def recorded_position(recorded: RecordedRun) -> PathPosition | None:
-    """Return the position that the journal itself is sure of; None if only the controller knows it."""
+    """Return the position that the journal alone determines; None if the controller must be read."""
     end = recorded.end
     if end is not None and end["end"] == "done":
         return PathPosition(row=end["row"])

@@ -1,4 +1,4 @@
-"""A job on a controller, from GT_Open to GT_Close. Everything in here runs in one thread, which owns the link."""
+"""A job on a controller, from GT_Open to GT_Close. All of this module runs in one thread, which owns the link."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ INITIAL_SETTINGS: tuple[tuple[str, tuple[Value, ...]], ...] = (
 """The state of each laser when a job begins: what the job does not set is off."""
 _RESUME = Phrase("continue with --resume")
 _PAUSE_S = 0.05
-"""How often laser and interlock are checked during a pause."""
+"""Interval between checks of laser and interlock during a pause."""
 
 
 @dataclass(slots=True)
@@ -47,7 +47,7 @@ class Session:
     outputs: Outputs
     reached: PathPosition = JOB_START
     overrun_ms: float = 0.0
-    """How long at most a motion that was in progress when the controller was opened continued without laser."""
+    """Longest time for which a motion that was in progress at GT_Open continued without laser."""
     options: str = ""
     """The options that must be given again to resume this run."""
     abi_confirmed: bool = False

@@ -1,6 +1,7 @@
-"""The shutdown, whatever happened: laser off first, then the motion stopped, then the laser off again.
+"""The shutdown after every run: laser off, motion stopped, laser off again.
 
-Nothing in here raises: every call is made, refused or not, and what could not be turned off becomes a diagnostic.
+No function in this module raises: every call is made, refused or not, and what could not be turned off becomes a
+diagnostic.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ _CHANNELS = tuple(range(int(CHANNEL.low), int(CHANNEL.high) + 1))
 _CRDS = tuple(range(int(CRD.low), int(CRD.high) + 1))
 
 _TRIES = 3
-"""How often a call is made that the controller itself refuses."""
+"""Number of attempts at a call that the controller refuses."""
 _SLEEP_S = 0.02
 _SMOOTH_S = 2.0
 """A smooth stop that takes longer becomes an abrupt one."""
 _REST_S = 2.0
-"""How long after an abrupt stop the motion may take to come to rest."""
+"""Longest time after an abrupt stop until the motion is at rest."""
 _WATCH_S = 0.05
-"""How long after an abrupt stop the laser is switched off again and again without a pause."""
+"""Time after an abrupt stop for which the laser is switched off repeatedly without a pause."""
 
 
 @dataclass(slots=True)
@@ -122,7 +123,7 @@ class Shutdown:
 
 def hung_diagnostics(outputs: Outputs, call: str) -> list[Diagnostic]:
     """Report laser and motion as unknown, because a call hangs and no other one could be made."""
-    why = Phrase("hangs behind {call}", call=call)
+    why = Phrase("can't be called while {call} hangs", call=call)
     laser = [
         Diagnostic(
             rule=rules.LASER_STATE_UNKNOWN,
@@ -131,7 +132,7 @@ def hung_diagnostics(outputs: Outputs, call: str) -> list[Diagnostic]:
         )
         for channel in outputs.channels
     ]
-    why = Phrase("GT_Stop hangs behind {call}", call=call)
+    why = Phrase("GT_Stop can't be called while {call} hangs", call=call)
     return [*laser, Diagnostic(rule=rules.MOTION_STATE_UNKNOWN, span=NOWHERE, fields={"why": why})]
 
 
