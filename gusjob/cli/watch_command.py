@@ -63,9 +63,11 @@ def command(
         needed: set[Path] = set()
         while True:
             seen = _stamp(path, machine_path, needed)  # Later changes cause another report.
+            start_ns = time.time_ns()
             result = _report(path, machine_path, scanner, server, summary=summary)
-            needed = _needed(result)
-            _wait_for_change(path, machine_path, needed, _stamps(needed) | seen)
+            missing = _missing_includes(result)
+            needed = {*(Path(name) for name, _ in result.files), *missing}
+            _wait_for_change(path, machine_path, needed, _first_stamps(needed, missing, start_ns) | seen)
     except KeyboardInterrupt:
         click.echo()
     finally:
@@ -116,12 +118,21 @@ def _report(
     return result
 
 
-def _needed(result: FileResult) -> set[Path]:
-    """Return the files that a job includes, missing ones too."""
+def _missing_includes(result: FileResult) -> set[Path]:
+    """Return the included files that could not be read."""
     missing = (diagnostic for diagnostic in result.diagnostics if diagnostic.rule is rules.BAD_INCLUDE)
+    return {Path(diagnostic.file).parent / str(diagnostic.fields["file"]) for diagnostic in missing}
+
+
+def _first_stamps(files: set[Path], missing: set[Path], start_ns: int) -> Stamp:
+    """Return the stamps that included files had when they were read: before the report nobody knew of them.
+
+    None, so that the job is reported again, for a file that was missing, and for one that was saved since then.
+    """
+    stamps = _stamps(files)
     return {
-        *(Path(name) for name, _ in result.files),
-        *(Path(diagnostic.file).parent / str(diagnostic.fields["file"]) for diagnostic in missing),
+        path: None if path in missing or (stamp is not None and stamp[0] >= start_ns) else stamp
+        for path, stamp in stamps.items()
     }
 
 

@@ -18,7 +18,9 @@ from pathlib import Path
 
 import pytest
 from support.cli import GOOD, gusjob, write
+from support.tools import MARK
 
+from gusjob.cli import watch_command
 from gusjob.cli.serve import PageServer
 
 PATIENCE_S = 20.0
@@ -234,3 +236,41 @@ def test_a_port_that_is_taken(folder: Path) -> None:
 def test_wrong_usage(folder: Path) -> None:
     assert gusjob("watch", folder / "none.job").exit_code == 2
     assert gusjob("watch", folder / "x.job", "--port", "1").exit_code == 2
+
+
+@pytest.mark.parametrize("kept_time", [False, True])
+def test_an_include_that_is_saved_while_it_is_reported_missing_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept_time: bool
+) -> None:
+    """The file comes after the job was read and before the wait begins, also with the time of an older file."""
+    job, part = write(tmp_path, MARK + 'INCLUDE "part.job"\n'), tmp_path / "part.job"
+
+    def show_and_save(*_args: object, **_options: object) -> None:
+        part.write_text("LINE X 10\n", encoding="utf-8")
+        if kept_time:
+            os.utime(part, (1, 1))
+
+    def wait(path: Path, machine: Path | None, needed: set[Path], seen: watch_command.Stamp) -> None:
+        assert part in needed
+        assert watch_command._stamp(path, machine, needed) != seen
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(watch_command, "show", show_and_save)
+    monkeypatch.setattr(watch_command, "_wait_for_change", wait)
+    assert gusjob("watch", job).exit_code == 0
+
+
+def test_an_include_that_is_saved_while_it_is_reported_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    job, part = write(tmp_path, MARK + 'INCLUDE "part.job"\n'), write(tmp_path, "LINE X 10\n", "part.job")
+
+    def wait(path: Path, machine: Path | None, needed: set[Path], seen: watch_command.Stamp) -> None:
+        assert (watch_command._stamp(path, machine, needed) != seen) is saves
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(watch_command, "_wait_for_change", wait)
+    saves = False
+    os.utime(part, (1, 1))
+    assert gusjob("watch", job).exit_code == 0
+    saves = True
+    monkeypatch.setattr(watch_command, "show", lambda *_a, **_o: part.write_text("LINE X 20\n", encoding="utf-8"))
+    assert gusjob("watch", job).exit_code == 0
