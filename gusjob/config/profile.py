@@ -53,11 +53,11 @@ def read_profile(path: Path) -> Profile:
     try:
         with path.open("rb") as file:  # A pipe can be read only once, and a device may have no end.
             data = file.read(limit + 1)
+        if len(data) > limit:
+            size = max(path.stat().st_size, len(data)) // 1_000_000
+            return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
     except OSError as error:
         return _unreadable(rules.UNREADABLE, path, reason=reason_of(error))
-    if len(data) > limit:
-        size = len(data) // 1_000_000
-        return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
