@@ -479,7 +479,7 @@ class Simulation:
 
         Raises:
             ImportError: matplotlib (the extra "plot") is not installed.
-            ValueError: `by` is not one of these four, or there is no such channel.
+            ValueError: `by` is not one of these four, or `channel` is neither 0 nor 1.
         """
         from gusjob.view.plot.picture import ColorBy, figure_of
 

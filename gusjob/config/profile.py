@@ -53,16 +53,17 @@ def read_profile(path: Path) -> Profile:
     try:
         with path.open("rb") as file:  # A pipe can be read only once, and a device may have no end.
             data = file.read(limit + 1)
-        text = data.decode("utf-8-sig")
+        if len(data) > limit:
+            size = max(path.stat().st_size, len(data)) // 1_000_000
+            return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
     except OSError as error:
         return _unreadable(rules.UNREADABLE, path, reason=reason_of(error))
+    try:
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         return _unreadable(rules.NOT_TEXT, path, reason=error.reason)
     if "\0" in text:
         return _unreadable(rules.NOT_TEXT, path, reason=Phrase("it holds NUL bytes (a binary file?)"))
-    if len(data) > limit:
-        size = max(path.stat().st_size, len(data)) // 1_000_000
-        return _unreadable(rules.TOO_LARGE, path, size=str(size), limit=str(MAX_PROFILE_MB))
     profile = parse_profile(text, str(path))
     folder = path.resolve().parent
     return replace(
