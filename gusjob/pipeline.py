@@ -194,9 +194,13 @@ def parse(
             name = shown_name(file)
             sources[name] = Source(name=name, data=profile.text.encode())
         return Rejected(
-            path=path, machine=profile.machine, profile=file, diagnostics=profile.diagnostics,
-            sources=MappingProxyType(sources), unreadable=profile.text is None,
-        )  # fmt: skip
+            path=path,
+            machine=profile.machine,
+            profile=file,
+            diagnostics=profile.diagnostics,
+            sources=MappingProxyType(sources),
+            unreadable=profile.text is None,
+        )
     if scanner is not None:
         profile = replace(profile, machine=replace(profile.machine, scanner=scanner))
     return parse_source(source, path=path, profile=profile)
