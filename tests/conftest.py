@@ -11,6 +11,8 @@ from support.controller import needs_controller
 
 # Texts are compared in English, whatever the system's language; tests of Chinese set their own.
 os.environ["LANGUAGE"] = "en"
+# Commands that tests start write through a buffer, as they do for users.
+os.environ.pop("PYTHONUNBUFFERED", None)
 
 # CI tries the same examples each time; by hand every run tries new ones. No test fails because the machine is busy.
 settings.register_profile("new", deadline=None)

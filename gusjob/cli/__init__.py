@@ -69,3 +69,14 @@ def main() -> None:
         from gusjob.cli.common import stop_writing
 
         stop_writing(None, error)
+    finally:
+        _flush_standard_output()
+
+
+def _flush_standard_output() -> None:
+    """Write what is left, and drop it if the reader has closed the pipe: Python's own flush would exit with 120."""
+    try:
+        if sys.stdout is not None and not sys.stdout.closed:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
