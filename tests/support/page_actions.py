@@ -36,8 +36,8 @@ def pixel(tab: Tab, x: float, y: float) -> list[int]:
     return pixels(tab, [(x, y)])[0]
 
 
-def click_path(tab: Tab, x: float, y: float) -> None:
-    """Click at a point in mm after the map has stopped moving."""
+def path_point(tab: Tab, x: float, y: float) -> tuple[float, float]:
+    """Where a point in mm is on the screen after the map has stopped moving."""
     tab.page.locator("#map").scroll_into_view_if_needed()
     tab.drawn()
     at = tab.page.evaluate(
@@ -45,8 +45,29 @@ def click_path(tab: Tab, x: float, y: float) -> None:
         const r = m.getContainer().getBoundingClientRect(); return [r.left + p.x, r.top + p.y]; }""",
         [x, y],
     )
-    tab.page.mouse.click(*at)
+    return at[0], at[1]
+
+
+def click_path(tab: Tab, x: float, y: float) -> None:
+    """Click at a point in mm."""
+    tab.page.mouse.click(*path_point(tab, x, y))
     rest(tab.page, 100)
+
+
+def hover_path(tab: Tab, x: float, y: float) -> str:
+    """Move the mouse to a point in mm and return the text of the tip.
+
+    The mouse moves again until the tip is shown: a selection may move the map under it.
+    """
+    tip = tab.page.locator(".tip")
+    for _ in range(100):
+        left, top = path_point(tab, x, y)
+        tab.page.mouse.move(left + 30, top + 30)
+        tab.page.mouse.move(left, top)
+        rest(tab.page, 200)
+        if tip.is_visible():
+            break
+    return tip.inner_text()
 
 
 def click_time(tab: Tab, ms: float) -> None:

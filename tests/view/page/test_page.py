@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("jinja2", reason="jinja2 is not installed")
 
 from support.browser import Chromium, Tab, chromium, rest
-from support.page_actions import click_path, click_time, order, pixel, pixels, selected
+from support.page_actions import click_path, click_time, hover_path, order, pixel, pixels, selected
 from support.pages import (
     DWELL,
     HOSTILE,
@@ -406,14 +406,7 @@ def test_zoom_by_keyboard_and_buttons(square_tab: Tab) -> None:
 
 def test_hover_shows_line_kind_power_and_velocity(square_tab: Tab) -> None:
     page = square_tab.page
-    page.locator("#map").scroll_into_view_if_needed()
-    at = page.evaluate(
-        """() => { const m = gusjob.path.view.map, p = m.latLngToContainerPoint([20, 50]);
-        const r = m.getContainer().getBoundingClientRect(); return [r.left + p.x, r.top + p.y]; }"""
-    )
-    page.mouse.move(*at)
-    rest(page, 200)
-    assert page.inner_text(".tip").split("\n") == ["line 7: mark (segment 4)", "200 mm/s, ch0 30 %"]
+    assert hover_path(square_tab, 50, 20).split("\n") == ["line 7: mark (segment 4)", "200 mm/s, ch0 30 %"]
     page.locator("#time").scroll_into_view_if_needed()
     box = page.locator("#time .u-over").bounding_box()
     assert box is not None
@@ -505,8 +498,7 @@ def test_hostile_texts_are_shown_and_do_nothing(chromium: Chromium, tmp_path: Pa
             assert (shown if row == 2 else IMAGE) in page.inner_text("#details-title")
         assert IMAGE in page.inner_text('#segments-grid [row-id="25"] [col-id="file"]')
         click_path(tab, -15, 0)
-        rest(page, 200)
-        assert shown in page.inner_text(".tip") and shown in page.inner_text("#legend-name")
+        assert shown in hover_path(tab, -15, 0) and shown in page.inner_text("#legend-name")
         click_time(tab, 100)
         assert shown in page.inner_text("#time-hover")
         page.click("#tab-marks")
