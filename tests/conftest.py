@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 
 import pytest
 from hypothesis import settings
@@ -27,13 +28,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Run the whole suite on all cores, unless -n says otherwise; some files, or --rewrite, in one process."""
+    """Run the whole suite in parallel, unless -n says otherwise; some files, or --rewrite, in one process.
+
+    One process more than cores: the tests of the browser and of the virtual controller wait for much of their time.
+    """
     is_worker = hasattr(config, "workerinput")
     if is_worker or config.args_source is not pytest.Config.ArgsSource.TESTPATHS or config.getoption("rewrite"):
         return
     # Without pytest-xdist (-p no:xdist) there is no such option.
     if config.getoption("numprocesses", 0) is None:
-        config.option.numprocesses = "logical"
+        cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+        config.option.numprocesses = min(cores, 15) + 1
         # A worker keeps the tests of a module, and what they share, as long as it has work of its own.
         config.option.dist = "worksteal"
 

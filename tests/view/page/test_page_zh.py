@@ -16,7 +16,7 @@ pytest.importorskip("jinja2", reason="jinja2 is not installed")
 from click.testing import CliRunner
 from support.browser import Chromium, Tab, chromium, rest
 from support.chinese import CHINESE
-from support.page_actions import click_path, click_time, order, selected
+from support.page_actions import click_path, click_time, hover_path, order, selected
 from support.pages import (
     IMAGE,
     JUMP,
@@ -154,9 +154,7 @@ def test_no_english_word_is_left(tab: Tab) -> None:
           "显示 27 行，共 27 行", "0 至 623.691 ms，全长 623.691 ms", "ch1 开", "通道 1 的功率，V",
           "输出功率，通道 0，%", "放大", "缩小", "浅色", "本页不从别处加载任何内容。")  # fmt: skip
     click_path(tab, -15, 0)
-    page.mouse.move(5, 5)
-    click_path(tab, -15, 0)
-    rest(page, 300)
+    hover_path(tab, -15, 0)
     check(
         tab, "part.job 第 12 行：标刻（第 3 段）", "800 mm/s，ch0 10 %", "第 3 段（共 27 段）：标刻，part.job 第 12 行"
     )
