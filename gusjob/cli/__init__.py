@@ -79,4 +79,6 @@ def _flush_standard_output() -> None:
         if sys.stdout is not None and not sys.stdout.closed:
             sys.stdout.flush()
     except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+        from gusjob.cli.common import discard_standard_output
+
+        discard_standard_output()

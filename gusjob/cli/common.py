@@ -102,7 +102,7 @@ def write(
         else:
             _replace(output.resolve(), pieces)
     except BrokenPipeError:  # The reader has closed the pipe.
-        _close_standard_output()
+        discard_standard_output()
     except OSError as error:
         stop_writing(output, error)
 
@@ -110,11 +110,11 @@ def write(
 def stop_writing(output: Path | None, error: OSError) -> NoReturn:
     """Print why a file, or standard output, can't be written, and exit with 2."""
     if output is None:
-        _close_standard_output()
+        discard_standard_output()
     stop(Phrase("{path}: can't write: {reason}", path=output or _STANDARD_OUTPUT, reason=reason_of(error)))
 
 
-def _close_standard_output() -> None:
+def discard_standard_output() -> None:
     """Drop what is left for standard output: the interpreter's own flush at the end would fail again."""
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
 
