@@ -116,7 +116,7 @@ def stop_writing(output: Path | None, error: OSError) -> NoReturn:
 
 def discard_standard_output() -> None:
     """Drop what is left for standard output: the interpreter's own flush at the end would fail again."""
-    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123  (kept open until the process ends)
 
 
 _STANDARD_OUTPUT = Phrase("standard output")

@@ -43,7 +43,7 @@ class Entry:
     """No two tables of the array have the same value."""
 
 
-def entry(kind: Kind, help: str = "", **options: Any) -> dict[str, Entry]:  # noqa: A002
+def entry(kind: Kind, help: str = "", **options: Any) -> dict[str, Entry]:  # noqa: A002  (as click names it)
     """Return the metadata of a field; the options are the other fields of Entry."""
     return {_METADATA: Entry(kind=kind, help=help, **options)}
 

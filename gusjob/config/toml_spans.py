@@ -84,7 +84,7 @@ def _joined(value: Any, spans: _Spans) -> TomlNode:
 
     def of(key: str | int) -> _Spans:
         try:
-            return spans.items[key]  # type: ignore[index]
+            return spans.items[key]  # type: ignore[index]  # of a list by number, of a dict by name
         except (KeyError, IndexError):
             return _Spans(spans.key, spans.value)
 

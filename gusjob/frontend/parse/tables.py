@@ -89,7 +89,7 @@ def cache_directory() -> Path | None:
         else:
             folder = os.environ.get("XDG_CACHE_HOME", "")
             # The specification of XDG: a relative path is invalid and is ignored.
-            base = Path(folder) if os.path.isabs(folder) else Path.home() / ".cache"  # noqa: PTH117
+            base = Path(folder) if Path(folder).is_absolute() else Path.home() / ".cache"
     except RuntimeError:  # No home directory.
         return None
     return base / "gusjob" if base.is_absolute() else None  # HOME may be relative.
