@@ -14,7 +14,7 @@ from gusjob.cli.run_display import run_display
 from gusjob.controllers.journal.reader import RecordedRun
 from gusjob.hardware.forecast import ChannelForecast
 from gusjob.hardware.request import Refusal, RunMode, RunOptions, read_recorded_run
-from gusjob.hardware.run import Confirm, Ending, RunOutcome, RunPlan, run_on
+from gusjob.hardware.run import Confirm, Ending, MachineState, RunOutcome, RunPlan, run_on
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.i18n.width import padded, width
 from gusjob.pipeline import Simulated, run_request
@@ -70,12 +70,13 @@ def _closing_message(outcome: RunOutcome) -> str:
     journal = printable(str(outcome.journal))
     match outcome.ending:
         case Ending.DECLINED:
+            if outcome.is_journal_needed:
+                return Phrase("not started; continue with --resume {journal}", journal=journal)
             return Phrase("not started")
         case Ending.NOTHING_LEFT:
             return Phrase("the job was run to its end; there is nothing to resume")
         case Ending.FAILED:
-            safe = Phrase("the laser is off and the motion stopped")
-            state = safe if outcome.is_safe else Phrase("CHECK THE MACHINE")
+            state = _state_text(outcome)
             if outcome.location:
                 state = Phrase("{state}; the run reached {place}", state=state, place=outcome.location)
             return Phrase("{state}; journal: {journal}", state=state, journal=journal)
@@ -83,6 +84,20 @@ def _closing_message(outcome: RunOutcome) -> str:
             return Phrase("done in {time} s; journal: {journal}", time=f"{outcome.elapsed_s:.2f}", journal=journal)
         case _:
             return ""
+
+
+def _state_text(outcome: RunOutcome) -> Phrase:
+    """Say what calls confirmed of laser and motion, and no more."""
+    if outcome.state is MachineState.OFF:
+        return Phrase("the laser is off and the motion stopped")
+    if outcome.state is MachineState.UNKNOWN:
+        return Phrase("CHECK THE MACHINE")
+    if outcome.off_tried:
+        return Phrase(
+            "NOTHING WAS SWITCHED FOR CERTAIN: {tried}; laser and axes may be as they were before: look at the machine",
+            tried=outcome.off_tried,
+        )
+    return Phrase("NOTHING WAS SWITCHED: laser and axes are as they were before: look at the machine")
 
 
 def _plan_text(plan: RunPlan) -> str:
@@ -110,6 +125,12 @@ def _plan_text(plan: RunPlan) -> str:
     if plan.begin_location:
         begin = Phrase("{place}; the head moves there with the laser off", place=plan.begin_location)
         rows.append((Phrase("from"), begin))
+    if plan.doubling_mm:
+        rows.append(
+            (Phrase("twice"), Phrase("up to {length} mm of marks are made twice", length=f"{plan.doubling_mm:.3f}"))
+        )
+    if plan.is_torn:
+        rows.append((Phrase("resumed"), Phrase("the last line of its journal is incomplete and is not used")))
     rows.append((Phrase("journal"), printable(str(plan.journal))))
     widest = max(width(localized(label)) for label, _ in rows)
     lines = [f"  {padded(localized(label), widest)}  {localized(text)}" for label, text in rows]

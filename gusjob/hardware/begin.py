@@ -8,32 +8,65 @@ from pathlib import Path
 import numpy as np
 
 from gusjob.controllers.gus.calls import BufferedCalls, Stream
-from gusjob.controllers.gus.driver.resume import recorded_position
-from gusjob.controllers.gus.path_position import JOB_START, PathPosition
+from gusjob.controllers.gus.driver.resume import recorded_range
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
 from gusjob.diagnostics.model import Span
 from gusjob.hardware.request import Refusal, RunRequest
 from gusjob.i18n.phrases import Phrase, printable
 
+_ROUNDED_PULSE = 2.0
+"""How much longer than the simulated segment a position along it may be: its point is rounded."""
 
-def begin_position(request: RunRequest) -> PathPosition | Refusal | None:
-    """Find where a run begins; None if only the controller has the position."""
+
+def begin_range(request: RunRequest) -> PositionRange | Refusal | None:
+    """Find where a run begins: where the laser went off, if it resumes one; None if only the controller knows it."""
     options, stream = request.options, request.stream
     if options.from_line is not None:
         row = row_of_line(request, options.from_line)
-        return row if isinstance(row, Refusal) else PathPosition(row=row)
+        return row if isinstance(row, Refusal) else PositionRange.exactly(PathPosition(row=row))
     if options.resume is None:
-        return JOB_START
+        return PositionRange.exactly(JOB_START)
     recorded, subject = options.resume, str(options.resume.path)
     if (recorded_options := str(recorded.head.get("options", ""))) != options.mode.option:
         again = Phrase("give {options} again", options=printable(recorded_options))
         how = again if recorded_options else Phrase("leave out --no-laser")
         return Refusal(reason=Phrase("this is the journal of another kind of run: {how}", how=how), subject=subject)
-    if recorded.head.get("calls") != fingerprint(stream):
+    if recorded.head["calls"] != fingerprint(stream) or recorded.head["rows"] != len(stream.buffered):
         reason = Phrase(
             "this is the journal of other calls: the job or its profile has changed; continue with --from-line N"
         )
         return Refusal(reason=reason, subject=subject)
-    return recorded_position(recorded)
+    if recorded.part is not None and not is_in_job(request, PathPosition(row=recorded.part.begin[0])):
+        return _outside(request)
+    found = recorded_range(recorded, stream)
+    return _outside(request) if found is not None and not range_is_in_job(request, found) else found
+
+
+def range_is_in_job(request: RunRequest, found: PositionRange) -> bool:
+    """Return whether a range is on the job's path, its ends in order."""
+    in_order = found.earliest.key <= found.latest.key
+    return in_order and is_in_job(request, found.earliest) and is_in_job(request, found.latest)
+
+
+def is_in_job(request: RunRequest, position: PathPosition) -> bool:
+    """Return whether a position is on the simulated path of the job: within one of its segments, or its end."""
+    trace, calls = request.trace, request.stream.buffered
+    if position.row >= len(calls):
+        return position == PathPosition(row=len(calls))
+    if position.along_pulse == 0:
+        return True
+    number = int(np.searchsorted(trace.call, position.row))
+    if number >= len(trace) or trace.call[number] != position.row:
+        return False
+    return position.along_pulse <= float(trace.segments.length[number]) + _ROUNDED_PULSE
+
+
+def _outside(request: RunRequest) -> Refusal:
+    reason = Phrase(
+        "the journal names a position that is not on the path of the job: check the part, then continue "
+        "with --from-line N"
+    )
+    return Refusal(reason=reason, subject=str(request.options.resume.path if request.options.resume else ""))
 
 
 def row_of_line(request: RunRequest, line_text: str) -> int | Refusal:

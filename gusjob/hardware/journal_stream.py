@@ -13,15 +13,16 @@ from gusjob.controllers.gus.calls import HOST_CALLS, Buffered, BufferedCalls, St
 from gusjob.controllers.gus.path_position import PathPosition
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.gus.remainder import as_centre_arc, point_pulse
-from gusjob.controllers.journal import JOURNAL_SCHEMA
+from gusjob.controllers.journal import JOURNAL_SCHEMA, is_current
+from gusjob.controllers.journal.lines import sound_part
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.frontend import Source, read_listing
 from gusjob.i18n.phrases import Phrase
 
 _LINE = re.compile(
-    rb'^\{"t":[^,\n]*,(?:"code":0,(?:"row":(-?\d+),)?"line":(\d+),"call":"(\w+)","args":\[(.*)\]\}'
-    rb'|("(?:part|broken|end)":.*\}))$',
+    rb'^\{"t":[^,\n]*,(?:"code":0,(?:"row":(-?\d+),)?"line":(\d+),"call":"(\w+)","args":\[(.*)\]'
+    rb'|("(?:part|broken|end)":.*)),"crc":\d+\}$',
     re.MULTILINE,
 )
 _BRACES = bytes.maketrans(b"[]", b"{}")
@@ -38,12 +39,17 @@ def journal_stream(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
     Returns:
         The stream, or None if the journal is damaged; and diagnostics.
     """
-    collected = _CallCollector()
+    collected, sound = _CallCollector(), sound_part(source.data)
+    if not is_current(source.data):
+        reason = Phrase("it is a journal that another version of gusjob wrote, not as {schema}", schema=JOURNAL_SCHEMA)
+        return None, [Diagnostic(rule=rules.NOT_TEXT, span=NOWHERE, fields={"reason": reason}, path=source.name)]
     try:
+        if not sound.count:
+            raise ValueError
         name = _job_name(source)
-        for row, line, call, args, mark in _LINE.findall(source.data):
+        for row, line, call, args, mark in _LINE.findall(source.data[: sound.size]):
             if mark:
-                collected.mark(orjson.loads(b"{" + mark))
+                collected.mark(orjson.loads(b"{" + mark + b"}"))
             else:
                 collected.call(int(row) if row else None, int(line), call.decode(), args.translate(_BRACES))
     except (ValueError, KeyError, IndexError, TypeError):
@@ -58,11 +64,14 @@ def journal_stream(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
     shortened = _with_lengths(stream.buffered, lengths)
     buffered = replace(shortened, line=lines[shortened.line])
     located = [replace(d, span=Span(line=int(lines[min(d.span.line, len(lines) - 1)]))) for d in found]
+    if sound.size < len(source.data):
+        fields = {"line": sound.count + 1}
+        located.append(Diagnostic(rule=rules.JOURNAL_DAMAGED, span=NOWHERE, fields=fields, path=source.name))
     if collected.running is not None and len(buffered):
         # The journal does not say how it ended: the process was killed.
         left = min(collected.since_poll, len(buffered))
-        fields, last = {"calls": left}, Span(line=int(buffered.line[-1]))
-        located.append(Diagnostic(rule=rules.RUN_KILLED, span=last, fields=fields, path=name))
+        killed, last = {"calls": left}, Span(line=int(buffered.line[-1]))
+        located.append(Diagnostic(rule=rules.RUN_KILLED, span=last, fields=killed, path=name))
     return replace(stream, buffered=buffered, calls=calls), located
 
 

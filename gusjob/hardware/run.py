@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -12,20 +12,20 @@ from pathlib import Path
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.doubling import before_laser_on, doubling_mm
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
 from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed_calls, outputs_of
-from gusjob.controllers.gus.driver.resume import find_position
+from gusjob.controllers.gus.driver.resume import find_range
 from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.dry_run import frame, without_laser
 from gusjob.controllers.gus.model import simulate_stream
-from gusjob.controllers.gus.path_position import JOB_START, PathPosition
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
 from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
-from gusjob.controllers.journal.reader import RecordedRun
 from gusjob.controllers.journal.writer import Journal, mark_resumed
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Diagnostic, has_errors
-from gusjob.hardware.begin import begin_position, fingerprint
+from gusjob.diagnostics.model import NOWHERE, Diagnostic, has_errors
+from gusjob.hardware.begin import begin_range, fingerprint, range_is_in_job
 from gusjob.hardware.forecast import Forecast, forecast
 from gusjob.hardware.progress import ProgressMeter, Watch
 from gusjob.hardware.request import Refusal, RunMode, RunRequest
@@ -42,8 +42,9 @@ _UNSAFE = (rules.LASER_STATE_UNKNOWN, rules.MOTION_STATE_UNKNOWN, rules.WRONG_AB
 class RunPlan:
     """What a run will do, to be confirmed.
 
-    `remaining_ms`: planned time from `begin` on; `begin_location`: file:line where it begins, '' at the job's start;
-    `abi_title`: a phrase that describes the ABI.
+    `remaining_ms`: planned time from `begin` on; `doubling_mm`: length of the marks that a resumed run may make twice,
+    at most; `is_torn`: the last line of the journal that is continued is incomplete; `begin_location`: file:line where
+    it begins, '' at the job's start; `abi_title`: a phrase that describes the ABI.
     """
 
     job: Path
@@ -56,6 +57,8 @@ class RunPlan:
     begin_location: str
     remaining_ms: float
     journal: Path
+    doubling_mm: float = 0.0
+    is_torn: bool = False
 
 
 Confirm = bool | Callable[[RunPlan], bool]
@@ -80,12 +83,25 @@ class Ending(StrEnum):
     DONE = "done"
 
 
+class MachineState(StrEnum):
+    """What is known of laser and motion after a run."""
+
+    OFF = "off"
+    """Calls confirmed that every laser is off and nothing moves."""
+    UNTOUCHED = "untouched"
+    """Nothing was switched: laser and motion are as they were before."""
+    UNKNOWN = "unknown"
+    """The laser may be on, or the axes may move."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome:
     """How a run ended.
 
     `diagnostics`: at the job's spans; `location`: file:line that was reached by a run that failed, '' if it did not
-    begin; `elapsed_s`: since the journal was opened.
+    begin; `elapsed_s`: since the journal was opened; `state`: of laser and motion; `off_tried`: what an off call did
+    that was made without a confirmed library; `is_journal_needed`: the journal has the position of a run that was
+    declined.
     """
 
     ending: Ending
@@ -94,11 +110,15 @@ class RunOutcome:
     journal: Path | None = None
     location: str = ""
     elapsed_s: float = 0.0
+    state: MachineState = MachineState.UNTOUCHED
+    off_tried: str = ""
+    is_journal_needed: bool = False
 
     @property
     def is_safe(self) -> bool:
-        """Whether the laser is certainly off and the motion stopped."""
-        return not any(diagnostic.rule in _UNSAFE for diagnostic in self.diagnostics)
+        """Whether calls confirmed that every laser is off and the motion stopped, or no call was made."""
+        reached = self.ending in (Ending.FAILED, Ending.DONE)
+        return self.state is MachineState.OFF if reached else True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +150,7 @@ def run_on(
     prepared = _prepare(request)
     if isinstance(prepared, RunOutcome):
         return prepared
-    begin = begin_position(prepared.request)
+    begin = begin_range(prepared.request)
     if isinstance(begin, Refusal):
         return RunOutcome(ending=Ending.REFUSED, refusal=begin)
     if confirm is not True and not callable(confirm):
@@ -147,28 +167,42 @@ def run_on(
 
 def _run(
     prepared: _PreparedRun,
-    begin: PathPosition | None,
+    begin: PositionRange | None,
     journal: Journal,
     confirm: Confirm,
     control: Control,
     watch: Watch | None,
 ) -> RunOutcome:
     request, link = prepared.request, Link(prepared.library, journal)
-    if begin is None:
-        assert request.options.resume is not None
-        begin, searched = _find_position(prepared, link, request.options.resume)
+    if is_searched := begin is None:
+        if refusal := _mark_resumed(request, journal):
+            return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
+        begin, searched = _find_range(prepared, link)
         if begin is None:
             return _outcome(prepared, searched, journal, None)
-    if begin != JOB_START and begin.row >= len(request.stream.buffered):
+    if _is_complete(request, begin):
         return RunOutcome(ending=Ending.NOTHING_LEFT, journal=journal.path)
     if callable(confirm) and not confirm(_plan(prepared, begin, journal)):
-        return RunOutcome(ending=Ending.DECLINED, journal=journal.path)
+        return RunOutcome(ending=Ending.DECLINED, journal=journal.path, is_journal_needed=is_searched)
+    if not is_searched and (refusal := _mark_resumed(request, journal)):
+        return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
     session = _session(prepared, link, control)
     meter = ProgressMeter.of(control, prepared.forecast, request.stream, request.machine, request.location_of_row)
     with stop_on_signals(control), watch(meter) if watch else nullcontext() as display:
         supervisor = Supervisor(session, display.tick) if display else Supervisor(session)
-        outcome = supervisor.run(_part(request, begin))
+        outcome = supervisor.run(_part(request, _begin(request, begin)))
     return _outcome(prepared, outcome, journal, session)
+
+
+def _is_complete(request: RunRequest, begin: PositionRange) -> bool:
+    """Return whether nothing of the job is left behind a position."""
+    is_start = begin == PositionRange.exactly(JOB_START)
+    return not is_start and begin.earliest.row >= len(request.stream.buffered)
+
+
+def _begin(request: RunRequest, begin: PositionRange) -> PathPosition:
+    """Return where the run begins: a resumed one so far back that its light is on where it went off."""
+    return begin.earliest if request.options.resume is None else before_laser_on(request.stream, begin.earliest)
 
 
 # Before the controller is opened.
@@ -217,7 +251,7 @@ def _existing_file(library: str) -> str:
     return str(Path(library).resolve()) if library and Path(library).exists() else library
 
 
-def _open_journal(prepared: _PreparedRun, begin: PathPosition | None) -> Journal | Refusal:
+def _open_journal(prepared: _PreparedRun, begin: PositionRange | None) -> Journal | Refusal:
     """Create the journal, before anything else is done."""
     request, options, now = prepared.request, prepared.request.options, datetime.now(UTC)
     path = request.path
@@ -231,7 +265,7 @@ def _open_journal(prepared: _PreparedRun, begin: PathPosition | None) -> Journal
         "abi": prepared.library.abi,
         "started": now.isoformat(),
         "options": options.mode.option,
-        "begin": None if begin is None else [begin.row, begin.along_pulse],
+        "begin": None if begin is None else [*begin.earliest.key, *begin.latest.key],
         "resumes": str(options.resume.path.resolve()) if options.resume else None,
     }
     try:
@@ -243,8 +277,25 @@ def _open_journal(prepared: _PreparedRun, begin: PathPosition | None) -> Journal
     return Refusal(reason=reason, subject=str(journal))
 
 
-def _plan(prepared: _PreparedRun, begin: PathPosition, journal: Journal) -> RunPlan:
+def _mark_resumed(request: RunRequest, journal: Journal) -> Refusal | None:
+    """Record in the journal that is continued that this run continues it, before the first call.
+
+    Without that, two runs could continue it one after the other.
+    """
+    if request.options.resume is None:
+        return None
+    path = request.options.resume.path
+    try:
+        mark_resumed(path, journal.path)
+    except OSError as error:
+        reason = Phrase("can't write to the journal that is continued: {reason}", reason=reason_of(error))
+        return Refusal(reason=reason, subject=str(path))
+    return None
+
+
+def _plan(prepared: _PreparedRun, found: PositionRange, journal: Journal) -> RunPlan:
     request, expected, abi = prepared.request, prepared.forecast, prepared.library.abi
+    begin, recorded = _begin(request, found), request.options.resume
     return RunPlan(
         job=request.path,
         mode=request.options.mode,
@@ -253,6 +304,8 @@ def _plan(prepared: _PreparedRun, begin: PathPosition, journal: Journal) -> RunP
         abi_title=prepared.library.abi_title,
         forecast=expected,
         begin=begin,
+        doubling_mm=0.0 if recorded is None else doubling_mm(request.stream, found, request.machine),
+        is_torn=recorded is not None and recorded.torn,
         begin_location="" if begin == JOB_START else request.location_of_row(begin.row),
         remaining_ms=expected.duration_ms - expected.done_ms(begin.row),
         journal=journal.path,
@@ -274,29 +327,30 @@ def _session(prepared: _PreparedRun, link: Link, control: Control) -> Session:
     )
 
 
-def _find_position(
-    prepared: _PreparedRun, link: Link, recorded: RecordedRun
-) -> tuple[PathPosition | None, SessionOutcome]:
+def _find_range(prepared: _PreparedRun, link: Link) -> tuple[PositionRange | None, SessionOutcome]:
     """Open the controller to find where a recorded run was interrupted."""
-    found: list[PathPosition] = []
+    found: list[PositionRange] = []
+    recorded = prepared.request.options.resume
+    assert recorded is not None
 
     def search(session: Session) -> None:
-        found.append(find_position(session, recorded))
+        found.append(find_range(session, recorded))
 
     session = _session(prepared, link, Control())
     with stop_on_signals(session.control):
-        outcome = Supervisor(session).run(search)
+        outcome = Supervisor(session, ends_run=False).run(search)
+    if found and not range_is_in_job(prepared.request, found[0]):
+        why = Phrase("it is not on the path of the job")
+        fields = {"why": why, "calls": recorded.part.queued if recorded.part else 0}
+        outcome.faults.append(Diagnostic(rule=rules.POSITION_UNKNOWN, span=NOWHERE, fields=fields))
     return (found[0] if found and not outcome.faults else None), outcome
 
 
 def _part(request: RunRequest, begin: PathPosition) -> Callable[[Session], Remainder]:
     """Return the function that makes the remainder to run, once it is known where the head is."""
-    stream, recorded = request.stream, request.options.resume
+    stream = request.stream
 
     def part(session: Session) -> Remainder:
-        if recorded is not None:
-            with suppress(OSError):  # A journal that can't be written to stays as it is.
-                mark_resumed(recorded.path, session.link.journal.path)
         head_pulse = session.position_or_none()
         if begin == JOB_START:
             return whole_job(stream, head_pulse)
@@ -309,8 +363,19 @@ def _outcome(prepared: _PreparedRun, outcome: SessionOutcome, journal: Journal, 
     request = prepared.request
     return RunOutcome(
         ending=Ending.FAILED if outcome.faults else Ending.DONE,
-        diagnostics=request.located(outcome.faults),
+        diagnostics=request.located([*outcome.faults, *(session.warnings if session else ())]),
+        state=_state(outcome),
+        off_tried=outcome.off_tried,
         journal=journal.path,
         location=request.location(session.line) if session else "",
         elapsed_s=journal.now_s(),
     )
+
+
+def _state(outcome: SessionOutcome) -> MachineState:
+    """Return what is known of laser and motion after a session. Only what calls confirmed is known."""
+    if any(fault.rule in _UNSAFE for fault in outcome.faults):
+        return MachineState.UNKNOWN
+    if outcome.is_off:
+        return MachineState.OFF
+    return MachineState.UNTOUCHED if outcome.is_untouched else MachineState.UNKNOWN

@@ -21,16 +21,25 @@ from gusjob.i18n.phrases import Phrase
 TICK_S = 0.02
 _SLOW_FACTOR = 10
 """How much longer than others the slow calls may take."""
+_CUT_OUTSIDE = (rules.INTERLOCK, rules.STOPPED_FROM_OUTSIDE, rules.NO_PROGRESS)
+"""Faults whose cause may have cut the laser before the program noticed it."""
 _GRACE_S = 1.0
 """How much longer than a call and the patience with the link an emergency shutdown may take."""
 
 
 @dataclass(slots=True)
 class SessionOutcome:
-    """How a session ended. Without faults the whole job was done."""
+    """How a session ended. Without faults the whole job was done.
+
+    `is_off`: calls confirmed that every laser is off and nothing moves; `is_untouched`: no call was made that could
+    switch anything on or off, but perhaps an off call without confirmation, whose result is `off_tried`.
+    """
 
     faults: list[Diagnostic] = field(default_factory=list)
     bug: BaseException | None = None
+    is_off: bool = False
+    is_untouched: bool = False
+    off_tried: str = ""
 
 
 @dataclass(slots=True)
@@ -39,6 +48,8 @@ class Supervisor:
 
     session: Session
     tick: Callable[[], None] = lambda: None
+    ends_run: bool = True
+    """The journal's run ends with this session."""
     outcome: SessionOutcome = field(default_factory=SessionOutcome)
 
     def run(self, part: Callable[[Session], Remainder | None]) -> SessionOutcome:
@@ -56,12 +67,12 @@ class Supervisor:
         self.outcome.faults = sorted(
             faults, key=lambda f: f.rule not in (rules.LASER_STATE_UNKNOWN, rules.MOTION_STATE_UNKNOWN)
         )
-        end = "failed" if self.outcome.faults or self.outcome.bug else "done"
-        codes = [fault.rule.code for fault in self.outcome.faults]
-        at = session.reached
-        session.link.journal.mark(
-            end=end, row=at.row, run=at.along_pulse, sure=at.sure, line=session.line, faults=codes
-        )
+        self.outcome.is_off = session.is_off
+        self.outcome.is_untouched, self.outcome.off_tried = not session.abi_confirmed, session.harmless_off
+        if self.ends_run or self.outcome.faults or self.outcome.bug:
+            end = "failed" if self.outcome.faults or self.outcome.bug else "done"
+            codes, at = [fault.rule.code for fault in self.outcome.faults], session.reached
+            session.link.journal.mark(end=end, row=at.row, run=at.along_pulse, line=session.line, faults=codes)
         if self.outcome.bug is not None:
             raise self.outcome.bug
         return self.outcome
@@ -77,6 +88,8 @@ class Supervisor:
                 session.run(made)
             session.finish()
             faults += session.close()
+            if faults:
+                session.note_end()
             control.status = replace(control.status, phase=Phase.DONE)
             return
         except BackendError as error:
@@ -89,12 +102,17 @@ class Supervisor:
             raise
         except BaseException as bug:  # noqa: BLE001  (the laser goes off whatever it is; it is raised again then)
             self.outcome.bug = bug
-        # A library of another ABI would take "off" for something else.
+        cut_outside = any(fault.rule in _CUT_OUTSIDE for fault in faults)
+        try:
+            # A library of another ABI would take "off" for something else.
+            if not session.abi_confirmed:
+                session.switch_off_unconfirmed()
+            if session.abi_confirmed:
+                halted = session.halt(abrupt=abrupt, cut_outside=cut_outside)
+                faults += [fault for fault in halted if fault not in faults]
+        except Exception as bug:  # noqa: BLE001  (laser and motion are off by then)
+            self.outcome.bug = bug
         if session.abi_confirmed:
-            try:
-                faults += [fault for fault in session.halt(abrupt=abrupt) if fault not in faults]
-            except Exception as bug:  # noqa: BLE001  (laser and motion are off by then)
-                self.outcome.bug = bug
             faults += session.close()
         control.status = replace(control.status, phase=Phase.STOPPED)
 
@@ -113,7 +131,7 @@ class Supervisor:
             thread.join(TICK_S)
             factor = _SLOW_FACTOR if link.calling in SLOW_CALLS else 1
             if (hung_s := link.hung_s()) > self.session.machine.controller.call_timeout_s * factor:
-                self._emergency_shutdown(link.calling, hung_s)
+                self._emergency_shutdown(thread, link.calling, hung_s)
                 return
 
     def _tick(self) -> None:
@@ -128,7 +146,7 @@ class Supervisor:
             self.outcome.bug = bug
             self.session.control.request_stop(Phrase("an internal error"))
 
-    def _emergency_shutdown(self, call: str, hung_s: float) -> None:
+    def _emergency_shutdown(self, hung: threading.Thread, call: str, hung_s: float) -> None:
         """Shut down in another thread while a call hangs, as far as the library allows."""
         session, controller = self.session, self.session.machine.controller
         session.control.requested = True  # Should the call return after all, no other one follows it.
@@ -137,23 +155,36 @@ class Supervisor:
         turned_off: list[list[Diagnostic]] = []
 
         def turn_off() -> None:
-            # A library whose ABI is not confirmed would take "off" for something else; it did nothing yet.
-            off = session.halt(abrupt=True, locate=False) + session.close() if session.abi_confirmed else []
-            turned_off.append(off)
+            if not session.abi_confirmed:
+                session.switch_off_unconfirmed()
+            if session.abi_confirmed:
+                off = session.halt(abrupt=True, locate=False)
+                # The call that hangs may return late, and have its effect only then.
+                if _ends_within(hung, controller.call_timeout_s):
+                    off = session.halt(abrupt=True, locate=False)
+                turned_off.append(off + session.close())
 
         session.link.release()
         thread = _started(session.link.take_over, turn_off)
-        until = time.perf_counter() + controller.link_patience_s + controller.call_timeout_s + _GRACE_S
+        until = time.perf_counter() + controller.link_patience_s + 2 * controller.call_timeout_s + _GRACE_S
         while thread.is_alive() and time.perf_counter() < until and session.link.hung_s() < controller.call_timeout_s:
             thread.join(TICK_S)
         session.link.release()  # Nobody makes calls any more.
-        faults += turned_off[0] if turned_off else hung_diagnostics(session.outputs, call)
+        if session.abi_confirmed or thread.is_alive():
+            session.is_off = session.is_off and bool(turned_off)
+            faults += turned_off[0] if turned_off else hung_diagnostics(session.outputs, call)
         self.outcome.faults = faults
 
     def _with_line(self, fault: Diagnostic) -> Diagnostic:
         """Give a fault without a line the line that was reached."""
         line = self.session.line if fault.span is NOWHERE else fault.span.line or self.session.line
         return replace(fault, span=Span(line=line), path=self.session.stream.name)
+
+
+def _ends_within(thread: threading.Thread, seconds: float) -> bool:
+    """Wait for a thread; return whether it ended."""
+    thread.join(seconds)
+    return not thread.is_alive()
 
 
 def _started(first: Callable[[], None], work: Callable[[], None]) -> threading.Thread:

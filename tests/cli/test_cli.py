@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from support.cli import GOOD, gusjob, write
+from support.journals import with_checksums
 from support.tools import MARK, ROOT
 
 from gusjob.cli import common
@@ -387,13 +388,23 @@ def test_a_file_name_does_not_control_the_terminal(tmp_path: Path, good: Path) -
         assert "\x1b" not in done.output
 
 
+HEAD = b'{"schema":"gusjob-journal/2","job":"x"}'
+
+
 @pytest.mark.parametrize(
-    "text", ['{"schema":"gusjob-journal/1","job":"a.j', '{"schema":"gusjob-journal/1","job":"x"}\n{"t":0.1,"part":1}\n']
+    ("text", "said"),
+    [
+        (b'{"schema":"gusjob-journal/2","job":"a.j', "it is damaged"),
+        (with_checksums([HEAD, b'{"t":0.1,"part":1}']), "it is damaged"),
+        (HEAD + b'\n{"t":0.1,"part":1}\n', "it is damaged"),
+        (b'{"schema":"gusjob-journal/1","job":"x"}\n', "another version"),
+    ],
 )
-def test_a_damaged_journal(tmp_path: Path, text: str) -> None:
-    done = gusjob("report", write(tmp_path, text, "x.journal"))
+def test_a_damaged_journal(tmp_path: Path, text: bytes, said: str) -> None:
+    (tmp_path / "x.journal").write_bytes(text)
+    done = gusjob("report", tmp_path / "x.journal")
     assert done.exit_code == 2
-    assert "it is damaged" in done.output
+    assert said in done.output
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")

@@ -106,7 +106,7 @@ def test_a_whole_run(desk: Desk) -> None:
     assert not desk.lit()
     (journal,) = desk.journals()
     head, *lines = (json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines())
-    assert head["schema"] == "gusjob-journal/1"
+    assert head["schema"] == "gusjob-journal/2"
     assert lines[-1]["end"] == "done"
     times = [line["t"] for line in lines]
     assert times == sorted(times)

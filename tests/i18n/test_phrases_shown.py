@@ -20,6 +20,7 @@ from click.testing import CliRunner
 from rich.cells import cell_len
 from rich.console import Console
 from support.controller import build, needs_controller
+from support.journals import with_checksums
 from support.tools import MARK, ROOT, calls_of, stream_of
 
 from gusjob.cli import (
@@ -449,14 +450,17 @@ def test_errors_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("dots")
 def test_files_that_are_not_journals(folder: Path) -> None:
-    head = b'{"schema":"gusjob-journal/1","begin":null,"resumes":"OTHER"}\n'
-    path = folder / "J.JOURNAL"
-    for text in (b"{}\n", head, head + b'{"t":0,"resumed":"OTHER"}\n', head + b'{"t":0,"part":0}\n'):
+    head = b'{"schema":"gusjob-journal/2","job":"","calls":"","rows":1,"options":"","begin":[0,0],"resumes":"OTHER"}'
+    path, other = folder / "J.JOURNAL", folder / "OTHER"
+    other.write_bytes(with_checksums([head.replace(b'"OTHER"', b"null")]))
+    resumed, part = b'{"t":0,"resumed":"OTHER"}', b'{"t":0,"part":0}'
+    sound = [with_checksums(lines) for lines in ([head], [head, resumed], [head, part])]
+    for text in (b"{}\n", head.replace(b"/2", b"/1"), head, *sound, sound[1].replace(b"OTHER", b"other", 1)):
         path.write_bytes(text)
         found = read_journal(path)
         assert isinstance(found, str)
         assert "·" in localized(found)
-        assert left(localized(found), "gusjob-journal/1") == set()
+        assert left(localized(found), "gusjob-journal/2") == set()
 
 
 @needs_controller

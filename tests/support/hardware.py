@@ -16,12 +16,13 @@ from support.tools import MARK
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.doubling import before_laser_on
 from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.link import Link
 from gusjob.controllers.gus.driver.requirements import needed_calls, outputs_of
-from gusjob.controllers.gus.driver.resume import find_position, recorded_position
+from gusjob.controllers.gus.driver.resume import find_range, recorded_range
 from gusjob.controllers.gus.driver.session import Session
-from gusjob.controllers.gus.path_position import PathPosition
+from gusjob.controllers.gus.path_position import PathPosition, PositionRange
 from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
 from gusjob.controllers.journal.reader import read_journal
 from gusjob.controllers.journal.writer import Journal
@@ -104,10 +105,11 @@ class Bench:
         *,
         begin: PathPosition | None = None,
         tick: Callable[[Control], None] | None = None,
+        resumes: Path | None = None,
     ) -> BenchRun:
         """Run a stream as run_on does it."""
         first = begin or PathPosition(row=0)
-        journal = Journal(self.folder / f"{next(_numbers)}.journal", {"begin": [first.row, first.along_pulse]})
+        journal = Journal(self.folder / f"{next(_numbers)}.journal", journal_head(first, stream, resumes))
         control = Control()
         session = Session(
             link=Link(self.library(stream, machine), journal),
@@ -132,14 +134,26 @@ class Bench:
         """Continue the run of a journal as run_on does it."""
         recorded = read_journal(journal)
         assert not isinstance(recorded, str), recorded
-        position = recorded_position(recorded)
-        if position is None:
-            found: list[PathPosition] = []
-            ran = self.run(stream, machine, lambda session: found.append(find_position(session, recorded)))
+        place = recorded_range(recorded, stream)
+        if place is None:
+            found: list[PositionRange] = []
+            ran = self.run(stream, machine, lambda session: found.append(find_range(session, recorded)))
             if not found or ran.faults:
                 return ran, None
-            position = found[0]
-        return self.run(stream, machine, begin=position), position
+            place = found[0]
+        return self.run(stream, machine, begin=before_laser_on(stream, place.earliest)), place.earliest
+
+
+def journal_head(begin: PathPosition, stream: Stream, resumes: Path | None = None) -> dict[str, Any]:
+    """Return the first line of a journal, as run_on writes it."""
+    return {
+        "job": "test.job",
+        "calls": "",
+        "rows": len(stream.buffered),
+        "options": "",
+        "begin": [*begin.key, *begin.key],
+        "resumes": None if resumes is None else str(resumes),
+    }
 
 
 def bench(folder: Path, abi: int = GUS, *flags: str) -> Bench:

@@ -9,28 +9,55 @@ import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
 from gusjob.controllers.gus.geometry import call_segments
-from gusjob.kinematics.arrays import Indices
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.geometry import TURN
 
 NEAR_PULSE = 2.0
 """A position this near to a segment is on it: reported positions are rounded."""
 _DONE_PULSE = 1.0
 """A segment is done this near to its end: what is left would round to nothing."""
+_ROUNDED_PULSE = 2.0
+"""How much farther along the path than the head a position may be by rounding: its own, and that of the start of what
+is run next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathPosition:
-    """A position in a stream: the first buffered row that is not completely done, and the distance along it, pulse.
-
-    `sure`: whether the reported position was on the path there.
-    """
+    """A position in a stream: the first buffered row that is not completely done, and the distance along it, pulse."""
 
     row: int
     along_pulse: float = 0.0
-    sure: bool = True
+
+    @property
+    def key(self) -> tuple[int, float]:
+        """For comparison: a later position has a larger key."""
+        return self.row, self.along_pulse
 
 
 JOB_START = PathPosition(row=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionRange:
+    """Where something happened: at `earliest`, at `latest`, or between them."""
+
+    earliest: PathPosition
+    latest: PathPosition
+
+    @classmethod
+    def exactly(cls, position: PathPosition) -> PositionRange:
+        """Make the range of one position."""
+        return cls(earliest=position, latest=position)
+
+    def not_before(self, position: PathPosition) -> PositionRange:
+        """Return the part of the range from a position on."""
+        return PositionRange(
+            earliest=max(self.earliest, position, key=_key), latest=max(self.latest, position, key=_key)
+        )
+
+
+def _key(position: PathPosition) -> tuple[int, float]:
+    return position.key
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,30 +106,33 @@ class TimedPath:
         px, py = segments.points(np.array([at]), np.array([along / length if length > 0 else 0.0]))
         return math.hypot(x - float(px[0]), y - float(py[0])), along, length
 
-    def locate(self, low: int, high: int, x: float, y: float) -> PathPosition:
+    def locate(self, low: int, high: int, x: float, y: float) -> PositionRange | None:
         """Find the position of the motion.
 
         The row in progress may have left the FIFO already or not (no manual says): x, y decides. Where several rows fit
-        (a line there and back) the earliest is taken, and where none fits the earliest of all: it is better to mark a
-        piece twice than to leave it out.
+        (a line there and back) the range has all of them.
 
         Args:
             low: at least this many rows have left the FIFO.
             high: at most this many rows have left the FIFO.
             x: reported position, pulse.
             y: reported position, pulse.
+
+        Returns:
+            The range, or None if x, y is not on the path there.
         """
         # From the last timed call that left the FIFO to the first one that is still in it.
         first, last = (int(np.searchsorted(self.timed, taken)) for taken in (low, high))
         numbers = range(max(first - 1, 0), min(last, len(self.timed) - 1) + 1)
         found = [self._locate_in(number, x, y) for number in numbers]
         if not found:
-            return PathPosition(row=high)
+            return PositionRange.exactly(PathPosition(row=high))
         least = min(distance for distance, _ in found)
         if least > NEAR_PULSE:
-            return PathPosition(row=found[0][1].row, sure=False)
+            return None
         # At a joint the end of one call is the start of the next.
-        return next(position for distance, position in found if distance <= least + 0.5)
+        fitting = [position for distance, position in found if distance <= least + 0.5]
+        return PositionRange(earliest=min(fitting, key=_key), latest=max(fitting, key=_key))
 
     def _locate_in(self, number: int, x: float, y: float) -> tuple[float, PathPosition]:
         """Return the distance of a point from a timed call, and the position if the point is on it."""
@@ -114,27 +144,81 @@ class TimedPath:
         done = along >= length - _DONE_PULSE
         return distance, PathPosition(row=row + 1) if done else PathPosition(row=row, along_pulse=along)
 
-    def rewind(self, position: PathPosition, by_ms: float) -> PathPosition:
-        """Move a position back by a time, at full velocity throughout: rather too far than not far enough.
+    def earliest(self, taken: int) -> PathPosition:
+        """Return the earliest position of a motion of which that many rows have left the FIFO."""
+        number = int(np.searchsorted(self.timed, taken)) - 1
+        return PathPosition(row=int(self.timed[number])) if number >= 0 else JOB_START
 
-        It stops at a dwell, which is run again as a whole.
+    def earliest_at(self, taken: int, x: float, y: float) -> PathPosition:
+        """Return the earliest position of a motion that was polled: free slots first, then the position, pulse."""
+        found = self.locate(taken, taken, x, y)
+        return self.earliest(taken) if found is None else self._without_rounding(found.earliest, 0)
+
+    def rewind(self, position: PathPosition, by_ms: float, first: int = 0) -> PathPosition:
+        """Move a position back by a time, and by what rounding may add: rather too far than not far enough.
+
+        Each motion is taken at its highest possible velocity.
+
+        Args:
+            position: a position in this path.
+            by_ms: the time.
+            first: the row before which the motion was certainly not.
         """
-        row, along, left_ms = position.row, position.along_pulse, by_ms
-        if row < len(self.calls) and self.calls.kind[row] == Buffered.DELAY:
+        back = self._back(position, by_ms, first, by_time=True)
+        return self._without_rounding(back, first)
+
+    def _without_rounding(self, position: PathPosition, first: int) -> PathPosition:
+        """Move a position back by what rounding may have added. A dwell is run again as a whole anyway."""
+        if position.row < len(self.calls) and self.calls.kind[position.row] == Buffered.DELAY:
             return position
-        number = int(np.searchsorted(self.timed, row))
-        while left_ms > 0:
-            if row < len(self.calls) and along > 0:
-                vel = float(self.calls.vel[row])
-                if along >= vel * left_ms:
-                    return PathPosition(row=row, along_pulse=along - vel * left_ms, sure=position.sure)
-                left_ms -= along / vel
-            number -= 1
-            if number < 0 or self.calls.kind[self.timed[number]] == Buffered.DELAY:
-                return PathPosition(row=row, sure=position.sure)
-            row = int(self.timed[number])
-            along = self.nearest(number, float(self.calls.x[row]), float(self.calls.y[row]))[2]
-        return PathPosition(row=row, along_pulse=along, sure=position.sure)
+        return self.rewind_along(position, _ROUNDED_PULSE, first)
+
+    def rewind_along(self, position: PathPosition, by_pulse: float, first: int = 0) -> PathPosition:
+        """Move a position back along the path."""
+        return self._back(position, by_pulse, first, by_time=False)
+
+    def lengths(self, low: int, high: int) -> Floats:
+        """Return the lengths of the timed calls low..high-1 (indices into `timed`), pulse; dwells have none."""
+        begin = low
+        while begin > 0 and (begin == low or self.calls.kind[self.timed[begin]] == Buffered.DELAY):
+            begin -= 1
+        rows = self.timed[begin:high]
+        lengths: Floats = call_segments(
+            self.calls, rows, self.calls.kind[rows] == Buffered.DELAY, self.start_pulse
+        ).length
+        return lengths[low - begin :]
+
+    def _slowness(self, rows: Indices) -> Floats:
+        """Return the least time for a pulse of each row, ms: a row may begin faster than its own velocity."""
+        before = np.maximum(np.searchsorted(self.timed, rows) - 1, 0)
+        fastest = np.maximum(self.calls.vel[rows], self.calls.vel_end[self.timed[before]])
+        slowness: Floats = 1 / np.where(fastest > 0, fastest, np.inf)
+        return slowness
+
+    def _back(self, position: PathPosition, amount: float, first: int, *, by_time: bool) -> PathPosition:
+        """Move a position back by an amount, ms or pulse, at most to the row `first`."""
+        low, number = (int(np.searchsorted(self.timed, row)) for row in (first, position.row))
+        high = min(number + 1, len(self.timed))
+        if amount <= 0 or high <= low:
+            return position
+        rows, lengths = self.timed[low:high], self.lengths(low, high)
+        per_pulse = self._slowness(rows) if by_time else np.ones(len(rows))
+        done = lengths.copy()
+        if number < len(self.timed):
+            done[-1] = position.along_pulse if self.timed[number] == position.row else 0.0
+        is_time = self.calls.kind[rows] == Buffered.DELAY
+        costs = done * per_pulse
+        if by_time:
+            # How much of a dwell in progress is over is not known: none of it counts.
+            costs += np.where(is_time & (rows < position.row), self.calls.p[rows], 0.0)
+        behind = np.cumsum(costs[::-1])[::-1]
+        at = int(np.flatnonzero(behind >= amount)[-1]) if (behind >= amount).any() else -1
+        if at < 0:
+            return max(PathPosition(row=first), PathPosition(row=int(rows[0])), key=_key)
+        if is_time[at]:
+            return PathPosition(row=int(rows[at]))
+        along = float((behind[at] - amount) / per_pulse[at])
+        return PathPosition(row=int(rows[at]), along_pulse=along)
 
 
 def _along_arc(dx: float, dy: float, angle: float, sweep: float, length: float) -> float:

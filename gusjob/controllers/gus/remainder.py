@@ -10,7 +10,7 @@ import numpy as np
 
 from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
 from gusjob.controllers.gus.geometry import call_segments
-from gusjob.controllers.gus.path_position import JOB_START, PathPosition
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import reachable_ends
 
@@ -52,7 +52,11 @@ class Remainder:
             return self.begin
         begun_pulse = self.begin.along_pulse if position.row == self.lead_rows else 0.0
         along_pulse = begun_pulse + position.along_pulse
-        return PathPosition(row=self.job_row(position.row), along_pulse=along_pulse, sure=position.sure)
+        return PathPosition(row=self.job_row(position.row), along_pulse=along_pulse)
+
+    def job_range(self, found: PositionRange) -> PositionRange:
+        """Convert a range in this stream to one in the whole job."""
+        return PositionRange(earliest=self.job_position(found.earliest), latest=self.job_position(found.latest))
 
 
 def whole_job(stream: Stream, head_pulse: tuple[float, float] | None) -> Remainder:
@@ -137,7 +141,7 @@ def at_next_motion(calls: BufferedCalls, position: PathPosition) -> PathPosition
             row, along = (row, 0.0) if (x, y) == start and along < length / 2 else (row + 1, 0.0)
     timed = np.flatnonzero(calls.kind[row:] <= Buffered.DELAY)
     row = row + int(timed[0]) if len(timed) else len(calls)
-    return PathPosition(row=row, along_pulse=along, sure=position.sure)
+    return PathPosition(row=row, along_pulse=along)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,8 @@
-"""Read from a journal where its run ended, to resume it."""
+"""Read from journals where a run was interrupted, to resume it.
+
+A run that resumes another one may be interrupted before its first part begins: what is known of the position is then in
+the journals of both. They are read as one, from the journal of the last part on.
+"""
 
 from __future__ import annotations
 
@@ -6,55 +10,82 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import orjson
-
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
-from gusjob.controllers.journal import JOURNAL_SCHEMA
+from gusjob.controllers.journal import JOURNAL_SCHEMA, JOURNAL_START, is_current
+from gusjob.controllers.journal.lines import is_number, is_whole, journal_lines, sound_part
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.units import MS_PER_S
+
+_CHAIN = 1000
+"""Most journals in a row of runs that resume each other."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedPoll:
+    """What a poll found: rows of the part sent until then, free slots, position in pulse."""
+
+    sent: int
+    space: int
+    x: float
+    y: float
+
+
+@dataclass(slots=True, kw_only=True)
+class RecordedPart:
+    """A part of a run as its journal recorded it, up to where it was interrupted.
+
+    It began at `begin` (row, pulse along it; of the whole job) behind `lead` rows of its own. `sent`: how many of its
+    rows the controller took; `uncertain`: whether one more may have been taken.
+
+    Of the stage that was cleared last: `first`, the rows that were sent before it; `filled`: rows were sent to it;
+    `started`: GT_CrdStart was called. As polled last: `slots` of its FIFO; `segment`: calls done; `line` of the job;
+    `space`: free slots when `sent_at_space` rows were sent; `poll`: the last poll of the motion that found no fault.
+    """
+
+    begin: tuple[int, float]
+    lead: int
+    sent: int = 0
+    uncertain: bool = False
+    first: int = 0
+    filled: bool = False
+    started: bool = False
+    slots: int | None = None
+    segment: int = 0
+    line: int = 0
+    space: int = FIFO_SLOTS
+    sent_at_space: int = 0
+    poll: RecordedPoll | None = None
+    newest_poll: RecordedPoll | None = None
+    """One that no call of the job followed: it may have found a fault."""
+
+    @property
+    def queued(self) -> int:
+        """Calls in the FIFO as polled last, with those that were sent since."""
+        return (self.slots or FIFO_SLOTS) - self.space + self.sent - self.sent_at_space
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedRun:
-    """A run as its journal recorded it, up to where it ended.
+    """A run as its journals recorded it.
 
-    `head`: the journal's first line. The last part began at `begin` (row, pulse along it; of the whole job) behind
-    `lead` rows of its own. `sent`: how many of the part's rows the controller took (one more may have been taken if the
-    process was killed); `stage`: what is known of the stage that was cleared last. `broken`: where in the whole job the
-    laser went off to pause or end. `end`: the journal's end line, None if the process was killed.
+    `path`: the journal to continue, with its first line `head`. `part`: the last one that began, None if none did.
+    `broken`: the earliest and the latest position of the whole job at which the laser went off, if it is known: (row,
+    pulse along it) each. `off`: the laser may have been switched off since; `off_ms`: from then to the confirmed rest
+    of the motion, None if that is not known. `done`: the whole job was done; `torn`: the last line is incomplete.
     """
 
     path: Path
     head: dict[str, Any]
-    begin: tuple[int, float]
-    lead: int
-    sent: int
-    stage: RecordedStage
-    broken: tuple[int, float] | None
-    end: dict[str, Any] | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedStage:
-    """A stage as its journal recorded it.
-
-    `filled`: rows were sent to it; `started`: GT_CrdStart was called. As polled last: `slots` of its FIFO; `segment`:
-    calls done; `line` of the job; `queued`: calls in the FIFO, with those that were sent since.
-    """
-
-    filled: bool
-    started: bool
-    slots: int
-    segment: int
-    line: int
-    queued: int
-
-
-_ROW, _CLEAR, _START = b'"code":0,"row":', b'"call":"GT_CrdClear"', b'"call":"GT_CrdStart"'
-_SPACE, _STATUS = b'"call":"GT_CrdSpace"', b'"call":"GT_CrdStatus"'
+    part: RecordedPart | None
+    broken: tuple[tuple[int, float], tuple[int, float]] | None
+    off: bool
+    off_ms: float | None
+    done: bool
+    torn: bool
 
 
 def read_journal(path: Path) -> RecordedRun | str:
-    """Read a journal.
+    """Read a journal, and those of the runs that it continues as far as they are needed.
 
     Returns:
         The recorded run, or a phrase that says why the file is not a journal or can't be resumed.
@@ -62,79 +93,222 @@ def read_journal(path: Path) -> RecordedRun | str:
     Raises:
         OSError: the file can't be read.
     """
-    text = path.read_bytes()
-    text = text[: text.rfind(b"\n") + 1]  # The last line may be incomplete.
-    head = _line_at(text, 0)
-    if head.get("schema") != JOURNAL_SCHEMA:
-        return Phrase("{name} is not a journal of gusjob run ({schema})", name=path.name, schema=JOURNAL_SCHEMA)
-    if (at := text.rfind(b',"resumed":')) >= 0:
-        other = _line_at(text, at)["resumed"]
+    found = _read_one(path)
+    if isinstance(found, str):
+        return found
+    if found.resumed:
+        other = _last_of_chain(path, found)
         return Phrase("{name}: this run was resumed already: resume {other}", name=path.name, other=other)
-    if head.get("begin") is None and b',"part":' not in text:
+    chain = [found]
+    while (oldest := chain[-1]).needs_older:
+        older_path = _beside(oldest.path, oldest.head["resumes"])
+        if len(chain) > _CHAIN or any(older_path == one.path for one in chain):
+            return _damaged(path)
+        older = _read_one(older_path)
+        if isinstance(older, str):
+            return older
+        if Path(older.resumed).name != oldest.path.name:
+            other = _last_of_chain(older_path, older) if older.resumed else older_path
+            return Phrase("{name}: this run never began; resume {other} instead", name=path.name, other=other)
+        chain.append(older)
+    return _as_one(chain)
+
+
+@dataclass(slots=True, kw_only=True)
+class _OneJournal:
+    """One journal: what happened since its last part began, or since its start."""
+
+    path: Path
+    head: dict[str, Any]
+    torn: bool
+    part: RecordedPart | None = None
+    broken: tuple[tuple[int, float], tuple[int, float]] | None = None
+    off_s: float | None = None
+    rest_s: float | None = None
+    is_moving: bool = False
+    """The motion was in progress when the controller was opened."""
+    is_cut: bool = False
+    """Something else may have cut the laser before it was switched off."""
+    done: bool = False
+    resumed: str = ""
+    calls: int = 0
+
+    @property
+    def needs_older(self) -> bool:
+        """Whether the position is in the journal of the run that this one resumes."""
+        return self.head.get("resumes") is not None and self.part is None and self.broken is None and not self.done
+
+    def add(self, line: dict[str, Any]) -> None:
+        """Add a line behind the head. Raises ValueError if a run does not write it there."""
+        if self.resumed:
+            raise ValueError(line)
+        if "call" in line:
+            self.calls += 1
+            self._add_call(line)
+        elif "part" in line:
+            self.part = RecordedPart(begin=(line["part"], float(line["run"])), lead=line["lead"])
+            self.broken = self.off_s = self.rest_s = None
+            self.is_moving = self.is_cut = self.done = False
+        elif "broken" in line:
+            to = line["to"]
+            self.broken = (line["broken"], float(line["run"])), (to[0], float(to[1]))
+        elif "off" in line:
+            self._add_off(line["t"] if line["off"] else None)
+        elif "rest" in line:
+            self.rest_s = line["t"] if self.off_s is not None else None
+        elif "cut" in line:
+            self.is_cut = True
+        elif "moving" in line:
+            self.is_moving = True
+        elif "end" in line:
+            self.done = line["end"] == "done"
+        elif "resumed" in line:
+            self.resumed = line["resumed"]
+
+    def _add_off(self, off_s: float | None) -> None:
+        """Note when the laser may have been switched off first."""
+        if off_s is None:
+            self.off_s = self.off_s if self.rest_s is not None else None
+        elif self.off_s is None:
+            self.off_s = off_s
+
+    def _add_call(self, line: dict[str, Any]) -> None:
+        part, code, args = self.part, line["code"], line["args"]
+        if part is None:
+            return
+        if "row" in line:
+            self._add_row(part, line["row"], code)
+        elif line["call"] == "GT_CrdStart":
+            part.started |= code <= 0  # One that was not answered may have had its effect.
+        elif code == 0 and line["line"] > 0:
+            self._add_answer(part, line["call"], args, line["line"])
+
+    @staticmethod
+    def _add_row(part: RecordedPart, row: int, code: int) -> None:
+        """Add a buffered call; the rows follow each other."""
+        expected = -1 if part.sent < part.lead else part.begin[0] + part.sent - part.lead
+        if row != expected:
+            raise ValueError(row)
+        part.sent += code == 0
+        part.poll = part.newest_poll or part.poll
+        part.filled |= code <= 0
+        part.uncertain = code < 0
+
+    @staticmethod
+    def _add_answer(part: RecordedPart, call: str, args: list[Any], line: int) -> None:
+        """Add what the controller answered to a call about the job's motion."""
+        if call == "GT_CrdClear":
+            part.first, part.filled, part.started, part.slots = part.sent, False, False, None
+            part.segment, part.poll, part.newest_poll = 0, None, None
+        elif call == "GT_CrdSpace":
+            part.space, part.sent_at_space = _whole(args[1]), part.sent
+            part.slots = part.slots or part.space
+        elif call == "GT_CrdStatus":
+            part.segment, part.line, part.poll = _whole(args[2]), line, part.newest_poll or part.poll
+        elif call == "GT_GetCrdPos" and part.started:
+            x, y = (_number(value) for value in args[1][:2])
+            part.newest_poll = RecordedPoll(sent=part.sent_at_space, space=part.space, x=x, y=y)
+
+
+def _read_one(path: Path) -> _OneJournal | str:
+    """Read one journal as far as its lines are sound."""
+    data = path.read_bytes()
+    if not data.startswith(JOURNAL_START):
+        return Phrase("{name} is not a journal of gusjob run ({schema})", name=path.name, schema=JOURNAL_SCHEMA)
+    if not is_current(data):
         return Phrase(
-            "{name}: this run never began; resume {other} instead",
+            "{name} was written by another version of gusjob, not as {schema}: continue with --from-line N",
             name=path.name,
-            other=head["resumes"],
+            schema=JOURNAL_SCHEMA,
         )
+    sound = sound_part(data)
+    if sound.damaged or not sound.count:
+        return _damaged(path, sound.count + 1)
+    number = 1
     try:
-        return _recorded(path, text, head)
-    except (KeyError, IndexError, TypeError):
-        return Phrase("{name} is damaged: it can't be read as {schema}", name=path.name, schema=JOURNAL_SCHEMA)
+        lines = journal_lines(data[: sound.size])
+        head = next(lines)
+        if not {"job", "calls", "rows", "options", "begin", "resumes"} <= head.keys():
+            return _damaged(path)
+        found = _OneJournal(path=path, head=head, torn=sound.torn)
+        for number, line in enumerate(lines, 2):  # noqa: B007  (named in the message)
+            found.add(line)
+    except (ValueError, KeyError, IndexError, TypeError):
+        return _damaged(path, number)
+    return found
 
 
-def _recorded(path: Path, text: bytes, head: dict[str, Any]) -> RecordedRun:
-    begin, lead, at = tuple(head["begin"] or (0, 0.0)), 0, text.rfind(b',"part":')
-    since = text[max(at, 0) :]
-    if at >= 0:
-        part = _line_at(text, at)
-        begin, lead = (part["part"], part["run"]), part["lead"]
-    sent = 0
-    if (row_at := since.rfind(_ROW)) >= 0:
-        row = _line_at(since, row_at)["row"]
-        sent = since.count(_ROW + b"-1,") if row < 0 else lead + row - begin[0] + 1
-    end_at = since.rfind(b'"end":') if at >= 0 else -1
-    broken_at = since.rfind(b',"broken":')
-    broken = _line_at(since, broken_at) if broken_at >= 0 else None
+def _as_one(chain: list[_OneJournal]) -> RecordedRun | str:
+    """Join the journals of runs that resume each other, the newest first."""
+    newest, oldest = chain[0], chain[-1]
+    off, off_ms = False, None
+    for one in reversed(chain):
+        if one.off_s is not None and not off:
+            off, off_ms = True, None if one.rest_s is None else (one.rest_s - one.off_s) * MS_PER_S
+        elif one.is_moving:
+            off_ms = None  # It moved on without laser for an unknown time.
+    if any(one.is_cut for one in chain):
+        off, off_ms = True, None
+    broken = oldest.broken
+    if broken is None and oldest.part is None and oldest.head["begin"] is not None:
+        row, along, *latest = oldest.head["begin"]
+        broken = (row, float(along)), (latest[0], float(latest[1])) if latest else (row, float(along))
+    if broken is None and oldest.part is None:
+        return _damaged(newest.path)
     return RecordedRun(
-        path=path,
-        head=head,
-        begin=(int(begin[0]), float(begin[1])),
-        lead=lead,
-        sent=sent,
-        stage=_stage(since[max(since.rfind(_CLEAR), 0) :]),
-        broken=None if broken is None else (broken["broken"], broken["run"]),
-        end=_line_at(since, end_at) if end_at >= 0 else None,
+        path=newest.path,
+        head=newest.head,
+        part=oldest.part,
+        broken=broken,
+        off=off,
+        off_ms=off_ms,
+        done=oldest.done,
+        torn=newest.torn,
     )
 
 
-def _stage(text: bytes) -> RecordedStage:
-    space_at, status = text.rfind(_SPACE), _last_status(text)
-    slots = _line_at(text, text.find(_SPACE))["args"][1] if space_at >= 0 else FIFO_SLOTS
-    space = _line_at(text, space_at)["args"][1] if space_at >= 0 else slots
-    return RecordedStage(
-        filled=_ROW in text,
-        started=_START in text,
-        slots=slots,
-        segment=status["args"][2],
-        line=status["line"],
-        queued=slots - space + text.count(_ROW, max(space_at, 0)),
-    )
+def _last_of_chain(path: Path, journal: _OneJournal) -> Path:
+    """Return the journal of the run that resumed a run last."""
+    seen = {path}
+    while journal.resumed and len(seen) < _CHAIN:
+        path = _beside(path, journal.resumed)
+        if path in seen:
+            break
+        seen.add(path)
+        try:
+            found = _read_one(path)
+        except OSError:
+            break
+        if isinstance(found, str):
+            break
+        journal = found
+    return path
 
 
-def _last_status(text: bytes) -> dict[str, Any]:
-    """Find the last GT_CrdStatus about the job's motion; a shutdown's, of either system, has no line."""
-    at = len(text)
-    while (at := text.rfind(_STATUS, 0, at)) >= 0:
-        if (found := _line_at(text, at)).get("line"):
-            return found
-    return {"args": [0, 0, 0, 0], "line": 0}
+def _beside(path: Path, named: str) -> Path:
+    """Return the journal that another one names; both may have been moved to another folder together."""
+    found = Path(named)
+    return found if found.exists() else path.with_name(found.name)
 
 
-def _line_at(text: bytes, at: int) -> dict[str, Any]:
-    """Parse the line around an offset; an empty object if it is none."""
-    start = text.rfind(b"\n", 0, at) + 1
-    try:
-        found = orjson.loads(text[start : text.find(b"\n", at)])
-    except orjson.JSONDecodeError:
-        return {}
-    return found if isinstance(found, dict) else {}
+def _damaged(path: Path, line: int = 0) -> str:
+    if line:
+        return Phrase(
+            "{name} is damaged: line {line} was changed, or lines before it were removed; check the part, then "
+            "continue with --from-line N",
+            name=path.name,
+            line=line,
+        )
+    return Phrase("{name} is damaged: it can't be read as {schema}", name=path.name, schema=JOURNAL_SCHEMA)
+
+
+def _whole(value: Any) -> int:
+    if not is_whole(value):
+        raise ValueError(value)
+    return int(value)
+
+
+def _number(value: Any) -> float:
+    if not is_number(value):
+        raise ValueError(value)
+    return float(value)

@@ -5,14 +5,18 @@ A process that is killed loses at most the line of the call that it was making.
 
 from __future__ import annotations
 
+import errno
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+from zlib import crc32
 
 import orjson
 
 from gusjob.controllers.journal import JOURNAL_SCHEMA
+from gusjob.controllers.journal.lines import sound_part
 from gusjob.i18n.phrases import reason_of
 
 
@@ -25,19 +29,47 @@ class Journal:
         Raises:
             OSError: the file exists already or can't be written.
         """
-        self.path = path
-        self._file = path.open("xb", buffering=0)
-        self.write: Callable[[bytes], int | None] = self._file.write
-        """Raises OSError; call give_up() then."""
+        self._begin(path, path.open("xb", buffering=0), crc=0)
+        self.append(_body(schema=JOURNAL_SCHEMA, **head))
+
+    @classmethod
+    def reopen(cls, path: Path) -> Journal:
+        """Open the journal of another run to add lines behind its last sound one.
+
+        Raises:
+            OSError: the file can't be written.
+        """
+        made = cls.__new__(cls)
+        file = path.open("r+b", buffering=0)
+        sound = sound_part(file.read())
+        file.truncate(sound.size)
+        file.seek(sound.size)
+        made._begin(path, file, crc=sound.crc)
+        return made
+
+    def _begin(self, path: Path, file: BinaryIO, *, crc: int) -> None:
+        self.path, self._file, self._crc = path, file, crc
+        self.write: Callable[[bytes], int] = file.write
+        """Writes one line. Raises OSError; call give_up() then."""
         self.lost = ""
         """The error that prevents further writing; '' if there is none."""
         self.start_s = time.perf_counter()
-        self.write(_json_line(schema=JOURNAL_SCHEMA, **head))
+
+    def append(self, body: bytes) -> None:
+        """Write one line: a JSON object without its closing brace, with its checksum.
+
+        Raises:
+            OSError: it can't be written, or only in part.
+        """
+        self._crc = crc32(body, self._crc)
+        line = b'%b,"crc":%d}\n' % (body, self._crc)
+        if self.write(line) != len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def give_up(self, error: OSError) -> None:
         """Write nothing from now on: a full disk must not keep the laser from being switched off."""
         self.lost = reason_of(error)
-        self.write = lambda _line: None
+        self.write = len
 
     def now_s(self) -> float:
         """Return the seconds since the start."""
@@ -46,7 +78,7 @@ class Journal:
     def mark(self, **fields: Any) -> None:
         """Write one line with the time."""
         try:
-            self.write(_json_line(t=round(self.now_s(), 6), **fields))
+            self.append(_body(t=round(self.now_s(), 6), **fields))
         except OSError as error:
             self.give_up(error)
 
@@ -60,14 +92,17 @@ class Journal:
 
 
 def mark_resumed(path: Path, by: Path) -> None:
-    """Note in a journal that another run continues it, so that the rest is not run twice.
+    """Record in a journal that another run continues it, so that the rest is not run twice.
 
     Raises:
         OSError: the journal can't be written.
     """
-    with path.open("ab") as file:
-        file.write(_json_line(t=0, resumed=str(by.resolve())))
+    journal = Journal.reopen(path)
+    try:
+        journal.append(_body(t=0, resumed=str(by.resolve())))
+    finally:
+        journal.close()
 
 
-def _json_line(**fields: Any) -> bytes:
-    return orjson.dumps(fields, option=orjson.OPT_APPEND_NEWLINE)
+def _body(**fields: Any) -> bytes:
+    return orjson.dumps(fields).removesuffix(b"}")

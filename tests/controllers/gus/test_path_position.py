@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from support.controller import needs_controller
@@ -9,7 +11,7 @@ from support.tools import MARK, stream_of
 
 from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.controllers.gus.geometry import call_segments
-from gusjob.controllers.gus.path_position import PathPosition, TimedPath
+from gusjob.controllers.gus.path_position import PathPosition, PositionRange, TimedPath
 from gusjob.controllers.gus.remainder import remainder_from
 
 pytestmark = needs_controller
@@ -20,29 +22,46 @@ def path_of(text: str) -> tuple[TimedPath, Stream]:
     return TimedPath.of(stream.buffered, (0, 0)), stream
 
 
-def test_rewind_never_goes_back_over_a_dwell() -> None:
+def at(row: int, along: float = 0.0) -> PathPosition:
+    near: Any = pytest.approx(along)
+    return PathPosition(row=row, along_pulse=near)
+
+
+def test_rewind_by_a_time_and_rounding() -> None:
     route, _ = path_of("LINE X 5\nLINE X 5 Y 5\nDWELL 3\nLINE X 0 Y 5\nLINE X 0 Y 0\n")
     ms = 1 / float(route.calls.vel[0])
-    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 10 * ms) == PathPosition(row=0, along_pulse=4990.0)
-    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 7000 * ms) == PathPosition(row=0, along_pulse=0.0)
-    assert route.rewind(PathPosition(row=1, along_pulse=4.0), 10 * ms) == PathPosition(row=0, along_pulse=4994.0)
-    assert route.rewind(PathPosition(row=3), 10 * ms) == PathPosition(row=3)
-    assert route.rewind(PathPosition(row=2), 10 * ms) == PathPosition(row=2)
-    assert route.rewind(PathPosition(row=0), 10 * ms) == PathPosition(row=0)
-    assert route.rewind(PathPosition(row=4, along_pulse=100.0), 10 * ms) == PathPosition(row=4, along_pulse=90.0)
+    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 10 * ms) == at(0, 4988)
+    assert route.rewind(PathPosition(row=1, along_pulse=0.0), 7000 * ms) == at(0)
+    assert route.rewind(PathPosition(row=1, along_pulse=4.0), 10 * ms) == at(0, 4992)
+    assert route.rewind(PathPosition(row=0), 10 * ms) == at(0)
+    assert route.rewind(PathPosition(row=4, along_pulse=100.0), 10 * ms) == at(4, 88)
+    # Within a dwell it is not known how long it lasted; its end is a dwell's time after its start.
+    assert route.rewind(PathPosition(row=2), 10 * ms) == at(1, 4988)
+    assert route.rewind(PathPosition(row=2), 0.0) == at(2)
+    assert route.rewind(PathPosition(row=3), 2.9) == at(2)
+    assert route.rewind(PathPosition(row=3), 3.0 + 10 * ms) == at(1, 4988)
+    # Nor farther than to a row that had certainly been reached.
+    assert route.rewind(PathPosition(row=3), 100.0, first=2) == at(2)
+    assert route.rewind(PathPosition(row=1, along_pulse=4.0), 10 * ms, first=1) == at(1)
+
+
+def test_a_row_that_begins_faster_than_its_velocity_is_rewound_at_that_of_the_row_before() -> None:
+    route, _ = path_of("LINE X 5 VEL 400\nLINE X 10 VEL 50\n")
+    route.calls.vel_end[0] = 400
+    assert route.rewind(PathPosition(row=1, along_pulse=2000.0), 1.0) == at(1, 2000 - 400 - 2)
 
 
 def test_after_a_dwell_the_motion_before_it_gives_the_start() -> None:
     route, _ = path_of("LINE X 5\nDWELL 3\nDWELL 4\nLINE X 5 Y 5\n")
-    assert route.locate(4, 4, 5000, 1000) == PathPosition(row=3, along_pulse=1000.0)
-    assert route.locate(3, 3, 5000, 1000) == PathPosition(row=3, along_pulse=1000.0)
+    assert route.locate(4, 4, 5000, 1000) == PositionRange.exactly(at(3, 1000))
+    assert route.locate(3, 3, 5000, 1000) == PositionRange.exactly(at(3, 1000))
 
 
-def test_where_two_calls_fit_the_earlier_one_is_taken() -> None:
+def test_where_two_calls_fit_the_range_has_both() -> None:
     route, _ = path_of("LINE X 5\nLINE X 0\nLINE X 5\n")
-    assert route.locate(2, 2, 2000, 0) == PathPosition(row=1, along_pulse=3000.0)
-    assert not route.locate(2, 2, 2000, 3).sure
-    assert route.locate(2, 2, 2000, 1).sure
+    assert route.locate(2, 2, 2000, 0) == PositionRange(earliest=at(1, 3000), latest=at(2, 2000))
+    assert route.locate(2, 2, 2000, 3) is None
+    assert route.locate(2, 2, 2000, 1) is not None
 
 
 @pytest.mark.parametrize("way", ["CCW", "CW"])
@@ -83,10 +102,11 @@ def test_rewind_over_several_segments() -> None:
     text = MARK + "VEL 100\n" + "".join(f"LINE X {i / 10}\n" for i in range(1, 50))
     calls = stream_of(text).buffered  # 100 pulse each, at 100 pulse/ms.
     route = TimedPath.of(calls, (0, 0))
-    assert route.rewind(PathPosition(row=20, along_pulse=30), 0.2) == PathPosition(row=20, along_pulse=10)
-    there = route.rewind(PathPosition(row=20, along_pulse=30), 2.5)
-    assert there.row == 17
-    assert there.along_pulse == pytest.approx(80)
+    assert route.rewind(PathPosition(row=20, along_pulse=30), 0.2) == at(20, 8)
+    assert route.rewind(PathPosition(row=20, along_pulse=30), 2.5) == at(17, 78)
     assert route.rewind(PathPosition(row=1, along_pulse=30), 9.0) == PathPosition(row=0)
     # Ten rows left the FIFO between two looks: the position tells which it is.
-    assert route.locate(20, 30, 2450.0, 0.0) == PathPosition(row=24, along_pulse=50)
+    assert route.locate(20, 30, 2450.0, 0.0) == PositionRange.exactly(at(24, 50))
+    # A poll that finds the head farther than the rows that had left: the earliest of them.
+    assert route.earliest_at(20, 2450.0, 0.0) == at(19)
+    assert route.earliest_at(20, 1950.0, 0.0) == at(19, 48)

@@ -51,7 +51,7 @@ class _Full(Journal):
         self.missed = 0
         written, real = [0], self.write
 
-        def write(line: bytes) -> int | None:
+        def write(line: bytes) -> int:
             written[0] += 1
             if written[0] > lines:
                 self.missed += 1
@@ -64,5 +64,6 @@ class _Full(Journal):
         super().give_up(error)
         self.write = self._miss
 
-    def _miss(self, _line: bytes) -> None:
+    def _miss(self, line: bytes) -> int:
         self.missed += 1
+        return len(line)

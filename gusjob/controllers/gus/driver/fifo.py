@@ -50,6 +50,16 @@ class FifoStatus:
     y: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoodPoll:
+    """A poll that found no fault. `began_s`: time.perf_counter; `taken`: first row still in the FIFO; pulse."""
+
+    began_s: float
+    taken: int
+    x: float
+    y: float
+
+
 @dataclass(slots=True, kw_only=True)
 class FifoStage:
     """A stage in progress.
@@ -67,11 +77,17 @@ class FifoStage:
     line: int
     started: bool = False
     """It may be started before its GT_CrdStart, when the FIFO is full earlier."""
+    may_run: bool = False
+    """GT_CrdStart was called and not refused: one that was not answered may have had its effect."""
+    start_s: float = 0.0
+    """When GT_CrdStart was called (time.perf_counter)."""
     ran: bool = False
     since_s: float = 0.0
     """When it was started, or its status changed last."""
     last: FifoStatus | None = None
     sent_at_poll: int = 0
+    good: GoodPoll | None = None
+    """The last poll after which everything was as it should be."""
 
     @property
     def taken(self) -> int:
@@ -130,9 +146,17 @@ class Fifo:
     def start(self, call: Call) -> None:
         """Make GT_CrdStart of the stage in progress."""
         self.before_start()
-        self.link.checked(call.name, *call.args, line=call.line)
-        if self.stage is not None:
-            self.stage.started, self.stage.since_s = True, time.perf_counter()
+        if self.stage is None:
+            self.link.checked(call.name, *call.args, line=call.line)
+            return
+        self.stage.may_run, self.stage.start_s = True, time.perf_counter()
+        code, _ = self.link.call(call.name, *call.args, line=call.line)
+        if code:
+            self.stage.may_run = code < 0
+            raise call_failure(call.name, code, call.line)
+        self.stage.started, self.stage.since_s = True, time.perf_counter()
+        if self.link.journal.lost:
+            raise self.link.journal_failure(call.line)
 
     def wait_for_end(self) -> FifoStatus | None:
         """Wait until the axes are at rest and the FIFO is empty.
@@ -151,8 +175,8 @@ class Fifo:
             self.control.sleep(sleep_s)
             sleep_s = min(2 * sleep_s, POLL_S)
             self.check_requests()
-        stage.started = stage.ran = False
-        stage.first = stage.sent
+        stage.started = stage.ran = stage.may_run = False
+        stage.first, stage.good = stage.sent, None
         return status
 
     def _stage_of(self, row: int) -> FifoStage:
@@ -201,7 +225,7 @@ class Fifo:
         Returns:
             How many, and the code that ended the burst (0: all were sent, or the time was over, or there is a request).
         """
-        link, control, write = self.link, self.control, self.link.journal.write
+        link, control, append = self.link, self.control, self.link.journal.append
         clock, start_s, sent, code, me = time.perf_counter, self.link.journal.start_s, 0, 0, threading.get_ident()
         until = clock() + POLL_S
         if me != link.owner:
@@ -218,7 +242,7 @@ class Fifo:
                     raise TakenOver
                 link.since_s = 0.0
                 sent += code == 0
-                write(b'{"t":%.6f,"code":%d,%b' % (now - start_s, code, text))
+                append(b'{"t":%.6f,"code":%d,%b' % (now - start_s, code, text))
                 if code or now > until:
                     break
         except OSError as error:
@@ -265,6 +289,7 @@ class Fifo:
         stage = self.stage
         assert stage is not None
         line = int(self.calls.line[max(min(stage.taken, len(self.calls) - 1), 0)]) if len(self.calls) else stage.line
+        began_s = time.perf_counter()
         run, segment = self.link.checked("GT_CrdStatus", float(stage.crd), 0.0, 0.0, float(stage.fifo), line=line)
         (space,) = self.link.checked("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo), line=line)
         (position,) = self.link.checked("GT_GetCrdPos", float(stage.crd), 0.0, line=line)
@@ -280,6 +305,7 @@ class Fifo:
             stage.since_s = now
         self.on_status(stage)
         self._check_motion(stage, status, sent_since, now)
+        stage.good = GoodPoll(began_s=began_s, taken=stage.taken, x=status.x, y=status.y)
         return status
 
     def _check_motion(self, stage: FifoStage, status: FifoStatus, sent_since: int, now: float) -> None:

@@ -15,7 +15,7 @@ from gusjob.controllers.gus.listing import number_texts
 from gusjob.kinematics.arrays import Indices
 
 PreparedCall = tuple[Callable[..., int], tuple[int | float, ...], bytes]
-"""A buffered call: function, all arguments, the rest of its journal line."""
+"""A buffered call: function, all arguments, the rest of its journal line without the closing brace."""
 
 
 def prepare(library: Library, calls: BufferedCalls, job_rows: Indices) -> list[PreparedCall]:
@@ -63,6 +63,6 @@ def _columns(calls: BufferedCalls, at: Indices, prototype: Prototype) -> list[li
 def _journal_texts(calls: BufferedCalls, at: Indices, signature: Signature, job_rows: Indices) -> list[bytes]:
     """Return what follows time and code in a journal line."""
     args = signature.args
-    form = f'"row":%s,"line":%s,"call":"{signature.name}","args":[{",".join(["%s"] * len(args))}]}}\n'
+    form = f'"row":%s,"line":%s,"call":"{signature.name}","args":[{",".join(["%s"] * len(args))}]'
     columns: list[npt.NDArray[Any]] = [job_rows[at], calls.line[at], *(calls.column(a.column)[at] for a in args)]
     return [text.encode() for text in map(form.__mod__, zip(*map(number_texts, columns), strict=True))]

@@ -5,75 +5,96 @@ from __future__ import annotations
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.driver.link import BackendError, failure
 from gusjob.controllers.gus.driver.session import Session
-from gusjob.controllers.gus.path_position import JOB_START, PathPosition, TimedPath
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange, TimedPath
+from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.gus.remainder import Remainder, point_pulse, remainder_from
-from gusjob.controllers.journal.reader import RecordedRun
+from gusjob.controllers.journal.reader import RecordedPart, RecordedRun
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 
 
-def recorded_position(recorded: RecordedRun) -> PathPosition | None:
-    """Return the position that the journal alone determines; None if the controller must be read."""
-    end = recorded.end
-    if end is not None and end["end"] == "done":
-        return PathPosition(row=end["row"])
-    if end is not None and end["sure"]:
-        return PathPosition(row=end["row"], along_pulse=end["run"])
-    if end is None and recorded.broken is not None:
-        return PathPosition(row=recorded.broken[0], along_pulse=recorded.broken[1])
-    if recorded.sent == 0:
-        return PathPosition(row=recorded.begin[0], along_pulse=recorded.begin[1])
-    return None
+def recorded_range(recorded: RecordedRun, stream: Stream) -> PositionRange | None:
+    """Return where the laser went off if the journals alone determine it; None if the controller must be read."""
+    if recorded.done:
+        return PositionRange.exactly(PathPosition(row=len(stream.buffered)))
+    if recorded.broken is not None:
+        earliest, latest = (PathPosition(row=row, along_pulse=along) for row, along in recorded.broken)
+        return PositionRange(earliest=earliest, latest=latest)
+    part = recorded.part
+    if part is None or part.filled or part.started:
+        return None
+    # What was sent before had ended before the last stage was cleared.
+    position = recorded_remainder(stream, part).job_position(PathPosition(row=part.sent))
+    return PositionRange.exactly(position)
 
 
-def find_position(session: Session, recorded: RecordedRun) -> PathPosition:
+def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     """Find where a run was interrupted from the calls that the controller took and the position of the head.
 
     After a process was killed the controller continues with what is in its FIFO. One more row may have been taken than
-    the journal has.
+    the journal has. What was found is recorded before anything else happens.
 
     Raises:
-        BackendError: the controller does not know, as when it was restarted since. A guess would leave something out or
-            mark it twice.
+        BackendError: the controller does not answer; or it does not know, as when it was restarted since. A guess would
+            leave something out.
     """
-    part, stage = recorded_remainder(session.stream, recorded), recorded.stage
-    if not stage.filled:
-        # What was sent before had ended before this stage was cleared.
-        return part.job_position(PathPosition(row=recorded.sent))
-    calls = part.stream.buffered
-    crd, fifo = float(calls.crd[recorded.sent - 1]), float(calls.fifo[recorded.sent - 1])
-    first = max((c.at for c in part.stream.calls if c.name == "GT_CrdClear" and c.at < recorded.sent), default=0)
-    try:
-        _, segment = session.link.checked("GT_CrdStatus", crd, 0.0, 0.0, fifo)
-        (space,) = session.link.checked("GT_CrdSpace", crd, 0.0, fifo)
-        x, y = session.position(int(crd))
-    except BackendError as error:
-        raise _unknown(recorded, error.faults[0].phrase) from error
-    queued = stage.slots - int(space)
-    if queued == 0 and (segment == 0 or segment < stage.segment):
-        raise _unknown(recorded, Phrase("it was restarted since"))
-    path = TimedPath.of(calls, part.start_pulse)
-    taken = max(recorded.sent - queued, first)
-    position = path.locate(taken, taken, x, y)
-    if not position.sure:
+    part = recorded.part
+    assert part is not None
+    remainder = recorded_remainder(session.stream, part)
+    calls = remainder.stream.buffered
+    last = min(max(part.sent, 1), len(calls)) - 1
+    crd, fifo = float(calls.crd[last]), float(calls.fifo[last])
+    _, segment = session.link.checked("GT_CrdStatus", crd, 0.0, 0.0, fifo)
+    (space,) = session.link.checked("GT_CrdSpace", crd, 0.0, fifo)
+    x, y = session.position(int(crd))
+    queued = (part.slots or FIFO_SLOTS) - int(space)
+    if queued == 0 and (segment == 0 or segment < part.segment):
+        raise _unknown(part, Phrase("it was restarted since"))
+    if part.segment <= part.sent - part.first < segment - 2:
+        raise _unknown(part, Phrase("it has done more calls than the journal has: lines are missing at its end"))
+    path = TimedPath.of(calls, remainder.start_pulse)
+    taken = max(part.sent - queued, part.first)
+    located = path.locate(taken, min(taken + 1, len(calls)), x, y)
+    if located is None:
         why = Phrase("the head is at X {x} Y {y} pulse, not on the path", x=f"{x:.0f}", y=f"{y:.0f}")
-        raise _unknown(recorded, why)
-    if position.row < first:
-        return part.job_position(PathPosition(row=first))
-    return part.job_position(path.rewind(position, session.overrun_ms))
+        raise _unknown(part, why)
+    earliest = _earliest(session, recorded, path, located)
+    if earliest.key > located.latest.key:
+        raise _unknown(part, Phrase("it moved back since"))
+    found = remainder.job_range(PositionRange(earliest=earliest, latest=located.latest))
+    session.note_broken(found)
+    return found
 
 
-def recorded_remainder(stream: Stream, recorded: RecordedRun) -> Remainder:
+def _earliest(session: Session, recorded: RecordedRun, path: TimedPath, located: PositionRange) -> PathPosition:
+    """Return the earliest position at which the laser may have been switched off.
+
+    That is as far before the rest position as the head can have moved since, and not before the last poll that found
+    the run undisturbed. If it is not known for how long the head moved, only the poll counts.
+    """
+    part = recorded.part
+    assert part is not None
+    begin, poll = PathPosition(row=part.first), part.poll
+    if poll is not None:
+        polled = max(poll.sent - ((part.slots or FIFO_SLOTS) - poll.space), part.first)
+        begin = max(begin, path.earliest_at(polled, poll.x, poll.y), key=lambda position: position.key)
+    off_ms = recorded.off_ms if recorded.off else session.off_ms
+    if off_ms is None or (recorded.off and session.was_moving):
+        return begin
+    rewound = path.rewind(located.earliest, off_ms, part.first)
+    return max(begin, rewound, key=lambda position: position.key)
+
+
+def recorded_remainder(stream: Stream, part: RecordedPart) -> Remainder:
     """Rebuild the remainder that a journal recorded last."""
-    begin = PathPosition(row=recorded.begin[0], along_pulse=recorded.begin[1])
-    if begin == JOB_START and recorded.lead == 0:
+    begin = PathPosition(row=part.begin[0], along_pulse=part.begin[1])
+    if begin == JOB_START and part.lead == 0:
         return Remainder(stream=stream)
-    part = remainder_from(stream, begin)
+    made = remainder_from(stream, begin)
     # If the head was there already, there was no jump to it.
     at_position = point_pulse(stream.buffered, begin)
-    return part if part.lead_rows == recorded.lead else remainder_from(stream, begin, at_position)
+    return made if made.lead_rows == part.lead else remainder_from(stream, begin, at_position)
 
 
-def _unknown(recorded: RecordedRun, why: str) -> BackendError:
-    stage = recorded.stage
-    return failure(rules.POSITION_UNKNOWN, stage.line, why=why, calls=stage.queued)
+def _unknown(part: RecordedPart, why: str) -> BackendError:
+    return failure(rules.POSITION_UNKNOWN, part.line, why=why, calls=part.queued)

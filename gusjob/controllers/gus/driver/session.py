@@ -4,31 +4,48 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gusjob.config.machine import Machine
+from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.calls import Buffered, Call, Stream, Value
+from gusjob.controllers.gus.doubling import before_laser_on
 from gusjob.controllers.gus.driver.fifo import Fifo, FifoStage, Interrupted
-from gusjob.controllers.gus.driver.link import BackendError, Link, call_failure, failure
+from gusjob.controllers.gus.driver.link import BackendError, Link, call_failure, failure, meaning
 from gusjob.controllers.gus.driver.requirements import Outputs, number
 from gusjob.controllers.gus.driver.shutdown import Shutdown
-from gusjob.controllers.gus.path_position import JOB_START, PathPosition, TimedPath
+from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange, TimedPath
 from gusjob.controllers.gus.ranges import STANDBY_KHZ
 from gusjob.controllers.gus.remainder import Remainder, remainder_from
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Diagnostic
+from gusjob.diagnostics.model import NOWHERE, Diagnostic
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.units import MS_PER_S
 
-INITIAL_SETTINGS: tuple[tuple[str, tuple[Value, ...]], ...] = (
-    ("GT_SetLaserDisMode", (0.0, 0.0, (0.0,) * 4, (1.0,) * 4)),
-    ("GT_DisFPK", ()),
-    ("GT_SetLevelDelay", (0.0, 0.0)),
-    ("GT_SetWaitPulse", (0.0, STANDBY_KHZ.high, 0.0)),
-    ("GT_SetPreVltg", (0.0, 0.0)),
+NOT_SUPPORTED = 8
+"""The code of a call that the firmware does not have."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitialSetting:
+    """A call that resets a setting; the channel is its last argument. `others`: further calls of the same setting."""
+
+    call: str
+    values: tuple[Value, ...] = ()
+    others: tuple[str, ...] = ()
+
+
+INITIAL_SETTINGS = (
+    InitialSetting(
+        call="GT_SetLaserDisMode", values=(0.0, 0.0, (0.0,) * 4, (1.0,) * 4), others=("GT_SetLaserDisRatio",)
+    ),
+    InitialSetting(call="GT_DisFPK", others=("GT_EnaFPK",)),
+    InitialSetting(call="GT_SetLevelDelay", values=(0.0, 0.0)),
+    InitialSetting(call="GT_SetWaitPulse", values=(0.0, STANDBY_KHZ.high, 0.0)),
+    InitialSetting(call="GT_SetPreVltg", values=(0.0, 0.0)),
 )
 """The state of each laser when a job begins: what the job does not set is off."""
 _RESUME = Phrase("continue with --resume")
@@ -46,14 +63,25 @@ class Session:
     stream: Stream
     outputs: Outputs
     reached: PathPosition = JOB_START
-    overrun_ms: float = 0.0
-    """Longest time for which a motion that was in progress at GT_Open continued without laser."""
     options: str = ""
     """The options that must be given again to resume this run."""
     abi_confirmed: bool = False
     """The library has proved to be of its ABI: only then "off" means off."""
+    was_moving: bool = False
+    """The motion was in progress when the controller was opened."""
+    is_off: bool = False
+    """At the end: calls confirmed that every laser is off and nothing moves."""
+    harmless_off: str = ""
+    """What the off call did that was made before the ABI was confirmed; '' if none was made."""
+    warnings: list[Diagnostic] = field(default_factory=list)
+    broken: PositionRange | None = None
+    """Where the laser went off, in the whole job; None if that is not known, or it has not."""
+    shutdown: Shutdown = field(init=False)
     _part: Remainder | None = None
     _fifo: Fifo | None = None
+
+    def __post_init__(self) -> None:
+        self.shutdown = Shutdown(self.link, self.outputs, self.machine.controller.link_patience_s)
 
     @property
     def line(self) -> int:
@@ -70,12 +98,21 @@ class Session:
         self.link.probe()
         self.abi_confirmed = True
         self.ensure_laser_off()
-        if self.shutdown.moving():
-            off_s = time.perf_counter()
+        if self.shutdown.moving() is not False:
+            self.was_moving = True
+            self.link.journal.mark(moving=True)
             if faults := self.shutdown.stop(self.control, abrupt=True):
                 raise BackendError(*faults)
-            self.overrun_ms = (time.perf_counter() - off_s) * MS_PER_S
-        self.check_interlock(Phrase("start again"))
+        try:
+            self.check_interlock(Phrase("start again"))
+        except BackendError:
+            self.link.journal.mark(cut=True)
+            raise
+
+    @property
+    def off_ms(self) -> float:
+        """Longest time for which the motion continued after the laser was switched off, until it was at rest."""
+        return (self.shutdown.rest_s - self.shutdown.off_since_s) * MS_PER_S
 
     def prepare(self) -> None:
         """Load the configuration, clear the axes' status, enable the axes, set the lasers to their initial state."""
@@ -85,21 +122,35 @@ class Session:
             self.link.checked("GT_ClrSts", float(axis), 1.0)
             self.link.checked("GT_AxisOn", float(axis))
         for channel in self.outputs.channels:
-            for name, values in INITIAL_SETTINGS:
-                self._reset_setting(name, *values, float(channel))
+            for setting in INITIAL_SETTINGS:
+                self._reset_setting(setting, channel)
 
-    def _reset_setting(self, name: str, *values: Value) -> None:
-        """Reset what an earlier program may have set. What a controller does not have needs no reset."""
-        if name in self.link.library.functions:
-            code, _ = self.link.call(name, *values)
-            if code < 0:
-                raise call_failure(name, code, 0)
+    def _reset_setting(self, setting: InitialSetting, channel: int) -> None:
+        """Reset what an earlier program may have set.
+
+        A controller that does not support a setting has nothing to reset. If it says so, that is a warning, unless the
+        job itself needs the setting; any other refusal leaves an unknown state in force.
+        """
+        name = setting.call
+        is_there = name in self.link.library.functions
+        code = self.link.call(name, *setting.values, float(channel))[0] if is_there else NOT_SUPPORTED
+        if code not in (0, NOT_SUPPORTED) or (code and self._uses(setting, channel)):
+            raise call_failure(name, code, 0)
+        if code:
+            fields = {"call": name, "channel": channel}
+            self.warnings.append(Diagnostic(rule=rules.NOT_RESET, span=NOWHERE, fields=fields))
+
+    def _uses(self, setting: InitialSetting, channel: int) -> bool:
+        """Return whether the job makes a call of a setting for a channel."""
+        names = {setting.call, *setting.others}
+        return any(call.name in names and call.args[-1] == channel for call in self.stream.calls)
 
     def finish(self) -> None:
         """Check that after the end of a job the laser is off and nothing moves."""
         self.ensure_laser_off()
-        if self.shutdown.moving():
-            raise failure(rules.MOTION_STATE_UNKNOWN, 0, why=Phrase("something moves after the end of the job"))
+        if faults := self.shutdown.confirm_rest():
+            raise BackendError(*faults)
+        self.is_off = True
 
     def close(self) -> list[Diagnostic]:
         """Disable the axes if the profile says so, then close the controller."""
@@ -127,6 +178,31 @@ class Session:
         """Switch the laser off, or raise."""
         if faults := self.shutdown.laser_off():
             raise BackendError(*faults)
+
+    def switch_off_unconfirmed(self) -> None:
+        """Try to confirm the ABI after all; if it can't be, make the off call that means "off" in every ABI.
+
+        GT_SetHSIOOpt(0, 0) with a leading 0 or without is the same in all of them: it switches channel 0 off. For
+        another card or channel a library of another ABI could take it for "on".
+        """
+        until = time.perf_counter() + self.machine.controller.link_patience_s
+        while not self.abi_confirmed:
+            try:
+                self.link.probe()
+                self.abi_confirmed = True
+            except BackendError as error:
+                if error.faults[0].rule is not rules.CALL_FAILED:
+                    return  # It is of another ABI.
+                if time.perf_counter() > until:
+                    break
+                time.sleep(_PAUSE_S)
+        controller = self.machine.controller
+        if not self.abi_confirmed and (self.link.library.abi is not Abi.GTS_MULTI or controller.card == 0):
+            self.link.journal.mark(off=True)
+            code = self.shutdown.try_call("GT_SetHSIOOpt", 0.0, 0.0)
+            self.harmless_off = Phrase(
+                "GT_SetHSIOOpt(0,0) returned {code} ({meaning})", code=code, meaning=meaning(code)[0]
+            )
 
     def check_interlock(self, again: str) -> None:
         """Raise if the profile's interlock input does not read the profile's value. `again`: what to do then."""
@@ -159,7 +235,8 @@ class Session:
                 part = self._pause()
 
     def _run(self, part: Remainder) -> None:
-        self.reached = part.begin
+        self.reached, self.broken = part.begin, None
+        self.shutdown.begin_part()
         self.link.journal.mark(part=part.begin.row, run=part.begin.along_pulse, lead=part.lead_rows)
         self._part = part
         self._fifo = Fifo(
@@ -209,7 +286,7 @@ class Session:
     def _on_status(self, stage: FifoStage) -> None:
         """Publish the status after every poll, and check the interlock."""
         assert self._part is not None
-        self.reached = replace(self._part.job_position(PathPosition(row=stage.taken)), sure=False)
+        self.reached = self._part.job_position(PathPosition(row=stage.taken))
         self._publish(Phase.RUNNING if stage.started else Phase.FILLING)
         self.check_interlock(_RESUME)
 
@@ -224,69 +301,122 @@ class Session:
 
     # Interruptions.
 
-    @property
-    def shutdown(self) -> Shutdown:
-        """The shutdown of this run."""
-        return Shutdown(self.link, self.outputs, self.machine.controller.link_patience_s)
-
-    def halt(self, *, abrupt: bool, locate: bool = True) -> list[Diagnostic]:
+    def halt(self, *, abrupt: bool, locate: bool = True, cut_outside: bool = False) -> list[Diagnostic]:
         """Switch the laser off, find out where that was, stop, switch the laser off.
 
         Args:
             abrupt: stop abruptly.
             locate: find out where the laser went off.
+            cut_outside: something else may have cut laser and motion since the last poll that found no fault.
 
         Returns:
             What could not be turned off.
         """
-        shutdown = self.shutdown
+        shutdown, self.is_off = self.shutdown, False
+        if cut_outside:
+            self.link.journal.mark(cut=True)
         # If the laser can't be switched off at the first try, the motion must stop at once.
         still_on = shutdown.laser_off(retry=False)
         self._publish(Phase.STOPPING)
         try:
             if locate and not still_on:
-                self._locate(shutdown.laser_off_s)
+                self._locate(time.perf_counter, cut_outside=cut_outside)
         finally:
             faults = shutdown.stop(self.control, abrupt=abrupt or bool(still_on))
-        if locate and still_on:
-            self._locate(time.perf_counter())
+        if locate and not faults:
+            self._locate(lambda: shutdown.rest_s, cut_outside=cut_outside)
+            self._extend_to_rest()
         faults = shutdown.laser_off() + faults
         if faults:
-            self.reached = replace(self.reached, sure=False)
             shutdown.reset()
             faults += [fault for fault in shutdown.laser_off() if fault not in faults]
+        self.is_off = not faults
         return faults
 
-    def _locate(self, off_s: float) -> None:
-        """Find the position on the path at which the laser went off (off_s, time.perf_counter): the rest begins there.
+    def _locate(self, until_s: Callable[[], float], *, cut_outside: bool) -> None:
+        """Find where on the path the laser went off, if that is not known yet: the rest begins there.
+
+        Args:
+            until_s: gives the time (time.perf_counter) until which the motion may have continued to the position that
+                is read.
+            cut_outside: see halt.
+        """
+        fifo, part = self._fifo, self._part
+        if self.broken is not None or part is None:
+            return
+        try:
+            found = PositionRange.exactly(JOB_START) if fifo is None else self._located(fifo, until_s, cut_outside)
+        except BackendError:
+            return
+        if found is not None:
+            self.note_broken(part.job_range(found))
+
+    def _located(self, fifo: Fifo, until_s: Callable[[], float], cut_outside: bool) -> PositionRange | None:
+        """Return where the laser went off in the stream that is run; None if the head is not on its path.
 
         Free slots and position are read one after the other, and the motion continues in between: all rows that may
         have been in progress are considered.
+
+        Raises:
+            BackendError: the controller does not answer.
         """
-        fifo, part = self._fifo, self._part
-        if fifo is None or part is None or fifo.stage is None or not fifo.stage.started:
-            return
-        stage = fifo.stage
-        before = stage.taken
-        try:
-            x, y = self.position(stage.crd)
-            late_ms = (time.perf_counter() - off_s) * MS_PER_S
-            (space,) = self.link.checked("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo))
-        except BackendError:
-            return
+        stage, path = fifo.stage, TimedPath.of(fifo.calls, self._part.start_pulse if self._part else (0.0, 0.0))
+        if stage is None:
+            return PositionRange.exactly(JOB_START)
+        if not stage.may_run:
+            return PositionRange.exactly(PathPosition(row=stage.first))
+        before, good = stage.taken, stage.good
+        off_s = self.shutdown.off_since_s
+        if cut_outside:
+            before, off_s = (good.taken, good.began_s) if good else (stage.first, stage.start_s)
+        x, y = self.position(stage.crd)
+        late_ms = (until_s() - off_s) * MS_PER_S
+        (space,) = self.link.checked("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo))
+        # A buffered call that was not answered may have been taken.
         taken = max(stage.sent - (stage.size - int(space)), stage.first)
-        path = TimedPath.of(fifo.calls, part.start_pulse)
-        self.reached = part.job_position(path.rewind(path.locate(min(before, taken), taken, x, y), late_ms))
-        if self.reached.sure:
-            self.link.journal.mark(broken=self.reached.row, run=self.reached.along_pulse, line=self.line)
+        found = path.locate(min(before, taken), min(taken + 1, len(fifo.calls)), x, y)
+        if found is None:
+            return None
+        lit = path.earliest_at(good.taken, good.x, good.y) if good else JOB_START
+        begin = PathPosition(row=stage.first)
+        rewound = path.rewind(found.earliest, late_ms, stage.first)
+        return PositionRange(earliest=rewound, latest=found.latest).not_before(lit).not_before(begin)
+
+    def note_end(self) -> None:
+        """Record that the whole job was done, although the run failed after it."""
+        self.note_broken(PositionRange.exactly(PathPosition(row=len(self.stream.buffered))))
+
+    def _extend_to_rest(self) -> None:
+        """Extend where the laser went off to the rest position, if a call on the way there switches the laser on.
+
+        It is switched off again then, but for a moment it may emit there.
+        """
+        fifo, part, broken = self._fifo, self._part, self.broken
+        if fifo is None or fifo.stage is None or part is None or broken is None or not fifo.stage.may_run:
+            return
+        try:
+            found = self._located(fifo, lambda: self.shutdown.off_since_s, cut_outside=False)
+        except BackendError:
+            found = None
+        sent = part.job_position(PathPosition(row=fifo.stage.sent))
+        rest = sent if found is None else part.job_range(found).latest
+        kinds = self.stream.buffered.kind[broken.earliest.row : rest.row + 1]
+        if rest.key > broken.latest.key and (kinds == Buffered.ON).any():
+            self.note_broken(replace(broken, latest=rest))
+
+    def note_broken(self, found: PositionRange) -> None:
+        """Record where the laser went off."""
+        self.broken, self.reached = found, found.earliest
+        (row, along), (to_row, to_along) = found.earliest.key, found.latest.key
+        self.link.journal.mark(broken=row, run=along, to=[to_row, to_along], line=self.line)
 
     def _pause(self) -> Remainder:
         """Wait, laser off and at rest, until the user continues; return the rest from where the laser went off."""
         faults, stage = self.halt(abrupt=False), self._fifo.stage if self._fifo else None
-        if stage is not None:
-            stage.started = False  # At rest: a stop during the pause must not locate the laser-off position again.
         if faults:
             raise BackendError(*faults)
+        if self.broken is None:
+            raise failure(rules.POSITION_UNKNOWN, 0, why=Phrase("the head is not on the path"), calls=0)
         while self.control.pause and not self.control.stop:
             self._publish(Phase.PAUSED)
             self.control.sleep(_PAUSE_S)
@@ -294,4 +424,5 @@ class Session:
             self.ensure_laser_off()
         if self.control.stop:
             raise Interrupted
-        return remainder_from(self.stream, self.reached, self.position(stage.crd) if stage else None)
+        begin = before_laser_on(self.stream, self.broken.earliest)
+        return remainder_from(self.stream, begin, self.position(stage.crd) if stage else None)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from gusjob.controllers.control import Control, StopKind
 from gusjob.controllers.gus.calls import Value
@@ -33,20 +34,42 @@ _WATCH_S = 0.05
 """Time after an abrupt stop for which the laser is switched off repeatedly without a pause."""
 
 
+MISSING = (7, 8)
+"""Codes with which a controller answers to a channel or a coordinate system that it does not have."""
+_NOT_OPEN = -6
+"""The code of a call that did not reach the controller."""
+
+
 @dataclass(slots=True)
 class Shutdown:
-    """Turns a controller off. `patience_s`: how long a link that does not answer is tried."""
+    """Turns a controller off. `patience_s`: how long a link that does not answer is tried.
+
+    `off_since_s`: when the first call was made that may have switched the laser off; `rest_s`: when the motion was
+    confirmed to be at rest (time.perf_counter); inf: not yet. Both since the last part of the run began.
+    """
 
     link: Link
     outputs: Outputs
     patience_s: float
-    laser_off_s: float = math.inf
-    """When the first channel began to be switched off by a call that succeeded (time.perf_counter)."""
+    off_since_s: float = math.inf
+    rest_s: float = math.inf
+    _is_marked: bool = False
+    _present: set[tuple[str, int]] = field(default_factory=set)
+    """What has answered once: (call, channel or coordinate system). It is not missing if it refuses later."""
+
+    def begin_part(self) -> None:
+        """Forget when the laser was switched off: a part begins."""
+        self.off_since_s = self.rest_s = math.inf
+        self._is_marked = False
 
     def laser_off(self, *, retry: bool = True) -> list[Diagnostic]:
         """Switch every channel off; set the power of one that refuses to 0, and with `retry` try again."""
+        if not self._is_marked:
+            # Before the call: a process that is killed in it leaves no other trace.
+            self._is_marked = True
+            self.link.journal.mark(off=True)
         failed = {channel: code for channel in _CHANNELS if (code := self._channel_off(channel))}
-        power_failed = {channel: self.try_call("GT_LaserPrfCmd", 0.0, float(channel)) != 0 for channel in failed}
+        power_failed = {channel: self._power_off(channel) != 0 for channel in failed}
         until, tries = time.perf_counter() + self.patience_s, dict.fromkeys(failed, 1)
         while left := [ch for ch, code in failed.items() if retry and code and (code < 0 or tries[ch] < _TRIES)]:
             if time.perf_counter() > until:
@@ -55,15 +78,39 @@ class Shutdown:
             for channel in left:
                 failed[channel] = self._channel_off(channel)
                 tries[channel] += 1
+        if math.isinf(self.off_since_s):
+            self._is_marked = False
+            self.link.journal.mark(off=False)
         return [_laser_diagnostic(channel, code, power_failed[channel]) for channel, code in failed.items() if code]
 
     def _channel_off(self, channel: int) -> int:
         """Switch a channel off; one that the job does not use may be missing on the controller."""
+        is_used = channel in self.outputs.channels
+        return self._answer("GT_SetHSIOOpt", channel, is_used, lambda: self._off_call("GT_SetHSIOOpt", channel))
+
+    def _power_off(self, channel: int) -> int:
+        return self._off_call("GT_LaserPrfCmd", channel)
+
+    def _off_call(self, name: str, channel: int) -> int:
+        """Make a call with the value 0, and note when the first one was made that may have had an effect."""
         began = time.perf_counter()
-        code = self.try_call("GT_SetHSIOOpt", 0.0, float(channel))
-        if code == 0 and channel in self.outputs.channels:
-            self.laser_off_s = min(self.laser_off_s, began)
-        return 0 if code > 0 and channel not in self.outputs.channels else code
+        code = self.try_call(name, 0.0, float(channel))
+        if code <= 0 and code != _NOT_OPEN:
+            self.off_since_s = min(self.off_since_s, began)
+        return code
+
+    def _answer(self, name: str, number: int, is_used: bool, make: Callable[[], int]) -> int:
+        """Make a call about a channel or coordinate system; return 0 also if the controller has none of that number.
+
+        It is missing if the job does not use it and it has never answered anything else.
+        """
+        for _ in range(_TRIES):
+            code = make()
+            if code == 0:
+                self._present.add((name, number))
+            if is_used or code not in MISSING or (name, number) in self._present:
+                return code
+        return 0
 
     def stop(self, control: Control, *, abrupt: bool) -> list[Diagnostic]:
         """Stop the motion, and until it is at rest switch the laser off again and again.
@@ -76,6 +123,7 @@ class Shutdown:
             moving = self.moving()
             now = time.perf_counter()
             if moving is False and code == 0:
+                self._note_rest(now)
                 return []
             if not abrupt_since and (control.stop == StopKind.ABRUPT or now - began > _SMOOTH_S or code):
                 code, abrupt_since = self._stop(abrupt=True), now
@@ -87,7 +135,7 @@ class Shutdown:
             for channel in _CHANNELS:
                 self._channel_off(channel)
             for channel in self.outputs.channels:
-                self.try_call("GT_LaserPrfCmd", 0.0, float(channel))
+                self._power_off(channel)
             if abrupt_since and now - abrupt_since > _WATCH_S:
                 time.sleep(_SLEEP_S)
 
@@ -101,23 +149,51 @@ class Shutdown:
         axes = sum(1 << (axis - 1) for axis in self.outputs.axes)
         return self.try_call("GT_Stop", float(systems), float(systems | axes if abrupt else 0))
 
+    def _note_rest(self, now_s: float) -> None:
+        if math.isinf(self.rest_s):
+            self.rest_s = now_s
+            self.link.journal.mark(rest=True)
+
     def moving(self) -> bool | None:
         """Return whether anything moves; None if it is not known."""
-        states = []
-        for crd in _CRDS:
+        states = [self._moves(crd) for crd in _CRDS]
+        moving = True if True in states else None if None in states else False
+        if moving is False:
+            self._note_rest(time.perf_counter())
+        elif moving:
+            self.rest_s = math.inf
+        return moving
+
+    def _moves(self, crd: int) -> bool | None:
+        found: list[int] = [0]
+
+        def ask() -> int:
             try:
-                code, found = self.link.call("GT_CrdStatus", float(crd), 0.0, 0.0, 0.0)
+                code, found[:] = self.link.call("GT_CrdStatus", float(crd), 0.0, 0.0, 0.0)
             except BackendError:
-                code, found = -1, [0]
-            missing = code > 0 and crd not in self.outputs.crds
-            states.append(None if code and not missing else bool(not code and found[0]))
-        return True if True in states else None if None in states else False
+                return -1
+            return code
+
+        code = self._answer("GT_CrdStatus", crd, crd in self.outputs.crds, ask)
+        # The answer of a missing system is not an answer.
+        return None if code else bool((("GT_CrdStatus", crd) in self._present) and found[0])
+
+    def confirm_rest(self) -> list[Diagnostic]:
+        """Check that nothing moves: after the end of a job."""
+        until = time.perf_counter() + self.patience_s
+        while (moving := self.moving()) is None and time.perf_counter() < until:
+            time.sleep(_SLEEP_S)
+        if moving is False:
+            return []
+        what = Phrase("something moves after the end of the job")
+        why = what if moving else Phrase("GT_CrdStatus does not answer after the end of the job")
+        return [Diagnostic(rule=rules.MOTION_STATE_UNKNOWN, span=NOWHERE, fields={"why": why})]
 
     def try_call(self, name: str, *values: Value) -> int:
         """Return a call's code; a call that fails in the library counts as no answer."""
         try:
             return self.link.call(name, *values)[0]
-        except BackendError:
+        except (BackendError, ValueError):  # __stdcall in 32 bits: a library of another ABI.
             return -1
 
 

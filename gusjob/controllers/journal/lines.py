@@ -1,0 +1,116 @@
+"""The lines of a journal: their checksums, and what they may contain."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+from zlib import crc32
+
+import orjson
+
+_CHECKSUM = b',"crc":'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SoundPart:
+    """The lines of a journal from its start whose checksums are right.
+
+    `size`: their bytes; `crc`: the last checksum; `count`: number of lines; `torn`: only the last line is wrong or
+    incomplete, as after a kill or a power failure; `damaged`: more follows than one such line.
+    """
+
+    size: int
+    crc: int
+    count: int
+    torn: bool
+    damaged: bool
+
+
+def sound_part(data: bytes) -> SoundPart:
+    """Check the checksums of a journal's lines, each of which continues that of the line before."""
+    crc = size = count = 0
+    while (end := data.find(b"\n", size)) >= 0:
+        line = data[size:end]
+        body, _, tail = line.rpartition(_CHECKSUM)
+        found = crc32(body, crc)
+        if tail != b"%d}" % found:
+            break
+        crc, size, count = found, end + 1, count + 1
+    left = data[size:].rstrip(b"\0")  # A file system may fill up with zeros what was not written.
+    torn = bool(left or size < len(data))
+    return SoundPart(size=size, crc=crc, count=count, torn=torn, damaged=b"\n" in left[:-1])
+
+
+def journal_lines(data: bytes) -> Iterator[dict[str, Any]]:
+    """Yield the objects of sound lines, each checked.
+
+    Raises:
+        ValueError: a line is not what a run writes.
+    """
+    for text in data.splitlines():
+        try:
+            found = orjson.loads(text)
+        except orjson.JSONDecodeError as error:
+            raise ValueError from error
+        if not isinstance(found, dict) or not all(_is_valid(name, value) for name, value in found.items()):
+            raise ValueError(text)
+        if "call" in found and not {"t", "code", "line", "args"} <= found.keys():
+            raise ValueError(text)
+        yield found
+
+
+LARGEST = 2**53
+"""Bound of every whole number in a journal."""
+_CALL = re.compile(r"GT_[A-Za-z0-9]{1,60}")
+_WHOLE = {"code": -LARGEST, "row": -1, "line": 0, "part": 0, "lead": 0, "broken": 0, "rows": 0, "crc": 0}
+"""Fields with a whole number, and its lowest value."""
+_TEXTS = ("schema", "job", "calls", "library", "abi", "started", "options", "resumed", "gusjob")
+_FLAGS = ("off", "cut", "moving", "rest")
+
+
+def _is_valid(name: str, value: Any) -> bool:
+    """Return whether a field has the type and range that a run writes; other fields are free."""
+    if name in _WHOLE:
+        return is_whole(value) and value >= _WHOLE[name]
+    if name in _TEXTS:
+        return isinstance(value, str)
+    if name in _FLAGS:
+        return isinstance(value, bool)
+    match name:
+        case "t" | "run":
+            return is_number(value) and value >= 0
+        case "to":
+            return is_position(value)
+        case "begin":
+            return value is None or is_position(value)
+        case "resumes":
+            return value is None or isinstance(value, str)
+        case "call":
+            return isinstance(value, str) and _CALL.fullmatch(value) is not None
+        case "end":
+            return value in ("done", "failed")
+        case "args" | "faults":
+            return isinstance(value, list)
+        case _:
+            return True
+
+
+def is_whole(value: Any) -> bool:
+    """Return whether a value is a whole number of a sensible size."""
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_position(value: Any) -> bool:
+    """Return whether a value is a row and the pulses along it, once or twice (the earliest and the latest)."""
+    if not isinstance(value, list) or len(value) not in (2, 4):
+        return False
+    rows, along = value[::2], value[1::2]
+    return all(is_whole(row) and row >= 0 for row in rows) and all(is_number(a) and a >= 0 for a in along)
