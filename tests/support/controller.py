@@ -56,6 +56,12 @@ class Fault(IntEnum):
     """The input becomes the value before it."""
     KILL = 7
     """The process is killed before it."""
+    HANG_RETURN = 8
+    """It blocks as HANG does, then it returns -7 and has no effect."""
+    HANG_AFTER = 9
+    """It has its effect, and then blocks as HANG does."""
+    KILL_AFTER = 10
+    """The process is killed when it has had its effect."""
 
 
 class Row(IntEnum):
@@ -81,6 +87,54 @@ class Row(IntEnum):
     CRD = 17
     CLOCK_MS = 18
     ORDINAL = 19
+
+
+class Lit(IntEnum):
+    """Columns of lits(). LEFT0, LEFT1: from its begin and from its end to the call's end, pulse; for a dwell ms.
+
+    X, Y: the call's target, or the place of a dwell or of light at rest. CX, CY, RADIUS: of an arc, else 0.
+    COMMAND: whether the switch was on when it began; at rest 0 means the tail of an off delay.
+    """
+
+    CHANNEL = 0
+    ORDINAL = 1
+    KIND = 2
+    X = 3
+    Y = 4
+    LEFT0 = 5
+    LEFT1 = 6
+    X0 = 7
+    Y0 = 8
+    X1 = 9
+    Y1 = 10
+    MS = 11
+    CLOCK_MS = 12
+    POWER_MS = 13
+    COMMAND = 14
+    CX = 15
+    CY = 16
+    RADIUS = 17
+
+
+class Kind(IntEnum):
+    """Values of Row.KIND and Lit.KIND."""
+
+    LINE = 0
+    ARC_CENTRE = 1
+    ARC_RADIUS = 2
+    DELAY = 3
+    REST = 7
+    """Light while nothing moves."""
+
+
+UNSUPPORTED = {
+    "GT_SetLevelDelay": 1,
+    "GT_DisFPK": 2,
+    "GT_SetLaserDisMode": 4,
+    "GT_SetWaitPulse": 8,
+    "GT_SetPreVltg": 16,
+}
+"""Bits of the option `unsupported`: calls that return 8."""
 
 
 class Edge(IntEnum):
@@ -124,6 +178,7 @@ class VirtualController:
                 None,
                 [ctypes.c_char_p, ctypes.c_long, ctypes.c_long, ctypes.c_int, ctypes.c_double],
             ),
+            ("vc_clear_faults", None, []),
             ("vc_release", None, []),
             ("vc_advance", None, [ctypes.c_double]),
             ("vc_calls", ctypes.c_long, []),
@@ -132,6 +187,8 @@ class VirtualController:
             ("vc_row", None, [ctypes.c_long, ctypes.c_void_p]),
             ("vc_edges", ctypes.c_long, []),
             ("vc_edge", None, [ctypes.c_long, ctypes.c_void_p]),
+            ("vc_lits", ctypes.c_long, []),
+            ("vc_lit", None, [ctypes.c_long, ctypes.c_void_p]),
             ("vc_state", None, [ctypes.c_void_p]),
         )
         for name, result, arguments in signatures:
@@ -155,6 +212,10 @@ class VirtualController:
     def fault(self, what: Fault, name: str = "", nth: int = 1, count: int = 1, value: float = 0.0) -> None:
         """Plant a fault in the nth call of that name from now on ("" any), `count` times (-1 for ever)."""
         self.library.vc_fault(name.encode(), nth, count, int(what), float(value))
+
+    def clear_faults(self) -> None:
+        """Remove all faults that were planted."""
+        self.library.vc_clear_faults()
 
     def release(self) -> None:
         """Release calls that hang; later ones don't hang."""
@@ -180,6 +241,14 @@ class VirtualController:
     def edges(self) -> Floats:
         """Return the edges of the emission; columns are Edge."""
         return self._table(self.library.vc_edges(), len(Edge), self.library.vc_edge)
+
+    def lits(self) -> Floats:
+        """Return the lit stretches, those that are lit now up to now; columns are Lit."""
+        return self._table(self.library.vc_lits(), len(Lit), self.library.vc_lit)
+
+    def lit_count(self) -> int:
+        """Return the number of lit stretches so far."""
+        return int(self.library.vc_lits())
 
     def state(self) -> State:
         """Return the machine's present state."""

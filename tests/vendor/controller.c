@@ -59,13 +59,14 @@ typedef struct {
 #define ELSEWHERE 0
 #endif
 
-enum { DONE = 0, REFUSED = 1, PARAMETER = 7, NOT_OPEN = -6 };
+enum { DONE = 0, REFUSED = 1, PARAMETER = 7, UNSUPPORTED = 8, NOT_OPEN = -6, NO_RESPONSE = -7 };
 
 #define SLOTS 4096
 #define RING 8192     /* Twice the slots: a slot that a valid core still holds is never written. */
 #define PENDING 16384 /* Edges under way in a delay line. */
 #define ROWS 200000
 #define EDGES 400000
+#define LITS 200000
 #define FAULTS 32
 
 #define SLIVER 1e-9 /* ms: less is rounding. */
@@ -76,7 +77,7 @@ enum { DONE = 0, REFUSED = 1, PARAMETER = 7, NOT_OPEN = -6 };
 
 /* ---- The machine --------------------------------------------------------------------------------------------- */
 
-enum { LINE, ARC_CENTRE, ARC_RADIUS, DELAY, SWITCH, POWER, FOLLOW };
+enum { LINE, ARC_CENTRE, ARC_RADIUS, DELAY, SWITCH, POWER, FOLLOW, REST }; /* REST: light at rest, no call */
 
 /* A buffered call. p, q, r: an arc's centre offset (or radius) and direction; a delay; on; a power; a follow. */
 typedef struct {
@@ -142,6 +143,16 @@ enum {
     R_MIN = 14, R_MAX, R_COMPLETED, R_CRD, R_CLOCK, R_ORDINAL, R_COLUMNS
 };
 
+/*
+ * A lit stretch: emission on one piece of motion or dwell, or at rest. X, Y: the call's target, where it is for a dwell
+ * and at rest. LEFT: to the call's end, in pulse along its path, in ms for a dwell. A stretch also ends where its power
+ * becomes 0 or is 0 no longer. COMMAND: what the switch was told when it began; at rest 0 is the tail of an off delay.
+ */
+enum {
+    L_CHANNEL, L_ORDINAL, L_KIND, L_X, L_Y, L_LEFT0, L_LEFT1, L_X0, L_Y0, L_X1, L_Y1, L_MS, L_CLOCK, L_POWER_MS,
+    L_COMMAND, L_CX, L_CY, L_RADIUS, L_COLUMNS
+};
+
 enum { NO_ROW, OPEN_ROW, ENDED_ROW }; /* An ended row still takes light of the off delay. */
 
 /*
@@ -149,11 +160,18 @@ enum { NO_ROW, OPEN_ROW, ENDED_ROW }; /* An ended row still takes light of the o
  * that many times as fast. segment_counts_all 0: GT_CrdStatus counts timed calls only. slot_freed_at_start: a call
  * leaves its slot when it begins. di: what GT_GetDi reads. log: keep the log of calls. pos_error: added to x that
  * GT_GetCrdPos tells at rest. deaf: GT_CrdStart starts nothing. stuck: motion is frozen, run stays 1. endless: run
- * stays 1 when the FIFO is empty.
+ * stays 1 when the FIFO is empty. latency_us: real time that each call takes if speed is not 0, half of it before its
+ * effect. unsupported: bits of LACKING, the calls that return 8.
+ *
+ * leave_*: what an earlier program left, from the moment at which the option is set. leave_on: bits of channels that
+ * are on, at 40. leave_on_delay_us, leave_off_delay_us: level delays. leave_fpk_us: the first pulse killer, with this
+ * width, gap and late. leave_distance: a distance follow that holds the power at this value. leave_moving: a line of
+ * this length in x is under way.
  */
 enum {
     SPEED, CALL_US, POLL_US, SLOT_COUNT, COUNTS_ALL, FREED_AT_START, PERIOD_US, DI, LOG, POS_ERROR, DEAF, STUCK,
-    ENDLESS, OPTIONS
+    ENDLESS, LATENCY_US, LACKS, LEAVE_ON, LEAVE_ON_DELAY_US, LEAVE_OFF_DELAY_US, LEAVE_FPK_US, LEAVE_DISTANCE,
+    LEAVE_MOVING, OPTIONS
 };
 
 static const struct {
@@ -164,7 +182,14 @@ static const struct {
     [SLOT_COUNT] = {"slots", SLOTS}, [COUNTS_ALL] = {"segment_counts_all", 1},
     [FREED_AT_START] = {"slot_freed_at_start", 0}, [PERIOD_US] = {"period_us", 250}, [DI] = {"di", 0},
     [LOG] = {"log", 1}, [POS_ERROR] = {"pos_error", 0}, [DEAF] = {"deaf", 0}, [STUCK] = {"stuck", 0},
-    [ENDLESS] = {"endless", 0},
+    [ENDLESS] = {"endless", 0}, [LATENCY_US] = {"latency_us", 0}, [LACKS] = {"unsupported", 0},
+    [LEAVE_ON] = {"leave_on", 0}, [LEAVE_ON_DELAY_US] = {"leave_on_delay_us", 0},
+    [LEAVE_OFF_DELAY_US] = {"leave_off_delay_us", 0}, [LEAVE_FPK_US] = {"leave_fpk_us", 0},
+    [LEAVE_DISTANCE] = {"leave_distance", 0}, [LEAVE_MOVING] = {"leave_moving", 0},
+};
+
+static const char *LACKING[] = {
+    "GT_SetLevelDelay", "GT_DisFPK", "GT_SetLaserDisMode", "GT_SetWaitPulse", "GT_SetPreVltg",
 };
 
 typedef struct {
@@ -185,16 +210,21 @@ typedef struct {
     Channel channel[2];
     double row[R_COLUMNS];
     int row_state;
-    long rows, edges;
+    double lit[2][L_COLUMNS];
+    int lit_open[2];
+    long rows, edges, lits;
 } Core;
 
 /*
  * What a fault does. RETURN: the value is returned, without effect. AFTER: the value is returned in spite of the
  * effect. And before the effect, HANG: block until vc_release, or for the value in s; HALT: motion stops abruptly;
  * SIGNAL: the process gets the value; DRY: all that runs is run to its end; DI: the input becomes the value; KILL: the
- * process is gone.
+ * process is gone. HANG_RETURN: block as HANG, then return -7 without effect. HANG_AFTER and KILL_AFTER: the same as
+ * HANG and KILL, but after the effect. Faults of one call add up: HANG and RETURN block and return the value.
  */
-enum { F_RETURN, F_AFTER, F_HANG, F_HALT, F_SIGNAL, F_DRY, F_DI, F_KILL };
+enum {
+    F_RETURN, F_AFTER, F_HANG, F_HALT, F_SIGNAL, F_DRY, F_DI, F_KILL, F_HANG_RETURN, F_HANG_AFTER, F_KILL_AFTER
+};
 
 typedef struct {
     char name[40];
@@ -211,6 +241,7 @@ typedef struct {
     Edge edge[2][LINES][PENDING];
     double row[ROWS][R_COLUMNS];
     double light[EDGES][4];
+    double lit[LITS][L_COLUMNS];
     int faults;
     Fault fault[FAULTS];
     atomic_int released;  /* nothing hangs any more */
@@ -317,9 +348,93 @@ static double power_at(const Channel *c, double t)
     return clamp(power, c->low, c->high);
 }
 
+/* Where a stretch begins or ends at a time: what is left of the call, and the place. */
+static void lit_place(double t, int kind, double *left, double *x, double *y)
+{
+    double velocity;
+    *left = 0;
+    *x = m->x;
+    *y = m->y;
+    if (is_set(STUCK))
+        t = m->t;
+    if (kind == DELAY) {
+        *left = fmax(m->piece.start + m->piece.duration - t, 0);
+    } else if (kind != REST) {
+        double way = way_at(t - m->piece.start, &velocity);
+        *left = m->path.length - way;
+        point(way, x, y);
+    }
+}
+
+/* The stretch that is open, as if it ended at a time. */
+static void lit_until(double t, int channel, double row[L_COLUMNS])
+{
+    memcpy(row, m->lit[channel], sizeof m->lit[channel]);
+    lit_place(t, (int)row[L_KIND], &row[L_LEFT1], &row[L_X1], &row[L_Y1]);
+}
+
+static void end_lit(int channel, double t)
+{
+    if (!m->lit_open[channel])
+        return;
+    m->lit_open[channel] = 0;
+    if (m->lit[channel][L_MS] > SLIVER && m->lits < LITS)
+        lit_until(t, channel, state->lit[m->lits++]);
+}
+
+static void begin_lit(int channel, double t)
+{
+    const Channel *c = &m->channel[channel];
+    const Path *p = &m->path;
+    double *row = m->lit[channel];
+    int at_path = m->moving && m->loaded, kind = at_path ? p->call.kind : REST;
+    if (!c->line[LIGHT_LINE].on || m->lit_open[channel])
+        return;
+    m->lit_open[channel] = 1;
+    memset(row, 0, sizeof m->lit[channel]);
+    lit_place(t, kind, &row[L_LEFT0], &row[L_X0], &row[L_Y0]);
+    row[L_CHANNEL] = channel;
+    row[L_ORDINAL] = at_path ? (double)p->call.ordinal : -1;
+    row[L_KIND] = kind;
+    row[L_X] = at_path && kind != DELAY ? p->call.x : m->x;
+    row[L_Y] = at_path && kind != DELAY ? p->call.y : m->y;
+    row[L_CLOCK] = m->origin + t;
+    row[L_COMMAND] = c->command;
+    if (at_path && p->arc) {
+        row[L_CX] = p->cx;
+        row[L_CY] = p->cy;
+        row[L_RADIUS] = p->radius;
+    }
+}
+
+/* Around each change of what moves. */
+static void end_lits(void)
+{
+    end_lit(0, m->t);
+    end_lit(1, m->t);
+}
+
+static void begin_lits(void)
+{
+    begin_lit(0, m->t);
+    begin_lit(1, m->t);
+}
+
+/* The power from a time on. */
+static void hold(int channel, double power, double t)
+{
+    Channel *c = &m->channel[channel];
+    int parts = (power > 0) != (c->held > 0);
+    if (parts)
+        end_lit(channel, t);
+    c->held = power;
+    if (parts)
+        begin_lit(channel, t);
+}
+
 static void sample(Channel *c)
 {
-    c->held = power_at(c, m->t);
+    hold((int)(c - m->channel), power_at(c, m->t), m->t);
 }
 
 /* Light at rest is the last row's while it is but the delay of an off edge; else nobody's. */
@@ -327,6 +442,8 @@ static void shine(int channel, double ms)
 {
     Channel *c = &m->channel[channel];
     c->total += ms;
+    m->lit[channel][L_MS] += ms;
+    m->lit[channel][L_POWER_MS] += ms * c->held;
     if (m->row_state == OPEN_ROW || (m->row_state == ENDED_ROW && !c->command)) {
         m->row[R_EMISSION + channel] += ms;
         m->row[R_POWER_MS + channel] += ms * c->held;
@@ -353,7 +470,7 @@ static void shine_until(int channel, double to, double last)
         double at = clamp(tick * period, from, to);
         if (emits)
             shine(channel, at - from);
-        c->held = power_at(c, at);
+        hold(channel, power_at(c, at), at);
         from = at;
     }
     if (emits)
@@ -417,15 +534,29 @@ static double next_edge(int channel, int line)
     return INFINITY;
 }
 
+static void set_light(int channel, int on)
+{
+    Line *l = &m->channel[channel].line[LIGHT_LINE];
+    int changes = l->on != on;
+    if (changes)
+        end_lit(channel, m->t);
+    l->on = on;
+    if (changes)
+        begin_lit(channel, m->t);
+    log_light(channel, on);
+}
+
 static void edge_out(int channel, int line)
 {
     Channel *c = &m->channel[channel];
     Line *l = &c->line[line];
-    l->on = edge_of(channel, line, l->head++)->on;
-    if (line == LIGHT_LINE)
-        log_light(channel, l->on);
-    else
-        delayed(channel, LIGHT_LINE, !c->fpk ? 0 : l->on ? c->fpk_gap : c->fpk_late, l->on);
+    int on = edge_of(channel, line, l->head++)->on;
+    if (line == LIGHT_LINE) {
+        set_light(channel, on);
+        return;
+    }
+    l->on = on;
+    delayed(channel, LIGHT_LINE, !c->fpk ? 0 : on ? c->fpk_gap : c->fpk_late, on);
 }
 
 static void switch_buffered(int channel, int on)
@@ -441,9 +572,9 @@ static void switch_at_once(int channel, int on)
 {
     Channel *c = &m->channel[channel];
     int i;
-    if (c->line[LIGHT_LINE].on != on)
-        log_light(channel, on);
     c->command = on;
+    if (c->line[LIGHT_LINE].on != on)
+        set_light(channel, on);
     for (i = 0; i < LINES; i++) {
         c->line[i].head = c->line[i].tail;
         c->line[i].on = on;
@@ -658,10 +789,12 @@ static void next_path(int power[2])
 static void fetch(void)
 {
     int i, power[2] = {0};
+    end_lits();
     next_path(power);
     for (i = 0; i < 2; i++)
         if (power[i])
             sample(&m->channel[i]);
+    begin_lits();
 }
 
 /* The path under way is done with. */
@@ -674,6 +807,7 @@ static void complete(void)
 static void end_piece(void)
 {
     const Piece *p = &m->piece;
+    end_lits();
     m->row[R_DURATION] += p->duration;
     m->velocity = p->end_velocity;
     if (p->rests) {
@@ -681,6 +815,7 @@ static void end_piece(void)
         end_row(p->from + p->way, 0, 0);
         rest();
         m->piece.from += p->way;
+        begin_lits();
         return;
     }
     if (m->path.call.kind != DELAY) {
@@ -728,6 +863,7 @@ static void halt(void)
     double velocity, way;
     if (!m->moving)
         return;
+    end_lits();
     if (m->loaded) {
         way = way_at(m->t - m->piece.start, &velocity);
         point(way, &m->x, &m->y);
@@ -738,6 +874,7 @@ static void halt(void)
             complete();
     }
     rest();
+    begin_lits();
 }
 
 static void stop_smoothly(void)
@@ -776,6 +913,40 @@ static void default_channel(Channel *c)
     c->high = 100;
 }
 
+static short put(double crd_number, double lane_number, Slot call);
+static short start(const double *a, double *out);
+
+static void leave_line(double length)
+{
+    static const double SYSTEM_1[] = {1, 0};
+    m->axes |= 3;
+    m->built[0] = 1;
+    put(1, 0, (Slot){.kind = LINE, .x = m->x + length, .y = m->y, .vel = 50, .acc = 10});
+    start(SYSTEM_1, NULL);
+}
+
+/* What an earlier program left behind in a channel. */
+static void leave_channel(int option, int channel, double value)
+{
+    Channel *c = &m->channel[channel];
+    if (option == LEAVE_ON && (int)value >> channel & 1) {
+        set_power(c, 40);
+        switch_at_once(channel, 1);
+    } else if (option == LEAVE_ON_DELAY_US) {
+        c->on_delay = value / 1000;
+    } else if (option == LEAVE_OFF_DELAY_US) {
+        c->off_delay = value / 1000;
+    } else if (option == LEAVE_FPK_US) {
+        c->fpk = value > 0;
+        c->fpk_width = c->fpk_gap = c->fpk_late = value / 1000;
+    } else if (option == LEAVE_DISTANCE) {
+        c->distance = value > 0;
+        c->distance_low = c->distance_high = value;
+        c->scale[0] = c->scale[1] = c->scale[2] = c->scale[3] = 1;
+    }
+    sample(c);
+}
+
 static int set_option(const char *name, double value)
 {
     int i;
@@ -784,6 +955,12 @@ static int set_option(const char *name, double value)
             m->option[i] = value;
             m->tick = ceil(m->t / (m->option[PERIOD_US] / 1000) - SLIVER);
             tie_clock();
+            if (i == LEAVE_MOVING)
+                leave_line(value);
+            else if (i >= LEAVE_ON) {
+                leave_channel(i, 0, value);
+                leave_channel(i, 1, value);
+            }
             return 0;
         }
     return -1;
@@ -987,11 +1164,20 @@ static void hang(double seconds)
 /* What befalls the process, outside the lock. */
 static void befall_process(const Fault *f)
 {
-    if (f->what == F_HANG)
+    if (f->what == F_HANG || f->what == F_HANG_RETURN)
         hang(f->value);
     else if (f->what == F_SIGNAL)
         kill(getpid(), (int)f->value);
     else if (f->what == F_KILL)
+        kill(getpid(), SIGKILL);
+}
+
+/* The same after the effect. */
+static void befall_process_after(const Fault *f)
+{
+    if (f->what == F_HANG_AFTER)
+        hang(f->value);
+    else if (f->what == F_KILL_AFTER)
         kill(getpid(), SIGKILL);
 }
 
@@ -1012,25 +1198,47 @@ typedef short Effect(const double *a, double *out);
 
 static short open_card(const double *a, double *out);
 
+/* Half of the latency. The clock of the wall goes on; virtual time takes none. */
+static void take_latency(void)
+{
+    const double *option = state->core[atomic_load(&state->valid)].option;
+    double ms = option[SPEED] > 0 ? option[LATENCY_US] / 2000 : 0;
+    struct timespec nap = {.tv_sec = (time_t)(ms / 1000), .tv_nsec = (long)(fmod(ms, 1000) * 1e6)};
+    while (ms > 0 && nanosleep(&nap, &nap) != 0 && errno == EINTR)
+        ;
+}
+
+static int is_lacking(const char *name)
+{
+    size_t i;
+    for (i = 0; is_set(LACKS) && i < sizeof LACKING / sizeof *LACKING; i++)
+        if (strcmp(name, LACKING[i]) == 0)
+            return (int)m->option[LACKS] >> i & 1;
+    return 0;
+}
+
 static short call_with_text(const char *name, const char *form, Effect *effect, const double *a, double *out,
                             int polls, const char *text)
 {
     Fault due[FAULTS];
     int i, faults = due_faults(name, due), returns = 0;
     short code = DONE;
+    take_latency();
     for (i = 0; i < faults; i++)
         befall_process(&due[i]);
     enter();
     spend((m->option[CALL_US] + polls * m->option[POLL_US]) / 1000);
     for (i = 0; i < faults; i++) {
         befall_machine(&due[i]);
-        if (due[i].what == F_RETURN && !returns) {
+        if ((due[i].what == F_RETURN || due[i].what == F_HANG_RETURN) && !returns) {
             returns = 1;
-            code = (short)due[i].value;
+            code = due[i].what == F_RETURN ? (short)due[i].value : NO_RESPONSE;
         }
     }
-    if (!returns)
-        code = m->open || effect == open_card ? effect(a, out) : NOT_OPEN;
+    if (!returns && !m->open && effect != open_card)
+        code = NOT_OPEN;
+    else if (!returns)
+        code = is_lacking(name) ? UNSUPPORTED : effect(a, out);
     for (i = 0; i < faults; i++)
         if (due[i].what == F_AFTER && code == DONE)
             code = (short)due[i].value;
@@ -1038,6 +1246,9 @@ static short call_with_text(const char *name, const char *form, Effect *effect, 
     if (is_set(LOG))
         log_call(code, name, form, a, text);
     unlock_state();
+    for (i = 0; i < faults; i++)
+        befall_process_after(&due[i]);
+    take_latency();
     return code;
 }
 
@@ -1445,6 +1656,7 @@ static short start(const double *a, double *out)
         return REFUSED;
     if (is_set(DEAF))
         return DONE;
+    end_lits();
     if (f->fresh)
         new_origin();
     f->fresh = 0;
@@ -1454,6 +1666,7 @@ static short start(const double *a, double *out)
     if (m->loaded) {
         plan(m->piece.from, 0);
         begin_row();
+        begin_lits();
     } else {
         fetch();
     }
@@ -1841,6 +2054,14 @@ void vc_fault(const char *name, long nth, long count, int what, double value)
     unlock_state();
 }
 
+/* Faults that were planted are gone; what hangs goes on hanging. */
+void vc_clear_faults(void)
+{
+    lock_state();
+    state->faults = 0;
+    unlock_state();
+}
+
 /* Calls that hang go on, and later ones don't hang. */
 void vc_release(void)
 {
@@ -1912,6 +2133,31 @@ void vc_edge(long i, double out[4])
     enter();
     if (i >= 0 && i < m->edges)
         memcpy(out, state->light[i], sizeof state->light[i]);
+    leave();
+}
+
+static int is_lit(int channel)
+{
+    return m->lit_open[channel] && m->lit[channel][L_MS] > SLIVER;
+}
+
+/* Lit stretches, with those that are lit now, up to now. */
+long vc_lits(void)
+{
+    long count;
+    enter();
+    count = m->lits + is_lit(0) + is_lit(1);
+    leave();
+    return count;
+}
+
+void vc_lit(long i, double out[18])
+{
+    enter();
+    if (i >= 0 && i < m->lits)
+        memcpy(out, state->lit[i], sizeof state->lit[i]);
+    else if (i >= m->lits && i < m->lits + is_lit(0) + is_lit(1))
+        lit_until(m->t, i == m->lits && is_lit(0) ? 0 : 1, out);
     leave();
 }
 
