@@ -243,7 +243,8 @@ class ControllerRun:
     Attributes:
         ending: "done": the whole job was run. "nothing-left": the recorded run was already complete.
             "failed": the run was stopped or a fault occurred. "declined": `confirm` did not return True.
-            "unconfirmed": `confirm` is neither True nor a function. "refused": the request can't be run. "invalid": the
+            "unconfirmed": `confirm` is neither True nor a function. "refused": the request can't be run. "busy":
+            another run uses the controller or continues the journal; `diagnostics` has its process. "invalid": the
             library does not fit, or the calls have errors.
         reason: Why the request was refused or not confirmed, else "".
         diagnostics: Faults and other problems, at lines of the job.

@@ -122,7 +122,7 @@ def test_the_top_level_is_tidy() -> None:
     assert {p.name for p in ROOT.iterdir() if not p.name.startswith(".")} - made == known
 
 
-HEAVY = ("rich", "gusjob.simulate", "gusjob.planner", "gusjob.report", "tomllib", "numpy.ma")
+HEAVY = ("rich", "filelock", "gusjob.simulate", "gusjob.planner", "gusjob.report", "tomllib", "numpy.ma")
 """Imported by other commands only."""
 
 

@@ -69,9 +69,9 @@ def _closing_message(outcome: RunOutcome) -> str:
     """Say how a run ended; '' if its diagnostics say it."""
     journal = printable(str(outcome.journal))
     match outcome.ending:
-        case Ending.DECLINED:
-            if outcome.is_journal_needed:
-                return Phrase("not started; continue with --resume {journal}", journal=journal)
+        case Ending.DECLINED if outcome.is_journal_needed:
+            return Phrase("not started; continue with --resume {journal}", journal=journal)
+        case Ending.DECLINED | Ending.BUSY:
             return Phrase("not started")
         case Ending.NOTHING_LEFT:
             return Phrase("the job was run to its end; there is nothing to resume")

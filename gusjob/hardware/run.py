@@ -27,6 +27,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, has_errors
 from gusjob.hardware.begin import begin_range, fingerprint, range_is_in_job
 from gusjob.hardware.forecast import Forecast, forecast
+from gusjob.hardware.locks import recorded_again, run_locks
 from gusjob.hardware.progress import ProgressMeter, Watch
 from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.hardware.signals import stop_on_signals
@@ -72,6 +73,8 @@ class Ending(StrEnum):
     """Nothing was done: the request is not confirmed."""
     REFUSED = "refused"
     """Nothing was done: the request can't be run; `refusal` says why."""
+    BUSY = "busy"
+    """Nothing was done: another run uses the controller or continues the journal; `diagnostics` says which."""
     INVALID = "invalid"
     """Nothing was done: the job or the library has errors; `diagnostics` has them."""
     DECLINED = "declined"
@@ -150,17 +153,30 @@ def run_on(
     prepared = _prepare(request)
     if isinstance(prepared, RunOutcome):
         return prepared
-    begin = begin_range(prepared.request)
-    if isinstance(begin, Refusal):
-        return RunOutcome(ending=Ending.REFUSED, refusal=begin)
     if confirm is not True and not callable(confirm):
         refusal = Refusal(reason=Phrase("a run on hardware must be confirmed"))
         return RunOutcome(ending=Ending.UNCONFIRMED, refusal=refusal)
+    with run_locks(prepared.request, prepared.library) as obstacle:
+        if isinstance(obstacle, Diagnostic):
+            return RunOutcome(ending=Ending.BUSY, diagnostics=prepared.request.located([obstacle]))
+        if isinstance(obstacle, Refusal):
+            return RunOutcome(ending=Ending.REFUSED, refusal=obstacle)
+        return _run_locked(prepared, confirm, control or Control(), watch)
+
+
+def _run_locked(prepared: _PreparedRun, confirm: Confirm, control: Control, watch: Watch | None) -> RunOutcome:
+    """Run with the controller, and the journal that is continued, locked."""
+    request = recorded_again(prepared.request)
+    if isinstance(request, Refusal):
+        return RunOutcome(ending=Ending.REFUSED, refusal=request)
+    prepared, begin = replace(prepared, request=request), begin_range(request)
+    if isinstance(begin, Refusal):
+        return RunOutcome(ending=Ending.REFUSED, refusal=begin)
     journal = _open_journal(prepared, begin)
     if isinstance(journal, Refusal):
         return RunOutcome(ending=Ending.REFUSED, refusal=journal)
     try:
-        return _run(prepared, begin, journal, confirm, control or Control(), watch)
+        return _run(prepared, begin, journal, confirm, control, watch)
     finally:
         journal.close()
 

@@ -146,3 +146,10 @@ SEVERAL_SYSTEMS = rule(
     text="a run on hardware uses one coordinate system and one FIFO; here is {what} after {first}",
     why="If two FIFOs are filled in turn, the order of their execution is not known.",
 )
+IN_USE = rule(
+    "GJ918",
+    ERROR,
+    title="controller or journal in use",
+    text="{what} is in use by {holder}: wait until that run has ended, or stop it",
+    why="Two runs on one controller clear each other's calls. Two that continue one journal mark the rest twice.",
+)
