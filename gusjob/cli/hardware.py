@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import show, stop
+from gusjob.cli.progress_lines import doubling
 from gusjob.cli.run_display import run_display
 from gusjob.controllers.journal.reader import RecordedRun
 from gusjob.hardware.forecast import ChannelForecast
@@ -126,9 +127,7 @@ def _plan_text(plan: RunPlan) -> str:
         begin = Phrase("{place}; the head moves there with the laser off", place=plan.begin_location)
         rows.append((Phrase("from"), begin))
     if plan.doubling_mm:
-        rows.append(
-            (Phrase("twice"), Phrase("up to {length} mm of marks are made twice", length=f"{plan.doubling_mm:.3f}"))
-        )
+        rows.append((Phrase("twice"), doubling(plan.doubling_mm)))
     if plan.is_torn:
         rows.append((Phrase("resumed"), Phrase("the last line of its journal is incomplete and is not used")))
     rows.append((Phrase("journal"), printable(str(plan.journal))))

@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gusjob.cli.keys import Keys
-from gusjob.cli.progress_lines import PHASES, duration, mm, percent
+from gusjob.cli.progress_lines import PHASES, doubling, duration, mm, percent
 from gusjob.controllers.control import Phase
 from gusjob.hardware.progress import MAY_EMIT, PlannedPower, Progress
 from gusjob.i18n.phrases import Phrase, localized, printable
@@ -85,6 +85,8 @@ def panel(now: Progress, *, listening: bool) -> RenderableType:
     grid.add_row(localized(Phrase("position")), f"X {mm(now.x_mm)}  Y {mm(now.y_mm)} mm")
     for laser in now.lasers:
         grid.add_row(localized(Phrase("laser {channel}", channel=laser.channel)), _laser_text(laser, now.phase))
+    if now.doubling_mm:
+        grid.add_row(localized(Phrase("twice")), localized(doubling(now.doubling_mm)))
     filled = min(max(now.queued / now.slots, 0.0), 1.0) if now.slots > 0 else 0.0
     grid.add_row("FIFO", _bar(filled, f"{now.queued}/{now.slots}"))
     return Panel(Group(grid, Text(_keys_line(now.phase, listening=listening), "dim")), width=_WIDTH)

@@ -40,6 +40,7 @@ def json_line(now: Progress) -> str:
         "elapsed_s": round(now.elapsed_s, 3),
         "done_ms": round(now.done_ms, 3),
         "total_ms": round(now.total_ms, 3),
+        "doubling_mm": round(now.doubling_mm, 3),
         "channels": [
             {"channel": laser.channel, "unit": laser.unit, "power": None if math.isnan(laser.power) else laser.power}
             for laser in now.lasers
@@ -59,8 +60,14 @@ def plain_line(now: Progress) -> str:
         localized(Phrase("line {place}", place=location)) if location else "",
         f"X {mm(now.x_mm)} Y {mm(now.y_mm)} mm",
         f"FIFO {now.queued}/{now.slots}",
+        localized(doubling(now.doubling_mm)) if now.doubling_mm else "",
     )
     return "  ".join(part for part in parts if part)
+
+
+def doubling(length_mm: float) -> Phrase:
+    """Return what continuing a run marks twice at most."""
+    return Phrase("up to {length} mm of marks are made twice", length=f"{length_mm:.3f}")
 
 
 def percent(share: float) -> int:

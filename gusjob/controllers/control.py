@@ -41,7 +41,8 @@ class RunStatus:
     """The state of a run.
 
     `row`: the first row of the whole job that is not done; `sent`: the first one that is not sent; `queued`: calls in
-    the FIFO; `slots`: calls that it can hold.
+    the FIFO; `slots`: calls that it can hold; `doubling_mm`: length of the marks that may be made twice when a paused
+    run continues.
     """
 
     phase: Phase = Phase.OPENING
@@ -51,6 +52,7 @@ class RunStatus:
     y_pulse: float = 0.0
     queued: int = 0
     slots: int = 0
+    doubling_mm: float = 0.0
 
 
 @dataclass(slots=True)

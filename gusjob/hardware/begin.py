@@ -9,13 +9,19 @@ import numpy as np
 
 from gusjob.controllers.gus.calls import BufferedCalls, Stream
 from gusjob.controllers.gus.driver.resume import recorded_range
+from gusjob.controllers.gus.dry_run import box_pulse
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
-from gusjob.diagnostics.model import Span
+from gusjob.controllers.gus.remainder import remainder_from
+from gusjob.diagnostics.model import Span, has_errors
 from gusjob.hardware.request import Refusal, RunRequest
 from gusjob.i18n.phrases import Phrase, printable
+from gusjob.simulate import Trace
 
 _ROUNDED_PULSE = 2.0
 """How much longer than the simulated segment a position along it may be: its point is rounded."""
+_POWER_FACTOR = 1.01
+"""How much higher than in the job's simulation a power may be: both are sampled at ticks, but not at the same ones."""
 
 
 def begin_range(request: RunRequest) -> PositionRange | Refusal | None:
@@ -59,6 +65,32 @@ def is_in_job(request: RunRequest, position: PathPosition) -> bool:
     if number >= len(trace) or trace.call[number] != position.row:
         return False
     return position.along_pulse <= float(trace.segments.length[number]) + _ROUNDED_PULSE
+
+
+def rest_is_in_job(request: RunRequest, begin: PathPosition) -> bool:
+    """Return whether the rest of a job from a position marks only where the job does, with no more than its power.
+
+    The calls of the rest are made from those of the job; this simulates them before the first one is made.
+    """
+    rest = remainder_from(request.stream, begin).stream
+    trace, found = simulate_stream(rest, request.machine)
+    if trace is None or has_errors(found):
+        return False
+    highest, allowed = _highest_powers(trace), _highest_powers(request.trace)
+    if not all(power <= allowed.get(channel, 0.0) * _POWER_FACTOR for channel, power in highest.items()):
+        return False
+    box, whole = box_pulse(trace), box_pulse(request.trace)
+    if not highest or box is None or whole is None:
+        return not highest  # Nothing is marked.
+    low, high = (0, 2), (1, 3)
+    above = all(box[i] >= whole[i] - _ROUNDED_PULSE for i in low)
+    return above and all(box[i] <= whole[i] + _ROUNDED_PULSE for i in high)
+
+
+def _highest_powers(trace: Trace) -> dict[int, float]:
+    """Return the highest power of each channel that emits."""
+    emitted = {channel.channel: channel.emitted for channel in trace.channels if channel.first_emitting is not None}
+    return {channel: float(found.power_max[found.emission_ms > 0].max()) for channel, found in emitted.items()}
 
 
 def _outside(request: RunRequest) -> Refusal:

@@ -38,7 +38,8 @@ class PlannedPower:
 class Progress:
     """The progress of a run.
 
-    `location`: file:line, '' if there is none; `elapsed_s`: without pauses; `done_ms`, `total_ms`: planned time.
+    `location`: file:line, '' if there is none; `elapsed_s`: without pauses; `done_ms`, `total_ms`: planned time;
+    `doubling_mm`: length of the marks that may be made twice when a paused run continues.
     """
 
     job: str
@@ -56,6 +57,7 @@ class Progress:
     done_ms: float
     total_ms: float
     lasers: tuple[PlannedPower, ...]
+    doubling_mm: float = 0.0
 
     @property
     def share(self) -> float:
@@ -116,6 +118,7 @@ class ProgressMeter:
             elapsed_s=elapsed_s,
             done_ms=self.forecast.done_ms(row),
             total_ms=self.forecast.duration_ms,
+            doubling_mm=status.doubling_mm,
             lasers=self._lasers(row, may_emit=row < rows and status.phase in MAY_EMIT),
         )
 

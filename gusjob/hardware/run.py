@@ -25,7 +25,7 @@ from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_jo
 from gusjob.controllers.journal.writer import Journal, mark_resumed
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, has_errors
-from gusjob.hardware.begin import begin_range, fingerprint, range_is_in_job
+from gusjob.hardware.begin import begin_range, fingerprint, range_is_in_job, rest_is_in_job
 from gusjob.hardware.forecast import Forecast, forecast
 from gusjob.hardware.locks import recorded_again, run_locks
 from gusjob.hardware.progress import ProgressMeter, Watch
@@ -198,6 +198,10 @@ def _run(
             return _outcome(prepared, searched, journal, None)
     if _is_complete(request, begin):
         return RunOutcome(ending=Ending.NOTHING_LEFT, journal=journal.path)
+    if request.options.resume is not None and not rest_is_in_job(request, _begin(request, begin)):
+        reason = Phrase("the rest of the job from there would not be as in the job: continue with --from-line N")
+        refusal = Refusal(reason=reason, subject=str(request.options.resume.path))
+        return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
     if callable(confirm) and not confirm(_plan(prepared, begin, journal)):
         return RunOutcome(ending=Ending.DECLINED, journal=journal.path, is_journal_needed=is_searched)
     if not is_searched and (refusal := _mark_resumed(request, journal)):

@@ -115,6 +115,7 @@ def test_json_line_is_complete(bench: Bench, capsys: pytest.CaptureFixture[str])
         "segment": 1, "segments": 4, "file": "test.job", "line": 7, "x_mm": 12.34, "y_mm": -3.0,
         "queued": 1024, "slots": 4096,
         "elapsed_s": 0.0, "done_ms": pytest.approx(110, abs=1), "total_ms": pytest.approx(110 + 210 + 60 + 110, abs=2),
+        "doubling_mm": 0.0,
         "channels": [{"channel": 0, "unit": "%", "power": 40.0}],
     }  # fmt: skip
 

@@ -15,7 +15,7 @@ from support.tools import MARK
 pytestmark = needs_controller
 
 LINES = 120
-JOB = MARK + f"VEL 20\nLASER POWER 40\nLASER ON\nREPEAT {LINES} AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
+JOB = MARK + f"VEL 5\nLASER POWER 40\nLASER ON\nREPEAT {LINES} AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
 OTHER = MARK + "LINE X 1\nLINE X 2\n"
 GEOMETRY = [Row.KIND, Row.X0, Row.Y0, Row.X1, Row.Y1, Row.LENGTH, Row.V0, Row.V1, Row.COMPLETED]
 

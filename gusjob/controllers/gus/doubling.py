@@ -58,7 +58,7 @@ def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float
     tail_ms = max(_lags_ms(stream, len(calls), channel)[1] for channel in _CHANNELS)
     tails_pulse = offs * tail_ms * float(calls.vel[rows].max(initial=0.0))
     pulse = float(lengths[on].sum()) + tails_pulse + _SLACK_PULSE
-    return pulse / min(machine.pulses_per_mm)
+    return float(pulse / min(machine.pulses_per_mm))
 
 
 def is_on(stream: Stream, channel: int) -> Bools:

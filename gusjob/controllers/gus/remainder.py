@@ -101,7 +101,8 @@ def remainder_from(stream: Stream, position: PathPosition, head_pulse: tuple[flo
     start = point_pulse(calls, position)
     line, crd, fifo = int(calls.line[row]), int(calls.crd[row]), int(calls.fifo[row])
     lead = _LeadIn(calls=calls, line=line, crd=crd, fifo=fifo)
-    if head_pulse is None or math.hypot(head_pulse[0] - start[0], head_pulse[1] - start[1]) >= 1:
+    is_away = head_pulse is None or math.hypot(head_pulse[0] - start[0], head_pulse[1] - start[1]) >= 1
+    if is_away and (calls.kind < Buffered.DELAY).any():  # A job of dwells runs where the head is.
         vel, acc = _velocity_and_acceleration(calls, row)
         lead.add(Buffered.LINE, x=start[0], y=start[1], vel=vel, acc=acc)
     for channel in (0, 1):

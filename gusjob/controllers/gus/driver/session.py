@@ -12,7 +12,7 @@ import numpy as np
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.calls import Buffered, Call, Stream, Value
-from gusjob.controllers.gus.doubling import before_laser_on
+from gusjob.controllers.gus.doubling import before_laser_on, doubling_mm
 from gusjob.controllers.gus.driver.fifo import Fifo, FifoStage, Interrupted
 from gusjob.controllers.gus.driver.link import BackendError, Link, call_failure, failure, meaning
 from gusjob.controllers.gus.driver.requirements import Outputs, number
@@ -417,11 +417,14 @@ class Session:
             raise BackendError(*faults)
         if self.broken is None:
             raise failure(rules.POSITION_UNKNOWN, 0, why=Phrase("the head is not on the path"), calls=0)
+        twice_mm = doubling_mm(self.stream, self.broken, self.machine)
+        self.control.status = replace(self.control.status, doubling_mm=twice_mm)
         while self.control.pause and not self.control.stop:
             self._publish(Phase.PAUSED)
             self.control.sleep(_PAUSE_S)
             self.check_interlock(_RESUME)
             self.ensure_laser_off()
+        self.control.status = replace(self.control.status, doubling_mm=0.0)
         if self.control.stop:
             raise Interrupted
         begin = before_laser_on(self.stream, self.broken.earliest)
