@@ -1,147 +1,386 @@
-"""Kill runs by SIGKILL at random moments and resume them: PYTHONPATH=tests python -m support.kill [COUNT].
+"""Kill runs by SIGKILL at random moments and resume them: PYTHONPATH=tests python -m support.kill [COUNT] [SEED].
 
-The virtual controller outlives the process, as hardware does: it continues with what is in its FIFO. Each journal must
-resume to a complete job: the path whole, nothing twice beyond one segment, nothing left out.
+The virtual controller outlives the process, as hardware does: it continues with what is in its FIFO. Each killed run is
+resumed with a random fault in one of the calls, and then until it is done. What is promised about it is checked:
+support.resuming. Each run is a fork of a process that has everything imported; the library is loaded in the fork only,
+since it maps the machine's state when it is loaded. `--only N` runs one case again and shows its attempts.
 """
 
 from __future__ import annotations
 
+import argparse
+import io
+import json
 import os
 import random
-import subprocess
+import select
+import shutil
+import signal
 import sys
 import tempfile
 import time
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from support.controller import GUS, Floats, Row, VirtualController, build
-from support.hardware import Interruption, continues
-from support.tools import MARK
-
-JOB = (
-    MARK
-    + "VEL 400\nLASER POWER 40\nREPEAT 3 AS k\nLASER ON\nREPEAT 60 AS i\nLINE X (i % 2 * 3) Y (k + i / 100)\nEND\n"
-    + "ARC CCW I 1 J 0\nLASER OFF\nJUMP X 0 Y (k + 1)\nLASER DELAY ON 20us OFF 30us\nEND\n"
+from support.controller import GUS, Fault, Floats, VirtualController, build
+from support.resuming import (
+    MOST_RESUMES,
+    Attempt,
+    Verdict,
+    attempt,
+    compiled,
+    judged,
+    quick_machine,
+    recorded_of,
+    request_of,
 )
-SPEED = 4.0
+
+from gusjob.controllers.journal.reader import RecordedRun
+
+LATENCY_US = 1000
+SLOTS = (16, 64, 4096)
+CODES = (1, 2, 3, 7, 8, -1, -6, -7, -8)
+HANG_S = 0.3
+RUN_S = 0.65
+"""About as long as a run takes."""
+LIMIT_S = 60.0
+"""A run that takes longer is killed, and the case has failed."""
 
 
-def command(job: Path, library: Path, *more: str) -> list[str]:
-    """Return the command line of a run on the virtual controller."""
-    options = ("--backend", "gts", "--library", str(library), "--abi", "gus", "--yes", "--progress", "none")
-    return [sys.executable, "-m", "gusjob", "run", str(job), *options, *more]
+# Forks.
 
 
-def executed(library: Path, state: Path) -> Floats:
-    """Return all rows that a machine of that state executed, in a process of its own: a library maps one state."""
-    code = (
-        "import sys; sys.path.insert(0, sys.argv[1]); import pathlib, numpy as np;"
-        "from support.controller import VirtualController;"
-        "np.save(sys.argv[3], VirtualController(pathlib.Path(sys.argv[2])).rows())"
+@dataclass(slots=True)
+class Fork:
+    """A process that was forked, and the lines that it sends."""
+
+    pid: int
+    end: int
+    text: bytes = b""
+
+    def lines(self, until_s: float) -> Iterator[dict[str, Any]]:
+        """Yield what it sends until a time (time.perf_counter) or until it ends."""
+        while True:
+            left_s = until_s - time.perf_counter()
+            if left_s <= 0 or not select.select([self.end], [], [], left_s)[0]:
+                return
+            if not (more := os.read(self.end, 65536)):
+                return
+            *whole, self.text = (self.text + more).split(b"\n")
+            yield from (json.loads(line) for line in whole)
+
+    def kill(self) -> None:
+        """Kill it if it is alive."""
+        os.kill(self.pid, signal.SIGKILL)  # It is not reaped yet, so the number is still its own.
+        os.waitpid(self.pid, 0)
+
+
+def fork(work: Callable[[Callable[[dict[str, Any]], None]], None], environment: dict[str, str]) -> Fork:
+    """Do something in a fork. `work` takes a function that sends a line to this process."""
+    read, write = os.pipe()
+    sys.stdout.flush()
+    pid = os.fork()
+    if pid:
+        os.close(write)
+        return Fork(pid, read)
+    try:
+        os.close(read)
+        os.environ.update(environment)
+        work(lambda line: _send(write, line))
+    except BaseException:  # noqa: BLE001  (it is sent)
+        _send(write, {"error": traceback.format_exc()})
+    finally:
+        os._exit(0)
+
+
+def _send(end: int, line: dict[str, Any]) -> None:
+    text = json.dumps(line).encode() + b"\n"
+    while text:
+        text = text[os.write(end, text) :]
+
+
+# One machine.
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A virtual controller that lives in a file, and the journals of its runs."""
+
+    folder: Path
+    library: Path
+    options: str
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {"VC_STATE": str(self.folder / "machine.state"), "VC_OPTIONS": self.options}
+
+    def run(
+        self, name: str, resume: RecordedRun | None, plant: Callable[[VirtualController], None], kill_s: float = LIMIT_S
+    ) -> Attempt:
+        """Run or resume in a fork, and kill it after a time."""
+        journal = self.folder / f"{name}.journal"
+
+        def work(send: Callable[[dict[str, Any]], None]) -> None:
+            controller = VirtualController(self.library)
+            controller.clear_faults()
+            send({"mark": controller.lit_count()})
+            plant(controller)
+            request = request_of(self.folder, self.library, quick_machine(), journal=journal, resume=resume)
+            made, _ = attempt(request, controller, lambda announced_mm: send({"announced_mm": announced_mm}))
+            send({"end": made.ending, "message": made.message, "codes": made.codes, "claim": made.false_claim})
+
+        child = fork(work, self.environment)
+        try:
+            made, until_s = Attempt(mark=0, journal=None), time.perf_counter() + LIMIT_S
+            for line in self._lines(child, until_s, kill_s):
+                if "mark" in line:
+                    made = replace(made, mark=line["mark"])
+                elif "announced_mm" in line:
+                    made = replace(made, announced_mm=line["announced_mm"])
+                elif "error" in line:
+                    made = replace(made, error=line["error"])
+                else:
+                    codes = tuple(line["codes"])
+                    made = replace(made, ending=line["end"], message=line["message"], codes=codes)
+                    made = replace(made, false_claim=line["claim"])
+        finally:
+            child.kill()
+            os.close(child.end)
+        if time.perf_counter() >= until_s:
+            made = replace(made, error=f"it took longer than {LIMIT_S:g} s")
+        return replace(made, journal=journal if journal.exists() else None)
+
+    @staticmethod
+    def _lines(child: Fork, until_s: float, kill_s: float) -> Iterator[dict[str, Any]]:
+        """Yield lines; from the first one on, for the time after which the process is to be killed."""
+        for line in child.lines(until_s):
+            yield line
+            until_s = time.perf_counter() + kill_s
+            break
+        yield from child.lines(until_s)
+
+    def lits(self) -> Floats:
+        """Return the lit stretches of all runs."""
+        found = self.folder / "lits.npy"
+
+        def work(_: Callable[[dict[str, Any]], None]) -> None:
+            table = io.BytesIO()
+            np.save(table, VirtualController(self.library).lits())
+            found.write_bytes(table.getvalue())
+
+        child = fork(work, self.environment)
+        os.waitpid(child.pid, 0)
+        os.close(child.end)
+        made: Floats = np.load(found)
+        return made
+
+
+# Cases.
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What happens to one run. `fault`: for its first resume; `call`: the call that it befalls."""
+
+    number: int
+    kill_s: float
+    slots: int
+    wait_s: float
+    fault: Fault
+    value: float
+    call: int
+    newest: bool
+    """Whether the journal of a resume that was killed is resumed, or once more the one that it resumed."""
+
+    def __str__(self) -> str:
+        where = f"{self.fault.name} {self.value:g} at call {self.call} of the resume after {self.wait_s:g} s"
+        return f"{self.number}: killed after {self.kill_s:.4f} s, {self.slots} slots; {where}"
+
+
+def case_of(seed: int, number: int) -> Case:
+    """Make a case by its seed and number."""
+    chance = random.Random(f"{seed}/{number}")
+    fault = chance.choice(
+        [Fault.RETURN] * 5
+        + [Fault.AFTER] * 2
+        + [Fault.KILL, Fault.KILL_AFTER] * 2
+        + [Fault.HANG, Fault.HANG_RETURN, Fault.HANG_AFTER]
     )
-    out = state.with_suffix(".npy")
-    environment = os.environ | {"VC_STATE": str(state)}
-    subprocess.run(
-        [sys.executable, "-c", code, str(Path(__file__).parents[1]), str(library), str(out)],
-        env=environment,
-        check=True,
+    is_code = fault in (Fault.RETURN, Fault.AFTER)
+    hangs = fault in (Fault.HANG, Fault.HANG_RETURN, Fault.HANG_AFTER)
+    return Case(
+        number=number,
+        kill_s=chance.uniform(0, RUN_S),
+        slots=chance.choice(SLOTS),
+        wait_s=chance.choice([0.0, 0.0, 0.05, 0.5]),
+        fault=fault,
+        value=chance.choice(CODES) if is_code else HANG_S if hangs else 0.0,
+        call=chance.choice([chance.randint(1, 30), chance.randint(1, 300)]),
+        newest=chance.random() < 0.5,
     )
-    rows: Floats = np.load(out)
-    return rows
 
 
-def killed(folder: Path, library: Path, after_s: float, number: int, slots: int = 4096) -> tuple[Path, Path, bool]:
-    """Kill a run some time after its journal appears; return its machine, its journal, and whether it was alive."""
-    job, state, journal = folder / "kill.job", folder / f"{number}.state", folder / f"{number}.journal"
-    job.write_text(JOB, encoding="utf-8")
-    environment = os.environ | {"VC_STATE": str(state), "VC_OPTIONS": f"speed={SPEED},log=0,slots={slots}"}
-    process = subprocess.Popen(
-        command(job, library, "--journal", str(journal)), env=environment, stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    while not journal.exists() and process.poll() is None:
-        time.sleep(0.001)
-    time.sleep(after_s)
-    alive = process.poll() is None
-    process.kill()
-    process.wait()
-    return state, journal, alive
+def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdict:
+    """Run a case."""
+    folder.mkdir()
+    options = f"speed=1,log=0,latency_us={LATENCY_US},slots={case.slots}"
+    machine = Machine(folder, library, options)
+    first = machine.run("0", None, lambda _: None, case.kill_s)
+    attempts, journal, stuck = [first], first.journal, ""
+
+    def plant(controller: VirtualController) -> None:
+        if len(attempts) == 1:
+            controller.fault(case.fault, nth=case.call, value=case.value)
+
+    while not attempts[-1].is_done and len(attempts) <= MOST_RESUMES:
+        if len(attempts) == 1:
+            time.sleep(case.wait_s)
+        resume: RecordedRun | None = None
+        if journal is not None:
+            recorded = recorded_of(journal)
+            if isinstance(recorded, str):
+                stuck = f"can't be resumed: {recorded}"
+                break
+            resume = recorded
+        made = machine.run(str(len(attempts)), resume, plant)
+        attempts.append(made)
+        if made.journal is not None and (made.ending or case.newest or journal is None):
+            journal = made.journal
+    verdict = judged(expected, machine.lits(), attempts)
+    shutil.rmtree(folder)
+    return replace(verdict, wrong=(*verdict.wrong, stuck)) if stuck else verdict
 
 
-def resume(folder: Path, library: Path, state: Path, journal: Path, whole: Floats, wait_s: float) -> str:
-    """Continue a killed run; return '' or what is wrong."""
-    time.sleep(wait_s)
-    before = len(executed(library, state))
-    environment = os.environ | {"VC_STATE": str(state)}
-    done = subprocess.run(
-        command(folder / "kill.job", library, "--resume", str(journal)), env=environment, capture_output=True,
-        text=True, timeout=60, check=False,
-    )  # fmt: skip
-    if done.returncode:
-        return f"exit {done.returncode}: {done.stderr.strip()[-400:]}"
-    rows = executed(library, state)
-    if "nothing to resume" in done.stderr:
-        return "" if len(rows) >= len(whole) else "not all was done"
-    # What the killed process had sent continued by itself, until the run that continues stopped it.
-    return "" if _continues_somewhere(rows, before, whole) else "the path is not whole"
+def whole_run(folder: Path, library: Path) -> Floats:
+    """Return the stretches of a run that is not killed."""
+    folder.mkdir()
+    machine = Machine(folder, library, f"speed=1,log=0,latency_us={LATENCY_US}")
+    made = machine.run("whole", None, lambda _: None)
+    assert made.is_done, made
+    expected = machine.lits()
+    shutil.rmtree(folder)
+    return expected
 
 
-def _continues_somewhere(rows: Floats, before: int, whole: Floats) -> bool:
-    """Return whether at least `before` rows are the path's beginning and the others are the rest of it."""
-    for first in range(before, min(len(rows), len(whole)) + 1):
-        head = rows[:first]
-        ends = np.abs(head[:-1, [Row.X1, Row.Y1]] - whole[: max(first - 1, 0), [Row.X1, Row.Y1]]).max(initial=0)
-        if ends > 1.5:
-            return False
-        if not isinstance(continues(whole, rows[first:], _interruption_after(head)), str):
-            return True
-    return False
+@dataclass(slots=True)
+class Summary:
+    """All cases so far."""
+
+    runs: int = 0
+    alive: int = 0
+    whole: int = 0
+    kept: int = 0
+    resumes: int = 0
+    left_out: float = 0.0
+    outside: float = 0.0
+    burning_ms: float = 0.0
+    doubled: tuple[float, float] = (0.0, 0.0)
+    """The largest, with what was announced for it."""
+    over: tuple[float, float] = (0.0, 0.0)
+    """The one that is most above what was announced."""
+
+    def add(self, line: dict[str, Any]) -> None:
+        self.runs += 1
+        self.alive += line["alive"]
+        self.whole += line["whole"]
+        self.kept += not line["wrong"]
+        self.resumes += line["resumes"]
+        self.left_out = max(self.left_out, line["left_out"])
+        self.outside = max(self.outside, line["outside"])
+        self.burning_ms = max(self.burning_ms, line["burning_ms"])
+        pair = (line["doubled"], line["announced"])
+        self.doubled = max(self.doubled, pair)
+        self.over = max(self.over, pair, key=lambda one: one[0] - one[1])
+
+    def __str__(self) -> str:
+        return (
+            f"{self.runs} runs ({self.alive} killed alive), {self.resumes} resumes: {self.whole} whole, "
+            f"{self.kept} with every promise kept\n"
+            f"worst left out {self.left_out:.1f} pulse, outside {self.outside:.1f} pulse, "
+            f"burning {self.burning_ms:.0f} ms\n"
+            f"most doubled {self.doubled[0]:.1f} pulse, announced {self.doubled[1]:.1f}; "
+            f"most above what was announced: {self.over[0]:.1f}, announced {self.over[1]:.1f}"
+        )
 
 
-def _interruption_after(head: Floats) -> Interruption:
-    if not len(head):
-        return Interruption(segment=0, along=0.0)
-    if head[-1, Row.COMPLETED]:
-        return Interruption(segment=len(head), along=0.0)
-    return Interruption(segment=len(head) - 1, along=float(head[-1, Row.LENGTH]))
+def result(case: Case, verdict: Verdict) -> dict[str, Any]:
+    """Return what a worker sends of a case."""
+    found = verdict.found
+    assert found is not None
+    return {
+        "case": str(case),
+        "number": case.number,
+        "alive": not verdict.attempts[0].ending,
+        "whole": verdict.is_whole,
+        "wrong": verdict.wrong,
+        "attempts": [str(one) for one in verdict.attempts],
+        "resumes": len(verdict.attempts) - 1,
+        "left_out": found.left_out_pulse,
+        "outside": found.outside_pulse,
+        "burning_ms": found.burning_ms,
+        "doubled": verdict.doubled_pulse,
+        "announced": verdict.announced_pulse,
+    }
 
 
-def whole_run(folder: Path, library: Path) -> tuple[Floats, float]:
-    """Return the rows of a run that is not killed, and its duration from the journal on, s."""
-    job, state = folder / "kill.job", folder / "whole.state"
-    job.write_text(JOB, encoding="utf-8")
-    environment = os.environ | {"VC_STATE": str(state), "VC_OPTIONS": f"speed={SPEED},log=0"}
-    journal = folder / "whole.journal"
-    process = subprocess.Popen(command(job, library, "--journal", str(journal)), env=environment)
-    while not journal.exists() and process.poll() is None:
-        time.sleep(0.001)
-    began = time.perf_counter()
-    assert process.wait() == 0
-    return executed(library, state), time.perf_counter() - began
+def results(numbers: list[int], workers: int, run: Callable[[int], dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Run cases in several processes and yield their results as they come."""
+
+    def work(mine: list[int]) -> Callable[[Callable[[dict[str, Any]], None]], None]:
+        def loop(send: Callable[[dict[str, Any]], None]) -> None:
+            for number in mine:
+                send(run(number))
+
+        return loop
+
+    children = [fork(work(numbers[first::workers]), {}) for first in range(min(workers, len(numbers)))]
+    by_end = {child.end: child for child in children}
+    while by_end:
+        for end in select.select(list(by_end), [], [])[0]:
+            child = by_end[end]
+            more = os.read(end, 65536)
+            *whole, child.text = (child.text + more).split(b"\n")
+            yield from (json.loads(line) for line in whole)
+            if not more:
+                os.waitpid(child.pid, 0)
+                del by_end[end]
 
 
 def main() -> int:
-    """Kill COUNT runs; the exit code is 1 if a journal did not resume to a complete job."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    chance, failures, alive_count = random.Random(5), 0, 0
+    """Kill COUNT runs; the exit code is 1 if a promise was broken."""
+    parser = argparse.ArgumentParser(description="Kill runs at random moments and resume them.")
+    parser.add_argument("count", type=int, nargs="?", default=200)
+    parser.add_argument("seed", type=int, nargs="?", default=5)
+    parser.add_argument("--only", type=int, help="run this case only, and show its attempts")
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    options = parser.parse_args()
+    began = time.perf_counter()
+    compiled()
+    summary = Summary()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         library = build(folder, GUS)
-        VirtualController(library)
-        whole, took_s = whole_run(folder, library)
-        for number in range(count):
-            after_s = chance.uniform(0, took_s)
-            state, journal, alive = killed(folder, library, after_s, number, chance.choice([64, 4096]))
-            alive_count += alive
-            # Sometimes the controller is still running when the run is resumed, sometimes its FIFO has long been empty.
-            wrong = resume(folder, library, state, journal, whole, chance.choice([0.0, 0.2, 1.5]))
-            failures += bool(wrong)
-            if wrong:
-                print(f"{number}: killed {after_s:.3f} s after its start: {wrong}")
-            state.unlink()
-    print(f"{count} runs killed ({alive_count} of them alive), {count - failures} resumed to a complete job")
-    return int(failures > 0)
+        expected = whole_run(folder / "whole", library)
+        numbers = [options.only] if options.only is not None else list(range(options.count))
+
+        def run(number: int) -> dict[str, Any]:
+            case = case_of(options.seed, number)
+            return result(case, run_case(case, folder / str(number), library, expected))
+
+        for line in results(numbers, options.workers, run):
+            if "error" in line:
+                print(line["error"])
+                return 1
+            summary.add(line)
+            if line["wrong"] or options.only is not None:
+                texts = [f"  {text}" for text in (*line["wrong"], *line["attempts"])]
+                print("\n".join([f"seed {options.seed}, case {line['case']}", *texts]), flush=True)
+    print(f"{summary}\n{time.perf_counter() - began:.0f} s")
+    return int(summary.kept < summary.runs)
 
 
 if __name__ == "__main__":
