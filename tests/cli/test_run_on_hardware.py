@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from support.controller import GTS_MULTI, GUS, Floats, Row, needs_controller
 from support.controller import build as build_controller
 from support.hardware import EVERYTHING
-from support.kill import JOB, executed, killed, resume, whole_run
+from support.killed_commands import JOB, executed, killed, resume, whole_run
 from support.tools import MARK
 
 from gusjob.cli.run_command import command
@@ -309,7 +309,7 @@ def test_a_reader_that_goes_away_ends_the_run(desk: Desk) -> None:
 
 @pytest.mark.slow
 def test_killed_runs_resume(desk: Desk) -> None:
-    """A few of what tests/kill.py does a hundred times."""
+    """A few, as commands; support.kill does it two hundred times without."""
     whole, took_s = whole_run(desk.folder, desk.library)
     assert len(whole) > 180
     chance = random.Random(7)
