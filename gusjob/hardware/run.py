@@ -207,6 +207,7 @@ def _run(
     if not is_searched and (refusal := _mark_resumed(request, journal)):
         return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
     session = _session(prepared, link, control)
+    session.marked_to = begin.latest
     meter = ProgressMeter.of(control, prepared.forecast, request.stream, request.machine, request.location_of_row)
     with stop_on_signals(control), watch(meter) if watch else nullcontext() as display:
         supervisor = Supervisor(session, display.tick) if display else Supervisor(session)

@@ -49,6 +49,10 @@ class PositionRange:
         """Make the range of one position."""
         return cls(earliest=position, latest=position)
 
+    def until(self, position: PathPosition) -> PositionRange:
+        """Return the range extended to a position, if that is later."""
+        return PositionRange(earliest=self.earliest, latest=max(self.latest, position, key=_key))
+
     def not_before(self, position: PathPosition) -> PositionRange:
         """Return the part of the range from a position on."""
         return PositionRange(
@@ -129,7 +133,10 @@ class TimedPath:
             return PositionRange.exactly(PathPosition(row=high))
         least = min(distance for distance, _ in found)
         if least > NEAR_PULSE:
-            return None
+            # The first motion begins wherever the head was.
+            row = int(self.timed[0])
+            is_first = low <= row + 1
+            return PositionRange(earliest=PathPosition(row=row), latest=PathPosition(row=row + 1)) if is_first else None
         # At a joint the end of one call is the start of the next.
         fitting = [position for distance, position in found if distance <= least + 0.5]
         return PositionRange(earliest=min(fitting, key=_key), latest=max(fitting, key=_key))

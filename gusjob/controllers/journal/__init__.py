@@ -4,7 +4,9 @@ The first line describes the run (gusjob-journal/2). Each further line is a call
 that it returned, for a buffered call the job's `row` (-1: a call that rebuilds the state of a resumed run), the job's
 `line`, the `call` and its `args` (of what it points to, the values found there). Other lines mark an event:
 
-- `part`: a run begins or continues at this row, `run` pulse along it, after `lead` rows of its own.
+- `part`: a run begins or continues at this row, `run` pulse along it, after `lead` rows of its own; what was marked
+  before it ends at `to` (row, pulse) at the latest.
+- `starting`: GT_CrdStart is called next.
 - `off`: true before the first call that switches the laser off; false if none of these calls had an effect.
 - `cut`: something else may have cut the laser since the last poll that found no fault.
 - `moving`: the motion was in progress when the controller was opened; `rest`: it was confirmed to be at rest.

@@ -68,7 +68,7 @@ _CALL = re.compile(r"GT_[A-Za-z0-9]{1,60}")
 _WHOLE = {"code": -LARGEST, "row": -1, "line": 0, "part": 0, "lead": 0, "broken": 0, "rows": 0, "crc": 0}
 """Fields with a whole number, and its lowest value."""
 _TEXTS = ("schema", "job", "calls", "library", "abi", "started", "options", "resumed", "gusjob")
-_FLAGS = ("off", "cut", "moving", "rest")
+_FLAGS = ("starting", "off", "cut", "moving", "rest")
 
 
 def _is_valid(name: str, value: Any) -> bool:

@@ -22,9 +22,10 @@ _CHAIN = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedPoll:
-    """What a poll found: rows of the part sent until then, free slots, position in pulse."""
+    """What a poll found: rows of the part sent until then, motion in progress, free slots, position in pulse."""
 
     sent: int
+    run: bool
     space: int
     x: float
     y: float
@@ -34,29 +35,38 @@ class RecordedPoll:
 class RecordedPart:
     """A part of a run as its journal recorded it, up to where it was interrupted.
 
-    It began at `begin` (row, pulse along it; of the whole job) behind `lead` rows of its own. `sent`: how many of its
+    It began at `begin` (row, pulse along it; of the whole job) behind `lead` rows of its own; what was marked before it
+    ends at `marked_to` at the latest. `sent`: how many of its
     rows the controller took; `uncertain`: whether one more may have been taken.
 
-    Of the stage that was cleared last: `first`, the rows that were sent before it; `filled`: rows were sent to it;
-    `started`: GT_CrdStart was called. As polled last: `slots` of its FIFO; `segment`: calls done; `line` of the job;
-    `space`: free slots when `sent_at_space` rows were sent; `poll`: the last poll of the motion that found no fault.
+    Of the stage that was cleared last: `first`, the rows that were sent before it; `started`: GT_CrdStart was called
+    and not refused. As polled last: `slots` of its FIFO; `segment`: calls done; `line` of the job; `space`: free slots
+    when `sent_at_space` rows were sent; `poll`: the last poll of the motion that found no fault.
     """
 
     begin: tuple[int, float]
     lead: int
+    marked_to: tuple[int, float]
     sent: int = 0
     uncertain: bool = False
     first: int = 0
-    filled: bool = False
     started: bool = False
     slots: int | None = None
     segment: int = 0
     line: int = 0
+    run: bool = True
     space: int = FIFO_SLOTS
     sent_at_space: int = 0
     poll: RecordedPoll | None = None
     newest_poll: RecordedPoll | None = None
     """One that no call of the job followed: it may have found a fault."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the last poll found the stage at its end; its FIFO may have been cleared since."""
+        found = self.newest_poll
+        is_empty = found is not None and found.sent == self.sent > self.first and found.space == self.slots
+        return is_empty and not self.uncertain and found is not None and not found.run
 
     @property
     def queued(self) -> int:
@@ -146,7 +156,11 @@ class _OneJournal:
             self.calls += 1
             self._add_call(line)
         elif "part" in line:
-            self.part = RecordedPart(begin=(line["part"], float(line["run"])), lead=line["lead"])
+            self.part = RecordedPart(
+                begin=(line["part"], float(line["run"])),
+                lead=line["lead"],
+                marked_to=(line["to"][0], float(line["to"][1])),
+            )
             self.broken = self.off_s = self.rest_s = None
             self.is_moving = self.is_cut = self.done = False
         elif "broken" in line:
@@ -154,6 +168,8 @@ class _OneJournal:
             self.broken = (line["broken"], float(line["run"])), (to[0], float(to[1]))
         elif "off" in line:
             self._add_off(line["t"] if line["off"] else None)
+        elif "starting" in line and self.part is not None:
+            self.part.started = True
         elif "rest" in line:
             self.rest_s = line["t"] if self.off_s is not None else None
         elif "cut" in line:
@@ -179,7 +195,7 @@ class _OneJournal:
         if "row" in line:
             self._add_row(part, line["row"], code)
         elif line["call"] == "GT_CrdStart":
-            part.started |= code <= 0  # One that was not answered may have had its effect.
+            part.started = code <= 0  # One that was not answered may have had its effect.
         elif code == 0 and line["line"] > 0:
             self._add_answer(part, line["call"], args, line["line"])
 
@@ -191,23 +207,23 @@ class _OneJournal:
             raise ValueError(row)
         part.sent += code == 0
         part.poll = part.newest_poll or part.poll
-        part.filled |= code <= 0
         part.uncertain = code < 0
 
     @staticmethod
     def _add_answer(part: RecordedPart, call: str, args: list[Any], line: int) -> None:
         """Add what the controller answered to a call about the job's motion."""
         if call == "GT_CrdClear":
-            part.first, part.filled, part.started, part.slots = part.sent, False, False, None
+            part.first, part.started, part.slots = part.sent, False, None
             part.segment, part.poll, part.newest_poll = 0, None, None
         elif call == "GT_CrdSpace":
             part.space, part.sent_at_space = _whole(args[1]), part.sent
             part.slots = part.slots or part.space
         elif call == "GT_CrdStatus":
-            part.segment, part.line, part.poll = _whole(args[2]), line, part.newest_poll or part.poll
+            part.run, part.segment, part.line = bool(_whole(args[1])), _whole(args[2]), line
+            part.poll = part.newest_poll or part.poll
         elif call == "GT_GetCrdPos" and part.started:
             x, y = (_number(value) for value in args[1][:2])
-            part.newest_poll = RecordedPoll(sent=part.sent_at_space, space=part.space, x=x, y=y)
+            part.newest_poll = RecordedPoll(sent=part.sent_at_space, run=part.run, space=part.space, x=x, y=y)
 
 
 def _read_one(path: Path) -> _OneJournal | str:

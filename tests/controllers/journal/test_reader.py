@@ -10,7 +10,7 @@ from gusjob.controllers.journal.reader import RecordedRun, read_journal
 
 HEAD = [
     b'{"schema":"gusjob-journal/2","job":"a.job","calls":"","rows":12,"options":"","begin":[0,0.0],"resumes":null}',
-    b'{"t":0.1,"part":0,"run":0.0,"lead":0}',
+    b'{"t":0.1,"part":0,"run":0.0,"lead":0,"to":[0,0.0]}',
 ]
 ROWS = [
     b'{"t":0.2,"code":0,"row":%d,"line":%d,"call":"GT_LnXY","args":[1,0,0,1,1,0,0]}' % (row, row + 3)

@@ -149,6 +149,8 @@ class Fifo:
         if self.stage is None:
             self.link.checked(call.name, *call.args, line=call.line)
             return
+        # Before the call: a process that is killed in it leaves no other trace.
+        self.link.journal.mark(starting=True)
         self.stage.may_run, self.stage.start_s = True, time.perf_counter()
         code, _ = self.link.call(call.name, *call.args, line=call.line)
         if code:

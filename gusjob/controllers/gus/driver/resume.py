@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from gusjob.controllers.gus.calls import Stream
+import math
+
+import numpy as np
+
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream
 from gusjob.controllers.gus.driver.link import BackendError, failure
 from gusjob.controllers.gus.driver.session import Session
-from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange, TimedPath
+from gusjob.controllers.gus.path_position import JOB_START, NEAR_PULSE, PathPosition, PositionRange, TimedPath
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.gus.remainder import Remainder, point_pulse, remainder_from
 from gusjob.controllers.journal.reader import RecordedPart, RecordedRun
@@ -21,11 +25,18 @@ def recorded_range(recorded: RecordedRun, stream: Stream) -> PositionRange | Non
         earliest, latest = (PathPosition(row=row, along_pulse=along) for row, along in recorded.broken)
         return PositionRange(earliest=earliest, latest=latest)
     part = recorded.part
-    if part is None or part.filled or part.started:
+    if part is None:
         return None
-    # What was sent before had ended before the last stage was cleared.
-    position = recorded_remainder(stream, part).job_position(PathPosition(row=part.sent))
-    return PositionRange.exactly(position)
+    remainder = recorded_remainder(stream, part)
+    is_cut = recorded.off and recorded.off_ms is None
+    if part.is_over and not is_cut and _is_at_end(remainder.stream.buffered, part):
+        row = part.sent
+    elif not part.started:
+        row = part.first  # What was sent before this stage had ended before it was cleared.
+    else:
+        return None
+    position = remainder.job_position(PathPosition(row=row))
+    return PositionRange.exactly(position).until(_marked_to(part))
 
 
 def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
@@ -61,9 +72,22 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     earliest = _earliest(session, recorded, path, located)
     if earliest.key > located.latest.key:
         raise _unknown(part, Phrase("it moved back since"))
-    found = remainder.job_range(PositionRange(earliest=earliest, latest=located.latest))
+    found = remainder.job_range(PositionRange(earliest=earliest, latest=located.latest)).until(_marked_to(part))
     session.note_broken(found)
     return found
+
+
+def _is_at_end(calls: BufferedCalls, part: RecordedPart) -> bool:
+    """Return whether the last poll found the head where the last motion ends that was sent."""
+    moves = np.flatnonzero(calls.kind[: part.sent] < Buffered.DELAY)
+    found = part.newest_poll
+    if found is None or not len(moves):
+        return False
+    return math.hypot(calls.x[moves[-1]] - found.x, calls.y[moves[-1]] - found.y) <= NEAR_PULSE
+
+
+def _marked_to(part: RecordedPart) -> PathPosition:
+    return PathPosition(row=part.marked_to[0], along_pulse=part.marked_to[1])
 
 
 def _earliest(session: Session, recorded: RecordedRun, path: TimedPath, located: PositionRange) -> PathPosition:

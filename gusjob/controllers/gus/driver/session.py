@@ -11,7 +11,7 @@ import numpy as np
 
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
-from gusjob.controllers.gus.calls import Buffered, Call, Stream, Value
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream, Value
 from gusjob.controllers.gus.doubling import before_laser_on, doubling_mm
 from gusjob.controllers.gus.driver.fifo import Fifo, FifoStage, Interrupted
 from gusjob.controllers.gus.driver.link import BackendError, Link, call_failure, failure, meaning
@@ -74,6 +74,8 @@ class Session:
     harmless_off: str = ""
     """What the off call did that was made before the ABI was confirmed; '' if none was made."""
     warnings: list[Diagnostic] = field(default_factory=list)
+    marked_to: PathPosition = JOB_START
+    """What earlier parts of the job's run may have marked ends here."""
     broken: PositionRange | None = None
     """Where the laser went off, in the whole job; None if that is not known, or it has not."""
     shutdown: Shutdown = field(init=False)
@@ -237,7 +239,8 @@ class Session:
     def _run(self, part: Remainder) -> None:
         self.reached, self.broken = part.begin, None
         self.shutdown.begin_part()
-        self.link.journal.mark(part=part.begin.row, run=part.begin.along_pulse, lead=part.lead_rows)
+        to = max(part.begin, self.marked_to, key=lambda position: position.key)
+        self.link.journal.mark(part=part.begin.row, run=part.begin.along_pulse, lead=part.lead_rows, to=[*to.key])
         self._part = part
         self._fifo = Fifo(
             self.link,
@@ -318,6 +321,7 @@ class Session:
         # If the laser can't be switched off at the first try, the motion must stop at once.
         still_on = shutdown.laser_off(retry=False)
         self._publish(Phase.STOPPING)
+        self._note_unstarted()
         try:
             if locate and not still_on:
                 self._locate(time.perf_counter, cut_outside=cut_outside)
@@ -342,16 +346,33 @@ class Session:
             cut_outside: see halt.
         """
         fifo, part = self._fifo, self._part
-        if self.broken is not None or part is None:
+        if self.broken is not None or part is None or fifo is None or fifo.stage is None:
             return
         try:
-            found = PositionRange.exactly(JOB_START) if fifo is None else self._located(fifo, until_s, cut_outside)
+            found = self._located(fifo.stage, fifo.calls, part, until_s, cut_outside=cut_outside)
         except BackendError:
             return
         if found is not None:
             self.note_broken(part.job_range(found))
 
-    def _located(self, fifo: Fifo, until_s: Callable[[], float], cut_outside: bool) -> PositionRange | None:
+    def _note_unstarted(self) -> None:
+        """Record where the laser went off if the present stage was not started, which needs no call."""
+        fifo, part = self._fifo, self._part
+        if self.broken is not None or part is None:
+            return
+        stage = fifo.stage if fifo else None
+        if stage is None or not stage.may_run:
+            self.note_broken(part.job_range(PositionRange.exactly(PathPosition(row=stage.first if stage else 0))))
+
+    def _located(
+        self,
+        stage: FifoStage,
+        calls: BufferedCalls,
+        part: Remainder,
+        until_s: Callable[[], float],
+        *,
+        cut_outside: bool,
+    ) -> PositionRange | None:
         """Return where the laser went off in the stream that is run; None if the head is not on its path.
 
         Free slots and position are read one after the other, and the motion continues in between: all rows that may
@@ -360,11 +381,7 @@ class Session:
         Raises:
             BackendError: the controller does not answer.
         """
-        stage, path = fifo.stage, TimedPath.of(fifo.calls, self._part.start_pulse if self._part else (0.0, 0.0))
-        if stage is None:
-            return PositionRange.exactly(JOB_START)
-        if not stage.may_run:
-            return PositionRange.exactly(PathPosition(row=stage.first))
+        path = TimedPath.of(calls, part.start_pulse)
         before, good = stage.taken, stage.good
         off_s = self.shutdown.off_since_s
         if cut_outside:
@@ -374,7 +391,7 @@ class Session:
         (space,) = self.link.checked("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo))
         # A buffered call that was not answered may have been taken.
         taken = max(stage.sent - (stage.size - int(space)), stage.first)
-        found = path.locate(min(before, taken), min(taken + 1, len(fifo.calls)), x, y)
+        found = path.locate(min(before, taken), min(taken + 1, len(calls)), x, y)
         if found is None:
             return None
         lit = path.earliest_at(good.taken, good.x, good.y) if good else JOB_START
@@ -384,7 +401,8 @@ class Session:
 
     def note_end(self) -> None:
         """Record that the whole job was done, although the run failed after it."""
-        self.note_broken(PositionRange.exactly(PathPosition(row=len(self.stream.buffered))))
+        if self._part is not None:
+            self.note_broken(PositionRange.exactly(PathPosition(row=len(self.stream.buffered))))
 
     def _extend_to_rest(self) -> None:
         """Extend where the laser went off to the rest position, if a call on the way there switches the laser on.
@@ -395,7 +413,7 @@ class Session:
         if fifo is None or fifo.stage is None or part is None or broken is None or not fifo.stage.may_run:
             return
         try:
-            found = self._located(fifo, lambda: self.shutdown.off_since_s, cut_outside=False)
+            found = self._located(fifo.stage, fifo.calls, part, lambda: self.shutdown.off_since_s, cut_outside=False)
         except BackendError:
             found = None
         sent = part.job_position(PathPosition(row=fifo.stage.sent))
@@ -406,7 +424,8 @@ class Session:
 
     def note_broken(self, found: PositionRange) -> None:
         """Record where the laser went off."""
-        self.broken, self.reached = found, found.earliest
+        found = found.until(self.marked_to)
+        self.broken, self.reached, self.marked_to = found, found.earliest, found.latest
         (row, along), (to_row, to_along) = found.earliest.key, found.latest.key
         self.link.journal.mark(broken=row, run=along, to=[to_row, to_along], line=self.line)
 

@@ -117,6 +117,7 @@ class Shutdown:
 
         A smooth stop continues along the path, through calls that may switch the laser on: its power is 0 then.
         """
+        self.rest_s = math.inf
         code = self._stop(abrupt=abrupt)
         began, abrupt_since = time.perf_counter(), time.perf_counter() if abrupt else 0.0
         while True:
