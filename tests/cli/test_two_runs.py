@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.controller import GUS, Floats, Row, VirtualController, build, needs_controller
-from support.kill import command, executed
+from support.killed_commands import command, executed
 from support.tools import MARK
 
 pytestmark = needs_controller

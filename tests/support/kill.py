@@ -40,6 +40,7 @@ from support.resuming import (
 )
 
 from gusjob.controllers.journal.reader import RecordedRun
+from gusjob.hardware import locks
 
 LATENCY_US = 1000
 SLOTS = (16, 64, 4096)
@@ -125,13 +126,15 @@ class Machine:
         journal = self.folder / f"{name}.journal"
 
         def work(send: Callable[[dict[str, Any]], None]) -> None:
+            # Machines of several workers are several controllers, though of one library.
+            locks.LOCK_FOLDER = self.folder / "locks"
             controller = VirtualController(self.library)
             controller.clear_faults()
             send({"mark": controller.lit_count()})
             plant(controller)
             request = request_of(self.folder, self.library, quick_machine(), journal=journal, resume=resume)
             made, _ = attempt(request, controller, lambda announced_mm: send({"announced_mm": announced_mm}))
-            send({"end": made.ending, "message": made.message, "codes": made.codes, "claim": made.false_claim})
+            send({"end": made.ending, "message": made.message, "reasons": made.reasons, "claim": made.false_claim})
 
         child = fork(work, self.environment)
         try:
@@ -144,9 +147,8 @@ class Machine:
                 elif "error" in line:
                     made = replace(made, error=line["error"])
                 else:
-                    codes = tuple(line["codes"])
-                    made = replace(made, ending=line["end"], message=line["message"], codes=codes)
-                    made = replace(made, false_claim=line["claim"])
+                    made = replace(made, ending=line["end"], message=line["message"], false_claim=line["claim"])
+                    made = replace(made, reasons=tuple(line["reasons"]))
         finally:
             child.kill()
             os.close(child.end)
@@ -272,10 +274,12 @@ class Summary:
 
     runs: int = 0
     alive: int = 0
+    done: int = 0
     whole: int = 0
     kept: int = 0
     resumes: int = 0
     left_out: float = 0.0
+    """Of those that said that they were done."""
     outside: float = 0.0
     burning_ms: float = 0.0
     doubled: tuple[float, float] = (0.0, 0.0)
@@ -289,7 +293,8 @@ class Summary:
         self.whole += line["whole"]
         self.kept += not line["wrong"]
         self.resumes += line["resumes"]
-        self.left_out = max(self.left_out, line["left_out"])
+        self.done += line["done"]
+        self.left_out = max(self.left_out, line["left_out"] if line["done"] else 0.0)
         self.outside = max(self.outside, line["outside"])
         self.burning_ms = max(self.burning_ms, line["burning_ms"])
         pair = (line["doubled"], line["announced"])
@@ -298,7 +303,7 @@ class Summary:
 
     def __str__(self) -> str:
         return (
-            f"{self.runs} runs ({self.alive} killed alive), {self.resumes} resumes: {self.whole} whole, "
+            f"{self.runs} runs ({self.alive} killed alive), {self.resumes} resumes: {self.done} done, {self.whole} whole, "
             f"{self.kept} with every promise kept\n"
             f"worst left out {self.left_out:.1f} pulse, outside {self.outside:.1f} pulse, "
             f"burning {self.burning_ms:.0f} ms\n"
@@ -315,6 +320,7 @@ def result(case: Case, verdict: Verdict) -> dict[str, Any]:
         "case": str(case),
         "number": case.number,
         "alive": not verdict.attempts[0].ending,
+        "done": verdict.is_done,
         "whole": verdict.is_whole,
         "wrong": verdict.wrong,
         "attempts": [str(one) for one in verdict.attempts],

@@ -138,7 +138,8 @@ class Attempt:
     """One run or resume.
 
     `mark`: number of lit stretches before it; `announced_mm`: what its plan said may be marked twice, None without a
-    plan; `ending`: '' if the process was killed; `false_claim`: what its closing message claims although it is not so.
+    plan; `ending`: '' if the process was killed; `message`: the closing message; `reasons`: the diagnostics;
+    `false_claim`: what the closing message claims although it is not so.
     """
 
     mark: int
@@ -146,7 +147,7 @@ class Attempt:
     announced_mm: float | None = None
     ending: str = ""
     message: str = ""
-    codes: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
     error: str = ""
     false_claim: str = ""
 
@@ -157,7 +158,7 @@ class Attempt:
     def __str__(self) -> str:
         what = self.error or self.ending or "killed"
         plan = "no plan" if self.announced_mm is None else f"announces {self.announced_mm:.3f} mm"
-        return f"{what} {' '.join(self.codes)} ({plan}): {self.message}"
+        return f"{what} ({plan}): {self.message}{''.join(f'; {reason}' for reason in self.reasons)}"
 
 
 def is_at_rest(controller: VirtualController) -> bool:
@@ -195,7 +196,7 @@ def attempt(request: RunRequest, controller: VirtualController, on_plan: Any = N
         announced_mm=doubling_mm(plans[-1]) if plans else None,
         ending=outcome.ending,
         message=str(_closing_message(outcome) or (outcome.refusal and outcome.refusal.localized) or ""),
-        codes=tuple(diagnostic.rule.code for diagnostic in outcome.diagnostics),
+        reasons=tuple(f"{found.rule.code} {found.message}" for found in outcome.diagnostics),
         false_claim=false_claim(outcome, controller),
     )
     return made, outcome
@@ -215,8 +216,13 @@ class Verdict:
     attempts: tuple[Attempt, ...] = field(default=())
 
     @property
+    def is_done(self) -> bool:
+        """Whether the last resume said so."""
+        return bool(self.attempts) and self.attempts[-1].is_done
+
+    @property
     def is_whole(self) -> bool:
-        return self.found is not None and not self.found.left_out and bool(self.attempts) and self.attempts[-1].is_done
+        return self.found is not None and not self.found.left_out and self.is_done
 
     @property
     def doubled_pulse(self) -> float:
@@ -230,13 +236,15 @@ class Verdict:
 def judged(expected: Floats, lits: Floats, attempts: Sequence[Attempt], tolerance_pulse: float = 1.0) -> Verdict:
     """Check what is promised: nothing left out, doubled no more than announced, nothing outside, no false claim."""
     found = coverage(expected, lits, [one.mark for one in attempts[1:]], tolerance_pulse)
-    wrong = [f"left out: {gap}" for gap in found.left_out] + [f"outside: {gap}" for gap in found.outside]
+    wrong = [f"outside: {gap}" for gap in found.outside]
     for number, (one, doubled) in enumerate(zip(attempts, found.doubled.tolist(), strict=True)):
         announced = (one.announced_mm or 0.0) * PULSES_PER_MM
         if doubled > announced + tolerance_pulse:
             wrong.append(f"attempt {number} doubled {doubled:.1f} pulse, announced {announced:.1f}")
         wrong += [f"attempt {number} claims {one.false_claim}"] if one.false_claim else []
         wrong += [f"attempt {number} failed: {one.error}"] if one.error else []
-    if not attempts[-1].is_done:
+    if attempts[-1].is_done:
+        wrong += [f"left out: {gap}" for gap in found.left_out]
+    else:
         wrong.append(f"not done after {len(attempts) - 1} resumes: {attempts[-1]}")
     return Verdict(found=found, wrong=tuple(wrong), attempts=tuple(attempts))
