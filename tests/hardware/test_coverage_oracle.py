@@ -108,6 +108,12 @@ def test_channels_do_not_cover_each_other() -> None:
     assert found.doubled == pytest.approx([300])
 
 
+def test_two_channels_that_double_the_same_piece_of_path_double_it_once() -> None:
+    whole = np.array([line(1000), line(1000, channel=1)])
+    found = coverage(whole, np.array([*whole, line(300, 100), line(250, 50, channel=1)]), [2])
+    assert found.doubled == pytest.approx([0, 250])
+
+
 def test_light_before_the_lit_piece_of_a_call_is_outside() -> None:
     """The call is lit from 600 to 200 before its end."""
     whole = np.array([line(600, 200)])

@@ -51,8 +51,9 @@ class Coverage:
     """What came out.
 
     `left_out`: pieces of the job that no part lit; `outside`: lit pieces that are not on the job's lit path. `doubled`:
-    by part, what it lit although an earlier part or itself had lit it before, pulse; `doubled_dwell_ms`: the same of
-    dwells. `burning_ms`: light at rest, more than in the run that was not interrupted.
+    by part, the length of path that it lit although an earlier part or itself had lit it before by the same channel,
+    pulse; `doubled_dwell_ms`: the same of dwells. `burning_ms`: light at rest, more than in the run that was not
+    interrupted.
     """
 
     left_out: tuple[Gap, ...]
@@ -124,12 +125,11 @@ def coverage(expected: Floats, lits: Floats, marks: Sequence[int] = (), toleranc
     left_out = [
         gap for gap in _gaps(wanted, found.where(on_path), calls) if gap.size > _tolerance(gap, tolerance_pulse)
     ]
-    parts = range(len(marks) + 1)
     return Coverage(
         left_out=tuple(left_out),
         outside=(*strayed, *(gap for gap in beyond if gap.size > 1e-6)),
-        doubled=np.array([_doubled(found, on_path & ~dwells, part, number) for number in parts]),
-        doubled_dwell_ms=np.array([_doubled(found, on_path & dwells, part, number) for number in parts]),
+        doubled=_doubled(_paths(lits, calls, found, on_path & ~dwells), part[on_path & ~dwells], len(marks) + 1),
+        doubled_dwell_ms=_doubled(_paths(lits, calls, found, on_path & dwells), part[on_path & dwells], len(marks) + 1),
         burning_ms=burning_ms,
     )
 
@@ -279,15 +279,39 @@ def _room(*several: _Intervals) -> float:
     return 2 * max(float(max(np.abs(i.high).max(initial=0), np.abs(i.low).max(initial=0))) for i in several) + 10
 
 
-def _doubled(found: _Intervals, chosen: Bools, part: Counts, number: int) -> float:
-    """What one part lit beyond what it lit first."""
-    room = _room(found)
-    before = _measure(found.where(chosen & (part < number)), room)
-    after = _measure(found.where(chosen & (part <= number)), room)
-    mine = found.where(chosen & (part == number))
-    return float((mine.high - mine.low).sum() - (after - before))
+@dataclass(frozen=True, slots=True)
+class _Paths:
+    """Intervals on the common axis, on which all channels of a call lie at the same place."""
+
+    channel: Counts
+    low: Floats
+    high: Floats
 
 
-def _measure(intervals: _Intervals, room: float) -> float:
-    union = _spread(intervals, room)
-    return float((union[:, 1] - union[:, 0]).sum())
+def _paths(lits: Floats, calls: _Calls, found: _Intervals, chosen: Bools) -> _Paths:
+    """The chosen intervals without regard to channels."""
+    ways = {key: number for number, key in enumerate(dict.fromkeys(key[1:] for key in calls.keys))}
+    way = np.array([ways[calls.keys[call][1:]] for call in found.call[chosen]], dtype=np.int64)
+    shift, channel = way * _room(found), lits[chosen, Lit.CHANNEL].astype(np.int64)
+    return _Paths(channel, found.low[chosen] + shift, found.high[chosen] + shift)
+
+
+def _doubled(paths: _Paths, part: Counts, parts: int) -> Floats:
+    """For each part, the length that it lit beyond what it lit first. Two channels at one place count once."""
+    edges = np.unique(np.concatenate([paths.low, paths.high]))
+    middles, lengths = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
+
+    def times(chosen: Bools) -> Counts:
+        """How often the pieces between edges were lit."""
+        begun = np.searchsorted(np.sort(paths.low[chosen]), middles)
+        return np.asarray(begun - np.searchsorted(np.sort(paths.high[chosen]), middles), dtype=np.int64)
+
+    made = np.zeros(parts)
+    for number in range(parts):
+        again = np.zeros(len(middles), dtype=np.int64)
+        for channel in (0, 1):
+            mine = paths.channel == channel
+            before, now = times(mine & (part < number)), times(mine & (part == number))
+            again = np.maximum(again, np.where(before > 0, now, np.maximum(now - 1, 0)))
+        made[number] = float((again * lengths).sum())
+    return made

@@ -10,16 +10,12 @@ from __future__ import annotations
 
 import argparse
 import io
-import json
 import os
 import random
-import select
 import shutil
-import signal
 import sys
 import tempfile
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,12 +23,13 @@ from typing import Any
 
 import numpy as np
 from support.controller import GUS, Fault, Floats, VirtualController, build
+from support.forks import Fork, Send, fork, results
 from support.resuming import (
-    MOST_RESUMES,
     Attempt,
     Verdict,
     attempt,
     compiled,
+    is_stuck,
     judged,
     quick_machine,
     recorded_of,
@@ -50,58 +47,6 @@ RUN_S = 0.65
 """About as long as a run takes."""
 LIMIT_S = 60.0
 """A run that takes longer is killed, and the case has failed."""
-
-
-# Forks.
-
-
-@dataclass(slots=True)
-class Fork:
-    """A process that was forked, and the lines that it sends."""
-
-    pid: int
-    end: int
-    text: bytes = b""
-
-    def lines(self, until_s: float) -> Iterator[dict[str, Any]]:
-        """Yield what it sends until a time (time.perf_counter) or until it ends."""
-        while True:
-            left_s = until_s - time.perf_counter()
-            if left_s <= 0 or not select.select([self.end], [], [], left_s)[0]:
-                return
-            if not (more := os.read(self.end, 65536)):
-                return
-            *whole, self.text = (self.text + more).split(b"\n")
-            yield from (json.loads(line) for line in whole)
-
-    def kill(self) -> None:
-        """Kill it if it is alive."""
-        os.kill(self.pid, signal.SIGKILL)  # It is not reaped yet, so the number is still its own.
-        os.waitpid(self.pid, 0)
-
-
-def fork(work: Callable[[Callable[[dict[str, Any]], None]], None], environment: dict[str, str]) -> Fork:
-    """Do something in a fork. `work` takes a function that sends a line to this process."""
-    read, write = os.pipe()
-    sys.stdout.flush()
-    pid = os.fork()
-    if pid:
-        os.close(write)
-        return Fork(pid, read)
-    try:
-        os.close(read)
-        os.environ.update(environment)
-        work(lambda line: _send(write, line))
-    except BaseException:  # noqa: BLE001  (it is sent)
-        _send(write, {"error": traceback.format_exc()})
-    finally:
-        os._exit(0)
-
-
-def _send(end: int, line: dict[str, Any]) -> None:
-    text = json.dumps(line).encode() + b"\n"
-    while text:
-        text = text[os.write(end, text) :]
 
 
 # One machine.
@@ -125,7 +70,7 @@ class Machine:
         """Run or resume in a fork, and kill it after a time."""
         journal = self.folder / f"{name}.journal"
 
-        def work(send: Callable[[dict[str, Any]], None]) -> None:
+        def work(send: Send) -> None:
             # Machines of several workers are several controllers, though of one library.
             locks.LOCK_FOLDER = self.folder / "locks"
             controller = VirtualController(self.library)
@@ -169,7 +114,7 @@ class Machine:
         """Return the lit stretches of all runs."""
         found = self.folder / "lits.npy"
 
-        def work(_: Callable[[dict[str, Any]], None]) -> None:
+        def work(_: Send) -> None:
             table = io.BytesIO()
             np.save(table, VirtualController(self.library).lits())
             found.write_bytes(table.getvalue())
@@ -238,7 +183,7 @@ def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdi
         if len(attempts) == 1:
             controller.fault(case.fault, nth=case.call, value=case.value)
 
-    while not attempts[-1].is_done and len(attempts) <= MOST_RESUMES:
+    while not attempts[-1].is_done and not is_stuck(attempts):
         if len(attempts) == 1:
             time.sleep(case.wait_s)
         resume: RecordedRun | None = None
@@ -303,8 +248,8 @@ class Summary:
 
     def __str__(self) -> str:
         return (
-            f"{self.runs} runs ({self.alive} killed alive), {self.resumes} resumes: {self.done} done, {self.whole} whole, "
-            f"{self.kept} with every promise kept\n"
+            f"{self.runs} runs ({self.alive} killed alive), {self.resumes} resumes: {self.done} done, "
+            f"{self.whole} whole, {self.kept} with every promise kept\n"
             f"worst left out {self.left_out:.1f} pulse, outside {self.outside:.1f} pulse, "
             f"burning {self.burning_ms:.0f} ms\n"
             f"most doubled {self.doubled[0]:.1f} pulse, announced {self.doubled[1]:.1f}; "
@@ -315,14 +260,13 @@ class Summary:
 def result(case: Case, verdict: Verdict) -> dict[str, Any]:
     """Return what a worker sends of a case."""
     found = verdict.found
-    assert found is not None
     return {
         "case": str(case),
         "number": case.number,
         "alive": not verdict.attempts[0].ending,
         "done": verdict.is_done,
         "whole": verdict.is_whole,
-        "wrong": verdict.wrong,
+        "wrong": [*verdict.wrong, *verdict.over],
         "attempts": [str(one) for one in verdict.attempts],
         "resumes": len(verdict.attempts) - 1,
         "left_out": found.left_out_pulse,
@@ -331,29 +275,6 @@ def result(case: Case, verdict: Verdict) -> dict[str, Any]:
         "doubled": verdict.doubled_pulse,
         "announced": verdict.announced_pulse,
     }
-
-
-def results(numbers: list[int], workers: int, run: Callable[[int], dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Run cases in several processes and yield their results as they come."""
-
-    def work(mine: list[int]) -> Callable[[Callable[[dict[str, Any]], None]], None]:
-        def loop(send: Callable[[dict[str, Any]], None]) -> None:
-            for number in mine:
-                send(run(number))
-
-        return loop
-
-    children = [fork(work(numbers[first::workers]), {}) for first in range(min(workers, len(numbers)))]
-    by_end = {child.end: child for child in children}
-    while by_end:
-        for end in select.select(list(by_end), [], [])[0]:
-            child = by_end[end]
-            more = os.read(end, 65536)
-            *whole, child.text = (child.text + more).split(b"\n")
-            yield from (json.loads(line) for line in whole)
-            if not more:
-                os.waitpid(child.pid, 0)
-                del by_end[end]
 
 
 def main() -> int:
