@@ -29,6 +29,7 @@ def line(
     made[[Lit.X0, Lit.X1]] = begin + length - high, begin + length - low
     made[[Lit.Y0, Lit.Y1]] = target[1] + off
     made[Lit.POWER_MS] = power * made[Lit.MS]
+    made[[Lit.POWER_MIN, Lit.POWER_MAX]] = power
     made[Lit.ORDINAL] = target[0] + target[1] if ordinal is None else ordinal
     return made
 
@@ -139,6 +140,15 @@ def test_power_0_is_dark() -> None:
     assert found.left_out_pulse == 500
     dark = np.array([*WHOLE, line(70, target=(4000, 4000), length=70, power=0)])
     assert coverage(WHOLE, dark).outside == ()
+
+
+def test_another_power_is_wrong_where_the_power_is_constant() -> None:
+    found = coverage(WHOLE, np.array([line(1000, 500), line(500, power=41), *WHOLE[1:]]))
+    assert [(gap.target, gap.low, gap.high) for gap in found.wrong_power] == [((1000, 0), 0, 500)]
+    assert coverage(WHOLE, WHOLE).wrong_power == ()
+    follow = WHOLE.copy()
+    follow[0, Lit.POWER_MIN] = 5
+    assert coverage(follow, np.array([line(1000, 500), line(500, power=41), *WHOLE[1:]])).wrong_power == ()
 
 
 def test_an_arc_about_a_rounded_centre_is_the_arc_of_the_job() -> None:

@@ -22,6 +22,7 @@ Counts = npt.NDArray[np.int64]
 
 NEAR_PULSE = 3.0
 """A stretch this near to the job's path is on it: a resume begins at whole pulses, and rounds the centre of an arc."""
+POWER_TOLERANCE = 1e-6
 DWELL_TOLERANCE_MS = 0.25
 """A dwell that is run again from rest begins with an on delay."""
 
@@ -53,7 +54,7 @@ class Coverage:
     `left_out`: pieces of the job that no part lit; `outside`: lit pieces that are not on the job's lit path. `doubled`:
     by part, the length of path that it lit although an earlier part or itself had lit it before by the same channel,
     pulse; `doubled_dwell_ms`: the same of dwells. `burning_ms`: light at rest, more than in the run that was not
-    interrupted.
+    interrupted. `wrong_power`: stretches of calls of a constant power that had another one.
     """
 
     left_out: tuple[Gap, ...]
@@ -61,6 +62,7 @@ class Coverage:
     doubled: Floats
     doubled_dwell_ms: Floats
     burning_ms: float
+    wrong_power: tuple[Gap, ...]
 
     @property
     def left_out_pulse(self) -> float:
@@ -120,7 +122,7 @@ def coverage(expected: Floats, lits: Floats, marks: Sequence[int] = (), toleranc
     # A dwell that is lit where the job has none lit is light at rest.
     burning_ms += float(lits[dwells & ~on_path, Lit.MS].sum())
     slack = _Intervals(wanted.call, wanted.low - tolerance_pulse, wanted.high + tolerance_pulse)
-    strayed = _strayed(lits[~dwells & ~on_path])
+    strayed = _gaps_of(lits[~dwells & ~on_path])
     beyond = [gap for gap in _gaps(found.where(on_path), slack, calls) if gap.kind is not Kind.DELAY]
     left_out = [
         gap for gap in _gaps(wanted, found.where(on_path), calls) if gap.size > _tolerance(gap, tolerance_pulse)
@@ -131,6 +133,7 @@ def coverage(expected: Floats, lits: Floats, marks: Sequence[int] = (), toleranc
         doubled=_doubled(_paths(lits, calls, found, on_path & ~dwells), part[on_path & ~dwells], len(marks) + 1),
         doubled_dwell_ms=_doubled(_paths(lits, calls, found, on_path & dwells), part[on_path & dwells], len(marks) + 1),
         burning_ms=burning_ms,
+        wrong_power=_gaps_of(lits[on_path & _has_another_power(lits, calls)]),
     )
 
 
@@ -218,9 +221,18 @@ def _distance(path: Floats, left: float, x: float, y: float) -> float:
     return float(np.hypot(x - target[0] - left * back[0], y - target[1] - left * back[1]))
 
 
-def _strayed(lits: Floats) -> list[Gap]:
-    """Stretches that are not on the job's lit path at all."""
-    return [
+def _has_another_power(lits: Floats, calls: _Calls) -> Bools:
+    """Whether a stretch had another power than its call, where that has one power throughout."""
+    number = _numbers(lits, calls)
+    wanted = calls.paths[number][:, [Lit.POWER_MIN, Lit.POWER_MAX]] if len(calls.keys) else np.zeros((len(lits), 2))
+    is_constant = np.abs(wanted[:, 0] - wanted[:, 1]) < POWER_TOLERANCE
+    off = np.abs(lits[:, [Lit.POWER_MIN, Lit.POWER_MAX]] - wanted).max(axis=1, initial=0.0) > POWER_TOLERANCE
+    return np.asarray((number >= 0) & is_constant & off)
+
+
+def _gaps_of(lits: Floats) -> tuple[Gap, ...]:
+    """Return stretches as gaps."""
+    return tuple(
         Gap(
             channel=int(stretch[Lit.CHANNEL]),
             kind=Kind(int(stretch[Lit.KIND])),
@@ -230,7 +242,7 @@ def _strayed(lits: Floats) -> list[Gap]:
         )
         for stretch in lits
         if _length(stretch) > 1e-6
-    ]
+    )
 
 
 # Sets of intervals. All calls lie on one axis, one behind the other.

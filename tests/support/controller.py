@@ -114,6 +114,8 @@ class Lit(IntEnum):
     CX = 15
     CY = 16
     RADIUS = 17
+    POWER_MIN = 18
+    POWER_MAX = 19
 
 
 class Kind(IntEnum):

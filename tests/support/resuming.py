@@ -254,7 +254,7 @@ def judged(expected: Floats, lits: Floats, attempts: Sequence[Attempt], toleranc
         tolerance_pulse: for each piece, and for the doubling of each attempt.
     """
     found = coverage(expected, lits, [one.mark for one in attempts[1:]], tolerance_pulse)
-    wrong, over = _listed("outside", found.outside), list[str]()
+    wrong, over = _listed("outside", found.outside) + _listed("wrong power", found.wrong_power), list[str]()
     for number, (one, doubled) in enumerate(zip(attempts, found.doubled.tolist(), strict=True)):
         announced = (one.announced_mm or 0.0) * PULSES_PER_MM
         if doubled > announced + tolerance_pulse:

@@ -150,7 +150,7 @@ enum {
  */
 enum {
     L_CHANNEL, L_ORDINAL, L_KIND, L_X, L_Y, L_LEFT0, L_LEFT1, L_X0, L_Y0, L_X1, L_Y1, L_MS, L_CLOCK, L_POWER_MS,
-    L_COMMAND, L_CX, L_CY, L_RADIUS, L_COLUMNS
+    L_COMMAND, L_CX, L_CY, L_RADIUS, L_MIN, L_MAX, L_COLUMNS
 };
 
 enum { NO_ROW, OPEN_ROW, ENDED_ROW }; /* An ended row still takes light of the off delay. */
@@ -400,6 +400,7 @@ static void begin_lit(int channel, double t)
     row[L_Y] = at_path && kind != DELAY ? p->call.y : m->y;
     row[L_CLOCK] = m->origin + t;
     row[L_COMMAND] = c->command;
+    row[L_MIN] = row[L_MAX] = NAN;
     if (at_path && p->arc) {
         row[L_CX] = p->cx;
         row[L_CY] = p->cy;
@@ -444,6 +445,10 @@ static void shine(int channel, double ms)
     c->total += ms;
     m->lit[channel][L_MS] += ms;
     m->lit[channel][L_POWER_MS] += ms * c->held;
+    if (ms > SLIVER) {
+        m->lit[channel][L_MIN] = fmin(m->lit[channel][L_MIN], c->held);
+        m->lit[channel][L_MAX] = fmax(m->lit[channel][L_MAX], c->held);
+    }
     if (m->row_state == OPEN_ROW || (m->row_state == ENDED_ROW && !c->command)) {
         m->row[R_EMISSION + channel] += ms;
         m->row[R_POWER_MS + channel] += ms * c->held;
@@ -2151,7 +2156,7 @@ long vc_lits(void)
     return count;
 }
 
-void vc_lit(long i, double out[18])
+void vc_lit(long i, double out[20])
 {
     enter();
     if (i >= 0 && i < m->lits)
