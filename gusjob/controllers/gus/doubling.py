@@ -38,8 +38,6 @@ def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
 def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float:
     """Return the length of the marks that may be made twice by a run that begins at the start of a range, mm.
 
-    Where two lasers mark, the marks of both count.
-
     Args:
         stream: the whole job.
         found: where the laser went off.
@@ -58,8 +56,8 @@ def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float
     offs = np.count_nonzero(calls.kind[begin.row : end.row + 1] == Buffered.OFF)
     tail_ms = max(_lags_ms(stream, len(calls), channel)[1] for channel in _CHANNELS)
     tails_pulse = offs * tail_ms * float(calls.vel[rows].max(initial=0.0))
-    lit = [float(lengths[is_on(stream, channel)[rows]].sum()) for channel in _CHANNELS]
-    pulse = sum(lit) + tails_pulse + _SLACK_PULSE
+    on = np.logical_or.reduce([is_on(stream, channel)[rows] for channel in _CHANNELS])
+    pulse = float(lengths[on].sum()) + tails_pulse + _SLACK_PULSE
     return float(pulse / min(machine.pulses_per_mm))
 
 
