@@ -1,0 +1,237 @@
+"""What a run says at its end, and how it is resumed, in real time on a link with latency."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from support.controller import Fault, VirtualController, needs_controller
+from support.hardware import Bench, fresh
+from support.resuming import Attempt, attempt, claims_off, judged, quick_machine, recorded_of, request_of
+
+from gusjob.cli.hardware import _closing_message
+from gusjob.controllers.journal.reader import read_journal
+from gusjob.diagnostics import rules
+from gusjob.hardware.request import RunRequest
+from gusjob.hardware.run import Ending, MachineState, RunOutcome, run_on
+
+pytestmark = needs_controller
+
+LATENCY_US = 1000
+FOR_EVER = -1
+
+
+@pytest.fixture(autouse=True)
+def _real_time(gus: Bench) -> None:
+    fresh(gus, speed=1, latency_us=LATENCY_US)
+
+
+def request(gus: Bench, folder: Path, name: str, journal: Path | None = None) -> RunRequest:
+    """A run of the job, or a resume of a journal."""
+    recorded = recorded_of(journal) if journal else None
+    assert not isinstance(recorded, str), recorded
+    return request_of(folder, gus.path, quick_machine(), journal=folder / f"{name}.journal", resume=recorded)
+
+
+def run(gus: Bench, folder: Path, name: str, journal: Path | None = None) -> tuple[Attempt, RunOutcome]:
+    return attempt(request(gus, folder, name, journal), gus.controller)
+
+
+def codes(outcome: RunOutcome) -> list[str]:
+    return [found.rule.code for found in outcome.diagnostics]
+
+
+# What is claimed.
+
+
+@pytest.mark.parametrize("code", [-6, -7, 1])
+def test_a_controller_that_can_not_be_opened_is_not_called_safe(gus: Bench, tmp_path: Path, code: int) -> None:
+    """Another program has it, with the laser on."""
+    gus.controller.option("leave_on", 1)
+    gus.controller.fault(Fault.RETURN, "", 1, FOR_EVER, code)
+    _, outcome = run(gus, tmp_path, "first")
+    assert outcome.ending is Ending.FAILED
+    assert outcome.state is MachineState.UNTOUCHED
+    assert not outcome.is_safe
+    assert "NOTHING WAS SWITCHED" in _closing_message(outcome)
+    assert "look at the machine" in _closing_message(outcome)
+    assert gus.controller.state().emitting[0]
+
+
+def test_the_off_call_of_every_abi_is_tried_and_its_result_told(gus: Bench, tmp_path: Path) -> None:
+    gus.controller.option("leave_on", 1)
+    gus.controller.fault(Fault.RETURN, "GT_ClrSts", 1, FOR_EVER, -7)
+    _, outcome = run(gus, tmp_path, "first")
+    assert outcome.state is MachineState.UNTOUCHED
+    assert "GT_SetHSIOOpt(0,0) returned 0" in _closing_message(outcome)
+    assert "the laser is off" not in _closing_message(outcome)
+    assert not any(gus.controller.state().emitting)
+
+
+def test_a_link_that_fails_once_is_confirmed_and_shut_down(gus: Bench, tmp_path: Path) -> None:
+    gus.controller.option("leave_on", 3)
+    gus.controller.fault(Fault.RETURN, "GT_ClrSts", 1, 1, -7)
+    made, outcome = run(gus, tmp_path, "first")
+    assert codes(outcome) == ["GJ904"]
+    assert outcome.state is MachineState.OFF
+    assert not made.false_claim
+    assert not any(gus.controller.state().emitting)
+
+
+def test_an_open_that_hangs_is_not_called_safe(gus: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gusjob.hardware.supervisor._SLOW_FACTOR", 1)
+    gus.controller.option("leave_on", 1)
+    gus.controller.fault(Fault.HANG, "GT_Open")
+    gus.controller.fault(Fault.RETURN, "GT_ClrSts", 1, FOR_EVER, -6)
+    gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, FOR_EVER, -6)
+    _, outcome = run(gus, tmp_path, "first")
+    gus.controller.release()
+    assert codes(outcome) == ["GJ905"]
+    assert outcome.state is MachineState.UNTOUCHED
+    assert gus.controller.state().emitting[0]
+
+
+@pytest.mark.parametrize("code", [1, 7, -7])
+def test_a_motion_that_is_not_known_at_the_end_is_not_at_rest(gus: Bench, tmp_path: Path, code: int) -> None:
+    made, _ = run(gus, tmp_path, "whole")
+    assert made.ending is Ending.DONE
+    whole = gus.controller.calls()
+    last = max(number for number, (_, call) in enumerate(whole, 1) if call.startswith("GT_CrdStatus(1"))
+    polls = sum(call.startswith("GT_CrdStatus") for _, call in whole[: last - 1])
+    fresh(gus, speed=1, latency_us=LATENCY_US)
+    # Polls come by time: from the calls after the last stage on.
+    gus.controller.fault(Fault.RETURN, "GT_CrdStatus", polls + 40, FOR_EVER, code)
+    _, outcome = run(gus, tmp_path, "first")
+    if outcome.ending is not Ending.DONE:
+        assert not claims_off(outcome)
+
+
+def test_a_call_that_returns_late_has_its_effect_undone(gus: Bench, tmp_path: Path) -> None:
+    """GT_CrdStart hangs, is given up, and starts the motion only then."""
+    gus.controller.fault(Fault.HANG_AFTER, "GT_CrdStart", 2, 1, 0.4)
+    made, outcome = run(gus, tmp_path, "first")
+    assert codes(outcome) == ["GJ905"]
+    assert claims_off(outcome)
+    gus.controller.advance(0)
+    assert not made.false_claim
+
+
+# Resets.
+
+
+@pytest.mark.parametrize("code", [1, 2, 3, 7, -7])
+@pytest.mark.parametrize("call", ["GT_SetLevelDelay", "GT_DisFPK", "GT_SetLaserDisMode"])
+def test_a_refused_reset_ends_the_run_dark(gus: Bench, tmp_path: Path, call: str, code: int) -> None:
+    """Else what an earlier program set stays in force: 9 ms of light after each mark."""
+    gus.controller.options(leave_off_delay_us=9000)
+    gus.controller.fault(Fault.RETURN, call, 1, 1, code)
+    _, outcome = run(gus, tmp_path, "first")
+    assert codes(outcome) == ["GJ904"]
+    assert call in outcome.diagnostics[0].message
+    assert len(gus.controller.lits()) == 0
+
+
+def test_a_setting_that_is_not_supported_is_a_warning_unless_the_job_needs_it(gus: Bench, tmp_path: Path) -> None:
+    gus.controller.fault(Fault.RETURN, "GT_SetPreVltg", 1, FOR_EVER, 8)
+    made, outcome = run(gus, tmp_path, "first")
+    assert outcome.ending is Ending.DONE
+    assert {found.rule for found in outcome.diagnostics} == {rules.NOT_RESET}
+    assert [found.fields["channel"] for found in outcome.diagnostics] == [0, 1]
+    assert not made.false_claim
+    fresh(gus, speed=1, latency_us=LATENCY_US)
+    gus.controller.fault(Fault.RETURN, "GT_SetLevelDelay", 1, FOR_EVER, 8)
+    _, outcome = run(gus, tmp_path, "second")
+    assert codes(outcome) == ["GJ904"]
+    assert len(gus.controller.lits()) == 0
+
+
+# Chains of journals.
+
+
+def interrupted(gus: Bench, folder: Path) -> Path:
+    """Run the job up to a call that is refused in the middle, without what the run recorded of its end."""
+    gus.controller.fault(Fault.RETURN, "GT_LnXY", 30, 1, 7)
+    made, _ = run(gus, folder, "first")
+    gus.controller.clear_faults()
+    assert made.journal is not None
+    return made.journal
+
+
+def finished(gus: Bench, folder: Path, journal: Path) -> Attempt:
+    last, _ = run(gus, folder, "last", journal)
+    assert last.is_done, last
+    return last
+
+
+PLANTS: dict[str, Callable[[VirtualController], None]] = {
+    "axis refused": lambda controller: controller.fault(Fault.RETURN, "GT_AxisOn", 1, 1, 1),
+    "open failed": lambda controller: controller.fault(Fault.RETURN, "GT_Open", 1, 1, -6),
+    "position not read": lambda controller: controller.fault(Fault.RETURN, "GT_GetCrdPos", 1, FOR_EVER, -7),
+    "coordinate system refused": lambda controller: controller.fault(Fault.RETURN, "GT_SetCrdPrm", 1, 1, 1),
+    "light on refused": lambda controller: controller.fault(Fault.RETURN, "GT_BufLaserOn", 1, 1, 7),
+}
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_chain_of_journals_always_has_one_that_can_be_resumed(gus: Bench, tmp_path: Path, plant: str) -> None:
+    made, _ = run(gus, tmp_path, "whole")
+    assert made.is_done
+    expected = gus.controller.lits()
+    fresh(gus, speed=1, latency_us=LATENCY_US)
+    journal = interrupted(gus, tmp_path)
+    attempts = [Attempt(mark=0, journal=journal)]
+    for number in range(3):
+        PLANTS[plant](gus.controller)
+        failed, _ = run(gus, tmp_path, f"failed{number}", journal)  # Always by the first one: it names the newest.
+        gus.controller.clear_faults()
+        assert failed.ending is Ending.FAILED, failed
+        attempts.append(failed)
+    newest = attempts[-1].journal
+    found = read_journal(journal)
+    assert isinstance(found, str)
+    assert str(newest) in found
+    attempts.append(finished(gus, tmp_path, journal))
+    verdict = judged(expected, gus.controller.lits(), attempts)
+    assert verdict.is_whole, verdict.found.left_out
+    assert verdict.wrong == ()
+
+
+def test_a_resume_that_was_declined_is_resumed_from_the_position_that_it_found(gus: Bench, tmp_path: Path) -> None:
+    made, _ = run(gus, tmp_path, "whole")
+    assert made.is_done
+    expected = gus.controller.lits()
+    fresh(gus, speed=1, latency_us=LATENCY_US)
+    # The position can't be read when it is interrupted, so that the resume has to find it.
+    gus.controller.fault(Fault.RETURN, "GT_BufLaserPrfCmd", 4, 1, 7)
+    gus.controller.fault(Fault.RETURN, "GT_CrdSpace", 12, FOR_EVER, -7)
+    first, _ = run(gus, tmp_path, "first")
+    gus.controller.clear_faults()
+    assert first.ending is Ending.FAILED
+    assert first.journal is not None
+    declined = run_on(request(gus, tmp_path, "declined", first.journal), confirm=lambda _plan: False)
+    assert declined.ending is Ending.DECLINED
+    if declined.is_journal_needed:
+        assert f"continue with --resume {declined.journal}" in _closing_message(declined)
+    attempts = [first, finished(gus, tmp_path, first.journal)]
+    verdict = judged(expected, gus.controller.lits(), attempts)
+    assert verdict.is_whole, verdict.found.left_out
+    assert verdict.wrong == ()
+
+
+def test_a_journal_that_can_not_be_written_to_is_not_continued(
+    gus: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It could be continued twice."""
+    asked = request(gus, tmp_path, "second", interrupted(gus, tmp_path))
+    made = len(gus.controller.calls())
+
+    def fail(_path: Path, _by: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("gusjob.hardware.run.mark_resumed", fail)
+    outcome = run_on(asked, confirm=True)
+    assert outcome.ending is Ending.REFUSED
+    assert outcome.refusal is not None
+    assert "can't write to the journal that is continued" in outcome.refusal.localized
+    assert len(gus.controller.calls()) == made
