@@ -105,7 +105,8 @@ def coverage(expected: Floats, lits: Floats, marks: Sequence[int] = (), toleranc
         expected: stretches of the run that was not interrupted.
         lits: stretches of the interrupted run and its resumes, one after the other.
         marks: numbers of stretches at which a new part begins: those of each resume.
-        tolerance_pulse: pieces up to this size are neither left out nor outside.
+        tolerance_pulse: pieces up to this size are neither left out nor outside, and have no wrong power: the tail of
+            an off delay behind a corner is shorter than a tick.
 
     Raises:
         ValueError: two calls of the job have the same target.
@@ -133,7 +134,11 @@ def coverage(expected: Floats, lits: Floats, marks: Sequence[int] = (), toleranc
         doubled=_doubled(_paths(lits, calls, found, on_path & ~dwells), part[on_path & ~dwells], len(marks) + 1),
         doubled_dwell_ms=_doubled(_paths(lits, calls, found, on_path & dwells), part[on_path & dwells], len(marks) + 1),
         burning_ms=burning_ms,
-        wrong_power=_gaps_of(lits[on_path & _has_another_power(lits, calls)]),
+        wrong_power=tuple(
+            gap
+            for gap in _gaps_of(lits[on_path & _has_another_power(lits, calls)])
+            if gap.size > _tolerance(gap, tolerance_pulse)
+        ),
     )
 
 

@@ -37,6 +37,10 @@ def build(folder: Path, abi: int = GUS, *flags: str) -> Path:
     return path
 
 
+FOR_EVER, ALL_CALLS = -1, -2
+"""Counts of a fault."""
+
+
 class Fault(IntEnum):
     """What a planted fault does to a call."""
 
@@ -212,7 +216,10 @@ class VirtualController:
             self.option(name, value)
 
     def fault(self, what: Fault, name: str = "", nth: int = 1, count: int = 1, value: float = 0.0) -> None:
-        """Plant a fault in the nth call of that name from now on ("" any), `count` times (-1 for ever)."""
+        """Plant a fault in the nth call of that name from now on ("" any).
+
+        `count`: how often, or FOR_EVER, or ALL_CALLS for every call from then on, whatever its name.
+        """
         self.library.vc_fault(name.encode(), nth, count, int(what), float(value))
 
     def clear_faults(self) -> None:

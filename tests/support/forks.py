@@ -28,7 +28,7 @@ class Fork:
         """Yield what it sends until a time (time.perf_counter) or until it ends."""
         while True:
             left_s = until_s - time.perf_counter()
-            if left_s <= 0 or not select.select([self.end], [], [], left_s)[0]:
+            if left_s <= 0 or not select.select([self.end], [], [], min(left_s, 1e6))[0]:
                 return
             if not (more := os.read(self.end, 65536)):
                 return

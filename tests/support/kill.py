@@ -35,6 +35,7 @@ from support.resuming import (
     recorded_of,
     request_of,
 )
+from support.tally import result, tallied
 
 from gusjob.controllers.journal.reader import RecordedRun
 from gusjob.hardware import locks
@@ -213,81 +214,15 @@ def whole_run(folder: Path, library: Path) -> Floats:
     return expected
 
 
-@dataclass(slots=True)
-class Summary:
-    """All cases so far."""
-
-    runs: int = 0
-    alive: int = 0
-    done: int = 0
-    whole: int = 0
-    kept: int = 0
-    resumes: int = 0
-    left_out: float = 0.0
-    """Of those that said that they were done."""
-    outside: float = 0.0
-    burning_ms: float = 0.0
-    doubled: tuple[float, float] = (0.0, 0.0)
-    """The largest, with what was announced for it."""
-    over: tuple[float, float] = (0.0, 0.0)
-    """The one that is most above what was announced."""
-
-    def add(self, line: dict[str, Any]) -> None:
-        self.runs += 1
-        self.alive += line["alive"]
-        self.whole += line["whole"]
-        self.kept += not line["wrong"]
-        self.resumes += line["resumes"]
-        self.done += line["done"]
-        self.left_out = max(self.left_out, line["left_out"] if line["done"] else 0.0)
-        self.outside = max(self.outside, line["outside"])
-        self.burning_ms = max(self.burning_ms, line["burning_ms"])
-        pair = (line["doubled"], line["announced"])
-        self.doubled = max(self.doubled, pair)
-        self.over = max(self.over, pair, key=lambda one: one[0] - one[1])
-
-    def __str__(self) -> str:
-        return (
-            f"{self.runs} runs ({self.alive} killed alive), {self.resumes} resumes: {self.done} done, "
-            f"{self.whole} whole, {self.kept} with every promise kept\n"
-            f"worst left out {self.left_out:.1f} pulse, outside {self.outside:.1f} pulse, "
-            f"burning {self.burning_ms:.0f} ms\n"
-            f"most doubled {self.doubled[0]:.1f} pulse, announced {self.doubled[1]:.1f}; "
-            f"most above what was announced: {self.over[0]:.1f}, announced {self.over[1]:.1f}"
-        )
-
-
-def result(case: Case, verdict: Verdict) -> dict[str, Any]:
-    """Return what a worker sends of a case."""
-    found = verdict.found
-    return {
-        "case": str(case),
-        "number": case.number,
-        "alive": not verdict.attempts[0].ending,
-        "done": verdict.is_done,
-        "whole": verdict.is_whole,
-        "wrong": [*verdict.wrong, *verdict.over],
-        "attempts": [str(one) for one in verdict.attempts],
-        "resumes": len(verdict.attempts) - 1,
-        "left_out": found.left_out_pulse,
-        "outside": found.outside_pulse,
-        "burning_ms": found.burning_ms,
-        "doubled": verdict.doubled_pulse,
-        "announced": verdict.announced_pulse,
-    }
-
-
 def main() -> int:
     """Kill COUNT runs; the exit code is 1 if a promise was broken."""
     parser = argparse.ArgumentParser(description="Kill runs at random moments and resume them.")
     parser.add_argument("count", type=int, nargs="?", default=200)
     parser.add_argument("seed", type=int, nargs="?", default=5)
     parser.add_argument("--only", type=int, help="run this case only, and show its attempts")
-    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=2 * len(os.sched_getaffinity(0)))
     options = parser.parse_args()
-    began = time.perf_counter()
     compiled()
-    summary = Summary()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         library = build(folder, GUS)
@@ -296,18 +231,9 @@ def main() -> int:
 
         def run(number: int) -> dict[str, Any]:
             case = case_of(options.seed, number)
-            return result(case, run_case(case, folder / str(number), library, expected))
+            return result(f"seed {options.seed}, case {case}", run_case(case, folder / str(number), library, expected))
 
-        for line in results(numbers, options.workers, run):
-            if "error" in line:
-                print(line["error"])
-                return 1
-            summary.add(line)
-            if line["wrong"] or options.only is not None:
-                texts = [f"  {text}" for text in (*line["wrong"], *line["attempts"])]
-                print("\n".join([f"seed {options.seed}, case {line['case']}", *texts]), flush=True)
-    print(f"{summary}\n{time.perf_counter() - began:.0f} s")
-    return int(summary.kept < summary.runs)
+        return tallied(results(numbers, options.workers, run), is_shown=options.only is not None)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from oracles.coverage import Coverage, Gap, coverage
-from support.controller import Floats, VirtualController
+from support.controller import Floats, State, VirtualController
 from support.tools import stream_of
 
 from gusjob.cli.hardware import _closing_message
@@ -172,16 +172,18 @@ def claims_off(outcome: RunOutcome) -> bool:
     return "the laser is off" in str(_closing_message(outcome)) or outcome.ending is Ending.DONE
 
 
-def false_claim(outcome: RunOutcome, controller: VirtualController) -> str:
+def false_claim(outcome: RunOutcome, before: State, controller: VirtualController) -> str:
     """Return what an outcome claims although the controller is not so, '' if it claims nothing false."""
-    if claims_off(outcome) and not is_at_rest(controller):
-        return f'"{_closing_message(outcome)}", but {controller.state()}'
+    message, now = str(_closing_message(outcome)), controller.state()
+    changed = (now.switched_on, now.accepted, now.axes) != (before.switched_on, before.accepted, before.axes)
+    if (claims_off(outcome) and not is_at_rest(controller)) or ("NOTHING WAS SWITCHED:" in message and changed):
+        return f'"{message}", but {now}'
     return ""
 
 
 def attempt(request: RunRequest, controller: VirtualController, on_plan: Any = None) -> tuple[Attempt, RunOutcome]:
     """Run or resume in this process."""
-    plans, mark = list[RunPlan](), controller.lit_count()
+    plans, mark, before = list[RunPlan](), controller.lit_count(), controller.state()
 
     def confirm(plan: RunPlan) -> bool:
         plans.append(plan)
@@ -197,7 +199,7 @@ def attempt(request: RunRequest, controller: VirtualController, on_plan: Any = N
         ending=outcome.ending,
         message=str(_closing_message(outcome) or (outcome.refusal and outcome.refusal.localized) or ""),
         reasons=tuple(f"{found.rule.code} {found.message}" for found in outcome.diagnostics),
-        false_claim=false_claim(outcome, controller),
+        false_claim=false_claim(outcome, before, controller),
     )
     return made, outcome
 

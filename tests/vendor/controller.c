@@ -226,6 +226,8 @@ enum {
     F_RETURN, F_AFTER, F_HANG, F_HALT, F_SIGNAL, F_DRY, F_DI, F_KILL, F_HANG_RETURN, F_HANG_AFTER, F_KILL_AFTER
 };
 
+enum { FOR_EVER = -1, ALL_CALLS = -2 }; /* Values of count: that call, or every call, from then on. */
+
 typedef struct {
     char name[40];
     long nth, count, seen;
@@ -1150,6 +1152,8 @@ static int due_faults(const char *name, Fault *due)
         if (f->name[0] && strcmp(f->name, name) != 0)
             continue;
         f->seen++;
+        if (f->seen >= f->nth && f->count == ALL_CALLS)
+            f->name[0] = 0;
         if (f->seen >= f->nth && (f->count < 0 || f->seen < f->nth + f->count))
             due[count++] = *f;
     }
@@ -2046,7 +2050,7 @@ int vc_option(const char *name, double value)
     return found;
 }
 
-/* From the nth call of that name on (1: the next; name "": any call), `count` times (-1: for ever). */
+/* From the nth call of that name on (1: the next; name "": any call), `count` times, or FOR_EVER or ALL_CALLS. */
 void vc_fault(const char *name, long nth, long count, int what, double value)
 {
     lock_state();

@@ -13,7 +13,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.controller import UNSUPPORTED, Fault, Kind, Lit, Row, VirtualController, build, needs_controller
+from support.controller import (
+    ALL_CALLS,
+    FOR_EVER,
+    UNSUPPORTED,
+    Fault,
+    Kind,
+    Lit,
+    Row,
+    VirtualController,
+    build,
+    needs_controller,
+)
 from support.hardware import EVERYTHING, STATES, Bench, RequestAt, fresh
 from support.tools import MARK, stream_of
 
@@ -243,6 +254,20 @@ def test_a_call_that_hangs_and_then_returns_a_code(gus: Bench) -> None:
     assert call.GT_SetHSIOOpt(1, 0) == 8
     assert time.perf_counter() - began >= 0.05
     assert not gus.controller.state().switched_on[0]
+
+
+def test_a_fault_of_one_call_or_of_all_calls_from_then_on(gus: Bench) -> None:
+    call = opened(gus)
+    call.GT_ClrSts.restype = ctypes.c_short
+
+    def codes() -> list[int]:
+        return [call.GT_ClrSts(1, 1), call.GT_SetHSIOOpt(0, 0), call.GT_ClrSts(1, 1), call.GT_SetHSIOOpt(0, 0)]
+
+    gus.controller.fault(Fault.RETURN, "GT_ClrSts", nth=2, count=FOR_EVER, value=-7)
+    assert codes() == [0, 0, -7, 0]
+    gus.controller.clear_faults()
+    gus.controller.fault(Fault.RETURN, "GT_ClrSts", nth=2, count=ALL_CALLS, value=-7)
+    assert codes() == [0, 0, -7, -7]
 
 
 def test_faults_are_removed(gus: Bench) -> None:
