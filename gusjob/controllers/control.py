@@ -36,6 +36,16 @@ class StopKind(IntEnum):
     """Stop at once."""
 
 
+class PauseKind(IntEnum):
+    """What paused a run."""
+
+    NONE = 0
+    USER = 1
+    """A key, or toggle_pause(): only the user continues, since a laser must not come on by itself."""
+    SUSPENDED = 2
+    """SIGTSTP: SIGCONT continues, as without a terminal nobody could press a key."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunStatus:
     """The state of a run.
@@ -59,14 +69,14 @@ class RunStatus:
 class Control:
     """Stops or pauses a run, from any thread or signal handler; `status` is what the run reports.
 
-    Call request_stop() and toggle_pause(); the other fields are for the run.
+    Call request_stop() and toggle_pause(); suspend() and resume() are for signal handlers, the fields for the run.
     """
 
     requested: bool = False
     """Whether there is a request: all that the sending loop reads for each call."""
     stop: StopKind = StopKind.NONE
     stopped_by: str = ""
-    pause: bool = False
+    pause: PauseKind = PauseKind.NONE
     request_count: int = 0
     """Number of requests so far: a sleep ends with a new one."""
     status: RunStatus = RunStatus()
@@ -84,12 +94,29 @@ class Control:
 
     def toggle_pause(self) -> None:
         """Pause the run, or continue it."""
-        self.pause = not self.pause
+        self._toggle_pause(PauseKind.USER)
+
+    def suspend(self) -> None:
+        """Pause the run until resume(), or continue it."""
+        self._toggle_pause(PauseKind.SUSPENDED)
+
+    def resume(self) -> None:
+        """Continue a run that suspend() paused; any other pause stays."""
+        if self.pause is PauseKind.SUSPENDED:
+            self.pause = PauseKind.NONE
+            self._notify()
+
+    def _toggle_pause(self, kind: PauseKind) -> None:
+        self.pause = PauseKind.NONE if self.pause else kind
         self._notify()
 
     def _notify(self) -> None:
-        self.requested = bool(self.stop or self.pause)
+        """Set `requested`, again if a signal handler or another thread made a request in the meantime."""
         self.request_count += 1
+        count = 0
+        while count != self.request_count:
+            count = self.request_count
+            self.requested = bool(self.stop or self.pause)
 
     def sleep(self, seconds: float) -> None:
         """Sleep until the time is over or a new request comes."""

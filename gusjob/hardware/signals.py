@@ -48,10 +48,13 @@ def stop_on_signals(control: Control) -> Iterator[None]:
 
     def on_suspend(_number: int, _frame: FrameType | None) -> None:
         # A suspended process could not watch its laser: Ctrl+Z pauses the run instead, and continues it.
-        control.toggle_pause()
+        control.suspend()
+
+    def on_continue(_number: int, _frame: FrameType | None) -> None:
+        control.resume()
 
     handlers: dict[str, Any] = dict.fromkeys(_ENDING, on_ending)
-    handlers |= {"SIGTSTP": on_suspend, "SIGTTOU": signal.SIG_IGN, "SIGTTIN": signal.SIG_IGN}
+    handlers |= {"SIGTSTP": on_suspend, "SIGCONT": on_continue, "SIGTTOU": signal.SIG_IGN, "SIGTTIN": signal.SIG_IGN}
     numbers = {getattr(signal, name): handler for name, handler in handlers.items() if hasattr(signal, name)}
     before = {number: signal.signal(number, handler) for number, handler in numbers.items()}
     try:

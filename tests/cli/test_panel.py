@@ -435,7 +435,7 @@ def test_keys_steer(
         watcher.tick()
         keys.waiting = typed
         bench.ticks(watcher, 0.02)  # Keys are heeded in every tick.
-        assert (control.pause, control.stop, control.stopped_by) == (pause, stop, who)
+        assert (bool(control.pause), control.stop, control.stopped_by) == (pause, stop, who)
     if mode == "auto":
         assert shown(terminal.getvalue())[""] == "p continue q stop (twice: at once)".replace(" q", "  q")
 

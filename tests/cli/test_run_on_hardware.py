@@ -279,17 +279,20 @@ def test_signals_switch_the_laser_off_and_the_run_is_resumed(desk: Desk, signals
     assert "nothing to resume" in again.stderr
 
 
-def test_ctrl_z_pauses(desk: Desk) -> None:
+def phase_reached(process: subprocess.Popen[str], phase: str) -> bool:
+    """Wait until a run reports a phase; False if it ends before."""
+    assert process.stdout is not None
+    return any(json.loads(text)["phase"] == phase for text in process.stdout)
+
+
+def test_ctrl_z_pauses_and_sigcont_continues(desk: Desk) -> None:
     process = desk.started(desk.job(SLOW), "--yes", "--progress", "json")
     in_motion(desk, process)
     process.send_signal(signal.SIGTSTP)
-    assert process.stdout is not None
-    for text in process.stdout:
-        if json.loads(text)["phase"] == "paused":
-            break
-    else:
-        raise AssertionError("it did not pause")
+    assert phase_reached(process, "paused")
     assert not desk.lit()
+    process.send_signal(signal.SIGCONT)
+    assert phase_reached(process, "running")
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert "GJ911" in err
