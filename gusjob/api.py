@@ -31,6 +31,7 @@ from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.diagnostics.select import EMPTY_LAYER
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized, plural
+from gusjob.inputs import open_input
 from gusjob.pipeline import (
     Checked,
     Compiled,
@@ -530,7 +531,7 @@ def _readable(loaded: Checked | Rejected, *files: Path | None) -> Checked | Reje
         return loaded
     for path in files:
         if path is not None:
-            with path.open("rb"):
+            with open_input(path):
                 pass
     raise OSError("; ".join(str(_reported(diagnostic)) for diagnostic in loaded.diagnostics))
 

@@ -16,6 +16,7 @@ import click
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.i18n.phrases import Phrase, localized, plural, printable, reason_of
+from gusjob.inputs import open_input
 from gusjob.pipeline import FileResult
 
 machine_option = click.option(
@@ -126,7 +127,7 @@ BOM = b"\xef\xbb\xbf"
 
 def bom_of(path: Path) -> bytes:
     """The BOM that a file begins with, or nothing. Raises OSError."""
-    with path.open("rb") as file:
+    with open_input(path) as file:
         return BOM * (file.read(len(BOM)) == BOM)
 
 

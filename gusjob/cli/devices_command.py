@@ -14,7 +14,8 @@ from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.cli.language import Command
 from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_profile
-from gusjob.frontend import read_source
+from gusjob.frontend import Source
+from gusjob.frontend.source import shown_name
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
 from gusjob.i18n.width import width, wrapped
 from gusjob.pipeline import FileResult, Rejected
@@ -57,14 +58,13 @@ def _profile(machine_path: Path | None) -> FileResult:
     path = machine_path or find_profile(Path.cwd() / "x.job")
     if path is None:
         return FileResult(path=Path())
-    profile = read_profile(path)
-    source, _ = read_source(path)
+    profile, name = read_profile(path), shown_name(path)
     return Rejected(
         path=path,
         machine=profile.machine,
         diagnostics=profile.diagnostics,
-        sources={source.name: source} if source is not None else {},
-        unreadable=bool(profile.diagnostics) and source is None,
+        sources={} if profile.text is None else {name: Source(name=name, data=profile.text.encode())},
+        unreadable=profile.text is None,
     )
 
 

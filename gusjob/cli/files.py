@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gusjob.cli.common import stop
 from gusjob.i18n.phrases import Phrase, any_of
+from gusjob.inputs import exists
 
 
 def files_named(paths: tuple[Path, ...], endings: tuple[str, ...]) -> list[Path]:
@@ -25,12 +26,12 @@ def _named(path: Path, endings: tuple[str, ...]) -> list[Path]:
 
     A check of no files must not pass: a folder or glob without a file ends with exit status 2.
     """
-    if path.is_dir():
+    if exists(path) and path.is_dir():
         kinds = any_of(endings)
         return list(_inside(path, endings)) or stop(
             Phrase("{path}: there is no {kinds} file in this folder", path=path, kinds=kinds)
         )
-    if not has_magic(str(path)) or path.exists():  # part[1].job is a name like any other.
+    if not has_magic(str(path)) or exists(path):  # part[1].job is a name like any other.
         return [path]
     found = glob(str(path), recursive=True)  # noqa: PTH207  (Path.glob takes no absolute pattern)
     matches = [Path(name) for name in sorted(found)]

@@ -15,6 +15,7 @@ from gusjob.cli.language import Command
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
+from gusjob.inputs import exists
 from gusjob.pipeline import FileResult, Simulated, simulate_file
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def command(
     """
     if port and not page:
         raise click.UsageError(localized(Phrase("--port needs --page")))
-    if not path.exists():
+    if not exists(path):
         why = Phrase("no such file")
         stop(f"{path}: {localized(why)}")
     server = _served(port) if page else None

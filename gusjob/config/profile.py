@@ -15,6 +15,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule, Span
 from gusjob.diagnostics.select import RuleSelection
 from gusjob.i18n.phrases import Phrase, number, reason_of
+from gusjob.inputs import exists, open_input
 
 if TYPE_CHECKING:  # Most jobs have no profile: what reads one is imported when there is one, for a fast start.
     from gusjob.config.table_reader import TableReader
@@ -51,7 +52,7 @@ def read_profile(path: Path) -> Profile:
     """Read a profile. Files that it names, and the globs of [check], are relative to its folder."""
     limit = MAX_PROFILE_MB * 1_000_000
     try:
-        with path.open("rb") as file:  # A pipe can be read only once, and a device may have no end.
+        with open_input(path) as file:  # A pipe can be read only once, and a device may have no end.
             data = file.read(limit + 1)
         if len(data) > limit:
             size = max(path.stat().st_size, len(data)) // 1_000_000
@@ -115,7 +116,7 @@ def _with_paths(machine: Machine, folder: Path) -> Machine:
     """Resolve the files that the profile names: beside it, or, if there is none, where the system looks for them."""
 
     def resolved(name: str) -> str:
-        return str(folder / name) if name and (folder / name).exists() else name
+        return str(folder / name) if name and exists(folder / name) else name
 
     controller = machine.controller
     library, configuration = resolved(controller.library), resolved(controller.configuration)

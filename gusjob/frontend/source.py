@@ -11,6 +11,7 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.i18n.phrases import Phrase, reason_of
+from gusjob.inputs import open_input
 from gusjob.kinematics.arrays import Indices
 
 MAX_FILE_MB = 1000
@@ -53,7 +54,7 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
     name = name or shown_name(path)
     try:
         limit = int(MAX_FILE_MB * 1_000_000)
-        with path.open("rb") as file:
+        with open_input(path) as file:
             data = file.read(limit + 1)  # The size of a pipe or a device is not known before.
         if len(data) > limit:
             size = max(path.stat().st_size, len(data)) // 1_000_000

@@ -33,6 +33,7 @@ from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.hardware.signals import stop_on_signals
 from gusjob.hardware.supervisor import SessionOutcome, Supervisor
 from gusjob.i18n.phrases import Phrase, reason_of
+from gusjob.inputs import exists
 from gusjob.version import __version__
 
 _UNSAFE = (rules.LASER_STATE_UNKNOWN, rules.MOTION_STATE_UNKNOWN, rules.WRONG_ABI)
@@ -269,7 +270,7 @@ def _dry_stream(request: RunRequest) -> Stream | None:
 
 def _existing_file(library: str) -> str:
     """Return the whole path of a file that is there; other names are for the system's search."""
-    return str(Path(library).resolve()) if library and Path(library).exists() else library
+    return str(Path(library).resolve()) if exists(library) else library
 
 
 def _open_journal(prepared: _PreparedRun, begin: PositionRange | None) -> Journal | Refusal:

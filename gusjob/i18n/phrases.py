@@ -94,7 +94,9 @@ _SYSTEM = {
 
 
 def reason_of(error: OSError) -> str:
-    """Return the system's message about a file in lower case, as a phrase if it is a known one."""
+    """Return the system's message about a file in lower case, as a phrase if it is a known one or ours."""
+    if isinstance(error.strerror, Phrase):
+        return error.strerror
     message = (error.strerror or "").lower()
     return _SYSTEM.get(message, message) or Phrase("unknown error")
 

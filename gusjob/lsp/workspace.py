@@ -13,6 +13,7 @@ from urllib.parse import unquote, urlsplit
 
 from gusjob.config.profile import PROFILE_NAME
 from gusjob.frontend.source import MAX_FILE_MB
+from gusjob.inputs import open_input
 
 if sys.platform == "win32":
     from pathlib import WindowsPath as _Native
@@ -111,5 +112,5 @@ class Workspace:
 
 def _read_file(path: Path) -> bytes:
     """Read at most one byte more than gusjob's size limit, so that a file that is too large is recognized."""
-    with path.open("rb") as file:
+    with open_input(path) as file:
         return file.read(int(MAX_FILE_MB * 1_000_000) + 1)

@@ -13,6 +13,7 @@ import orjson
 
 from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.i18n.phrases import Phrase, all_of, printable, reason_of
+from gusjob.inputs import open_input
 from gusjob.kinematics.arrays import Floats
 from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
 
@@ -60,7 +61,7 @@ def read_earlier(path: Path) -> tuple[EarlierReport | None, str]:
         The report and ''; None and the reason if the file is not a report.
     """
     try:
-        with path.open("rb") as file:
+        with open_input(path) as file:
             data = file.read(MAX_EARLIER_MB * 1_000_000 + 1)
         return _parse(printable(str(path)), data.removeprefix(b"\xef\xbb\xbf")), ""
     except OSError as error:

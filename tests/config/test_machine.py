@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from support.cli import write
 
 from gusjob.config.machine import Laser, Machine
 from gusjob.config.profile import MAX_PROFILE_MB, find_profile, parse_profile, read_profile
@@ -73,19 +69,3 @@ def test_a_profile_that_is_none(tmp_path: Path) -> None:
     profile = parse_profile("period_us = 1e400\nchord_tolerance_um = true\n")
     assert sorted(f.rule.code for f in profile.diagnostics) == ["GJ603", "GJ604"]
     assert profile.machine == Machine()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no named pipes as files")
-def test_a_profile_with_an_error_is_read_only_once(tmp_path: Path) -> None:
-    """A pipe, as of `--machine <(sed ... gusjob.toml)`, has nothing left when it is opened again."""
-    job, pipe = write(tmp_path, "LINE X 1\n"), tmp_path / "pipe"
-    os.mkfifo(pipe)
-    script = "import sys; from gusjob.cli import main; sys.argv = sys.argv[1:]; main()"
-    check = [sys.executable, "-c", script, "gusjob", "check", str(job), "--machine", str(pipe)]
-    with subprocess.Popen(check, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as checking:
-        pipe.write_text("perid_us = 1\n", encoding="utf-8")
-        try:
-            shown, _ = checking.communicate(timeout=20)
-        finally:
-            checking.kill()
-    assert f"{pipe}:1:1: error[GJ602]" in shown and "1 | perid_us = 1" in shown

@@ -14,6 +14,7 @@ from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.journal import JOURNAL_SCHEMA, JOURNAL_START, is_current
 from gusjob.controllers.journal.lines import is_number, is_whole, journal_lines, sound_part
 from gusjob.i18n.phrases import Phrase
+from gusjob.inputs import open_input
 from gusjob.kinematics.units import MS_PER_S
 
 _CHAIN = 1000
@@ -228,7 +229,10 @@ class _OneJournal:
 
 def _read_one(path: Path) -> _OneJournal | str:
     """Read one journal as far as its lines are sound."""
-    data = path.read_bytes()
+    with open_input(path) as file:
+        data = file.read(len(JOURNAL_START))
+        if data == JOURNAL_START:  # Of another file no more is read: a device may have no end.
+            data += file.read()
     if not data.startswith(JOURNAL_START):
         return Phrase("{name} is not a journal of gusjob run ({schema})", name=path.name, schema=JOURNAL_SCHEMA)
     if not is_current(data):

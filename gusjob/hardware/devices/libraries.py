@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gusjob.controllers.gus.driver.inspection import VendorLibrary, inspect_library
+from gusjob.inputs import exists
 
 LIBRARY_NAMES: Mapping[str, tuple[str, ...]] = {
     "win32": ("gus.dll", "gts.dll"),  # Windows ignores case: GUS.dll is the same.
@@ -57,12 +58,12 @@ def find_libraries(named: Sequence[str], search: SearchPaths) -> tuple[VendorLib
 
 def _absolute(path: str) -> str:
     """Return the whole path of an existing file, which may be in the current folder if the user names it."""
-    return str(Path(path).absolute()) if _exists(path) else path
+    return str(Path(path).absolute()) if exists(path) else path
 
 
 def _in_folders(search: SearchPaths) -> list[str]:
     paths = (str(Path(folder) / name) for folder in search.folders for name in search.names)
-    return [path for path in paths if _exists(path) and not Path(path).is_dir()]
+    return [path for path in paths if exists(path) and not Path(path).is_dir()]
 
 
 def _by_loader(search: SearchPaths) -> list[str]:
@@ -76,11 +77,4 @@ def _by_loader(search: SearchPaths) -> list[str]:
 
 
 def _identity(path: str) -> str:
-    return os.path.normcase(os.path.realpath(path)) if _exists(path) else path
-
-
-def _exists(path: str) -> bool:
-    try:
-        return bool(path) and Path(path).exists()
-    except (OSError, ValueError):  # A folder that may not be read; a character that no path can have.
-        return False
+    return os.path.normcase(os.path.realpath(path)) if exists(path) else path

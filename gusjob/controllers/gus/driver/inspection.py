@@ -65,7 +65,7 @@ def _missing(handle: Any, abi: Abi) -> tuple[str, ...]:
 
 
 _NEXT_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (
-    ((NOT_FOUND,), Phrase("name the library's file with --library, or write its path into gusjob.toml")),
+    ((NOT_FOUND, "not a file"), Phrase("name the library's file with --library, or write its path into gusjob.toml")),
     (("a folder",), Phrase("name the library in it with --library")),
     (
         ("which has", "WinError 193"),
@@ -77,7 +77,7 @@ _NEXT_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (
         ),
     ),
     (
-        ("Permission denied", "WinError 5]", "Operation not permitted", "failed to map segment"),
+        ("ermission denied", "WinError 5]", "Operation not permitted", "failed to map segment"),
         Phrase(
             "give your user permission to read and execute it (Linux: chmod a+rx FILE; not on a disk mounted noexec)"
         ),

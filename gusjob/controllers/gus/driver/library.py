@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import os
+import stat
 import struct
 import sys
 from collections.abc import Callable, Iterable
@@ -15,11 +17,14 @@ from gusjob.controllers.gus.driver.abi import ABI_PROFILES, Prototype, prototype
 from gusjob.controllers.gus.driver.elf import is_truncated
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule
-from gusjob.i18n.phrases import Phrase, printable
+from gusjob.i18n.phrases import Phrase, printable, reason_of
+from gusjob.inputs import NAMED_PIPE
 
 BITS = 8 * struct.calcsize("P")
 """Bits of this Python: a library must have the same."""
 NOT_FOUND = Phrase("there is no such file")
+_PATH_VARIABLE = {"linux": "LD_LIBRARY_PATH", "darwin": "DYLD_LIBRARY_PATH"}.get(sys.platform, "")
+"""Where the user can add folders to those that the loader searches for a bare name."""
 _UNKNOWN = "cannot open shared object file: No such file or directory"
 """glibc's text for the library itself, not for one that it needs."""
 
@@ -72,6 +77,9 @@ def open_library(path: str) -> Any | str:
     try:
         if why := _refusal(path):
             return why
+    except OSError as error:
+        return reason_of(error)
+    try:
         if sys.platform == "win32":
             return ctypes.WinDLL(path)  # __stdcall
         return ctypes.CDLL(path)
@@ -83,9 +91,38 @@ def _refusal(path: str) -> str:
     """Return why a file is not passed to the loader; '' if it is."""
     if not path or "\0" in path:
         return NOT_FOUND
-    if Path(path).is_dir():
-        return Phrase("it is a folder, not a library")
+    for file in _files_tried(path):
+        mode = file.stat().st_mode
+        if not stat.S_ISREG(mode):
+            return _kind(mode)
     return Phrase("the file is truncated") if is_truncated(path) else ""
+
+
+def _files_tried(path: str) -> list[Path]:
+    """Return the existing files that the loader may open: for a bare name also those in the folders of the user."""
+    entries = os.environ.get(_PATH_VARIABLE, "").split(os.pathsep) if _PATH_VARIABLE and Path(path).name == path else []
+    places = [Path(path), *(Path(entry) / path for entry in entries if entry)]
+    return [place for place in places if _is_there(place)]
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether there is a file, or may be one where the user may not look."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def _kind(mode: int) -> Phrase:
+    """Return what a file is that is not a regular one: opening a pipe or a device could block forever."""
+    if stat.S_ISDIR(mode):
+        return Phrase("it is a folder, not a library")
+    if stat.S_ISFIFO(mode):
+        return NAMED_PIPE
+    return Phrase("it is a socket, not a file") if stat.S_ISSOCK(mode) else Phrase("it is a device, not a file")
 
 
 def _load_error(path: str, text: str) -> str:
@@ -97,7 +134,7 @@ def _load_error(path: str, text: str) -> str:
             bits=BITS,
             text=text,
         )
-    if (Path(path).name != path and not Path(path).exists()) or text == f"{printable(path)}: {_UNKNOWN}":
+    if not _files_tried(path) and (Path(path).name != path or text == f"{printable(path)}: {_UNKNOWN}"):
         return NOT_FOUND
     if "one of its dependencies" in text:
         return Phrase(
