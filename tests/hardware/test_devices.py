@@ -25,7 +25,7 @@ from support.controller import GTS, GTS_MULTI, GUS, build, needs_controller
 
 from gusjob.cli.devices_command import command
 from gusjob.config.machine import Abi
-from gusjob.controllers.gus.driver import inspection
+from gusjob.controllers.gus.driver import headers, inspection
 from gusjob.controllers.gus.driver.inspection import inspect_library
 from gusjob.controllers.gus.driver.library import BITS
 from gusjob.hardware import devices
@@ -154,6 +154,7 @@ def test_a_part_must_be_there_to_its_last_byte(
     )
     path = tmp_path / "libgus.so"
     path.write_bytes((head.ljust(64, b"\0") + rows).ljust(begin + length + there, b"\0"))
+    monkeypatch.setattr(headers, "own_header", lambda: None)
     monkeypatch.setattr(ctypes, "WinDLL" if sys.platform == "win32" else "CDLL", _refusing)
     assert inspect_library(str(path)).reason == ("the file is truncated" if there < 0 else "the loader's word")
 

@@ -68,6 +68,10 @@ _NEXT_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (
     ((NOT_FOUND, "not a file"), Phrase("name the library's file with --library, or write its path into gusjob.toml")),
     (("a folder",), Phrase("name the library in it with --library")),
     (
+        ("this Python needs", "this Python for"),
+        Phrase("get the library for this system and processor from the vendor"),
+    ),
+    (
         ("which has", "WinError 193"),
         Phrase(
             "the library must have this Python's {bits} bits: get that one from the vendor, or install gusjob with a "

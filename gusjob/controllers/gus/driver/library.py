@@ -15,6 +15,7 @@ from typing import Any
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.driver.abi import ABI_PROFILES, Prototype, prototypes
 from gusjob.controllers.gus.driver.elf import is_truncated
+from gusjob.controllers.gus.driver.headers import misfit
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule
 from gusjob.i18n.phrases import Phrase, printable, reason_of
@@ -126,7 +127,10 @@ def _kind(mode: int) -> Phrase:
 
 
 def _load_error(path: str, text: str) -> str:
-    """Translate the loader's error message."""
+    """Translate the loader's error message. For a library of another processor glibc says that there is no file."""
+    files = _files_tried(path)
+    if why := next(filter(None, map(misfit, files)), ""):
+        return why
     if any(part in text for part in ("[WinError 193]", "wrong ELF class", "incompatible architecture")):
         return Phrase(
             "it is not for this Python, which has {bits} bits; install a Python with as many bits as the "
@@ -134,7 +138,7 @@ def _load_error(path: str, text: str) -> str:
             bits=BITS,
             text=text,
         )
-    if not _files_tried(path) and (Path(path).name != path or text == f"{printable(path)}: {_UNKNOWN}"):
+    if not files and (Path(path).name != path or text == f"{printable(path)}: {_UNKNOWN}"):
         return NOT_FOUND
     if "one of its dependencies" in text:
         return Phrase(
