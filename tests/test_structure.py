@@ -138,6 +138,7 @@ def test_check_imports_nothing_heavy() -> None:
 
 
 def test_no_eval_no_shell_no_pickle() -> None:
+    """Only the guard of a run is another process."""
     functions, modules = {"eval", "exec", "compile"}, {"subprocess", "pickle", "marshal", "shelve"}
     found = []
     for path in MODULES:
@@ -149,4 +150,6 @@ def test_no_eval_no_shell_no_pickle() -> None:
                     found += [(path.name, n.name) for n in names if n.name.split(".")[0] in modules]
                 case ast.ImportFrom(module=str(module)) if module.split(".")[0] in modules:
                     found.append((path.name, module))
-    assert found == []
+                case ast.Call(func=ast.Attribute(attr="system" | "popen" as name)) | ast.keyword(arg="shell" as name):
+                    found.append((path.name, name))
+    assert found == [("start.py", "subprocess")]

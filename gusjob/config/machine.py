@@ -161,6 +161,10 @@ class ControllerSettings:
             _closed("patience", "s", 0.01, 600), "Time for attempts to switch the laser off over a link without answer"
         ),
     )
+    guard_switches_off: bool = field(
+        default=False,
+        metadata=entry(bool, "After a crash, let the guard process switch the controller off: see docs/hardware.md"),
+    )
     position_tolerance_pulse: float = field(
         default=2.0,
         metadata=entry(_closed("tolerance", "pulse", 0, 1e6), "Allowed error of the position at the end of a run"),

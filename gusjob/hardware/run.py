@@ -27,6 +27,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, has_errors
 from gusjob.hardware.begin import begin_range, fingerprint, range_is_in_job, rest_is_in_job
 from gusjob.hardware.forecast import Forecast, forecast
+from gusjob.hardware.guard.start import Guard, guarded
 from gusjob.hardware.locks import recorded_again, run_locks
 from gusjob.hardware.progress import ProgressMeter, Watch
 from gusjob.hardware.request import Refusal, RunMode, RunRequest
@@ -177,7 +178,10 @@ def _run_locked(prepared: _PreparedRun, confirm: Confirm, control: Control, watc
     if isinstance(journal, Refusal):
         return RunOutcome(ending=Ending.REFUSED, refusal=journal)
     try:
-        return _run(prepared, begin, journal, confirm, control, watch)
+        with guarded(request, prepared.library, journal.path, journal.start_s) as guard:
+            if isinstance(guard, Refusal):
+                return RunOutcome(ending=Ending.REFUSED, refusal=guard, journal=journal.path)
+            return _run(prepared, begin, journal, guard, confirm, control, watch)
     finally:
         journal.close()
 
@@ -186,6 +190,7 @@ def _run(
     prepared: _PreparedRun,
     begin: PositionRange | None,
     journal: Journal,
+    guard: Guard,
     confirm: Confirm,
     control: Control,
     watch: Watch | None,
@@ -194,7 +199,7 @@ def _run(
     if is_searched := begin is None:
         if refusal := _mark_resumed(request, journal):
             return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
-        begin, searched = _find_range(prepared, link)
+        begin, searched = _find_range(prepared, link, guard)
         if begin is None:
             return _outcome(prepared, searched, journal, None)
     if _is_complete(request, begin):
@@ -210,7 +215,7 @@ def _run(
     session = _session(prepared, link, control)
     session.marked_to = begin.latest
     meter = ProgressMeter.of(control, prepared.forecast, request.stream, request.machine, request.location_of_row)
-    with stop_on_signals(control), watch(meter) if watch else nullcontext() as display:
+    with stop_on_signals(control), guard.watching(), watch(meter) if watch else nullcontext() as display:
         supervisor = Supervisor(session, display.tick) if display else Supervisor(session)
         outcome = supervisor.run(_part(request, _begin(request, begin)))
     return _outcome(prepared, outcome, journal, session)
@@ -349,7 +354,7 @@ def _session(prepared: _PreparedRun, link: Link, control: Control) -> Session:
     )
 
 
-def _find_range(prepared: _PreparedRun, link: Link) -> tuple[PositionRange | None, SessionOutcome]:
+def _find_range(prepared: _PreparedRun, link: Link, guard: Guard) -> tuple[PositionRange | None, SessionOutcome]:
     """Open the controller to find where a recorded run was interrupted."""
     found: list[PositionRange] = []
     recorded = prepared.request.options.resume
@@ -359,7 +364,7 @@ def _find_range(prepared: _PreparedRun, link: Link) -> tuple[PositionRange | Non
         found.append(find_range(session, recorded))
 
     session = _session(prepared, link, Control())
-    with stop_on_signals(session.control):
+    with stop_on_signals(session.control), guard.watching():
         outcome = Supervisor(session, ends_run=False).run(search)
     if found and not range_is_in_job(prepared.request, found[0]):
         why = Phrase("it is not on the path of the job")

@@ -47,8 +47,17 @@ class Journal:
         made._begin(path, file, crc=sound.crc)
         return made
 
+    @classmethod
+    def unwritten(cls, error: OSError) -> Journal:
+        """Return a journal that can't be written."""
+        made = cls.__new__(cls)
+        made.path, made._file, made._crc, made.start_s = Path(), None, 0, time.perf_counter()
+        made.give_up(error)
+        return made
+
     def _begin(self, path: Path, file: BinaryIO, *, crc: int) -> None:
-        self.path, self._file, self._crc = path, file, crc
+        self.path, self._crc = path, crc
+        self._file: BinaryIO | None = file
         self.write: Callable[[bytes], int] = file.write
         """Writes one line. Raises OSError; call give_up() then."""
         self.lost = ""
@@ -88,7 +97,8 @@ class Journal:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
 
 
 def mark_resumed(path: Path, by: Path) -> None:
