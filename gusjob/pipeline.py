@@ -71,9 +71,14 @@ class FileResult:
         return ()
 
     @property
+    def included_paths(self) -> tuple[Path, ...]:
+        """The files that INCLUDEs of a job name, whether or not they could be read."""
+        return ()
+
+    @property
     def inputs(self) -> list[Path]:
-        """Every file that was read."""
-        return [self.path, *(Path(name) for name, _ in self.files), *([self.profile] if self.profile else [])]
+        """Every file that the result depends on."""
+        return [self.path, *self.included_paths, *([self.profile] if self.profile else [])]
 
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""
@@ -116,6 +121,11 @@ class Parsed(FileResult):
     def files(self) -> tuple[tuple[str, int], ...]:
         """Name and number of lines of each file that a job consists of, if there are several."""
         return self.content.files if isinstance(self.content, Job) else ()
+
+    @property
+    def included_paths(self) -> tuple[Path, ...]:
+        """The files that INCLUDEs of a job name, whether or not they could be read."""
+        return self.content.included_paths if isinstance(self.content, Job) else ()
 
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, show, write
+from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.diagnostics.formats.writers import writer_for
@@ -78,8 +78,9 @@ def command(
 
         fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs)
     files = files_named(paths, _CHECKED)
-    if fixes and output is not None:
-        _refuse_overwriting(output, files)
+    named = [] if machine_path is None else [machine_path]
+    if output is not None:  # Before anything is fixed.
+        refuse_overwriting(output, [*files, *named])
     for path in files:
         examined: FileResult = examine_file(path, machine_path)
         examined = examined if fixer is None else fixer.fix(examined)
@@ -90,7 +91,7 @@ def command(
         elif not statistics:
             show(chosen, err=diffs)
     if writer is not None:
-        write([writer.to_bytes()], output, sources=sums.read)
+        write([writer.to_bytes()], output, sources=[*sums.read, *named])
     elif statistics:
         _print_statistics(sums.by_rule)
     if writer is None or output is not None or fixer is not None:
@@ -146,14 +147,6 @@ def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) ->
         raise click.UsageError(localized(Phrase("--statistics needs --format text or json")))
     if diffs and (form != "text" or statistics):
         raise click.UsageError(localized(Phrase("--diff can't be combined with --format or --statistics")))
-
-
-def _refuse_overwriting(output: Path, files: list[Path]) -> None:
-    """Refuse an output file that --fix would change."""
-    for path in files:
-        if output.exists() and path.exists() and output.samefile(path):
-            wrong = Phrase("--fix changes {path}: name another output file with -o", path=output)
-            raise click.UsageError(localized(wrong))
 
 
 def _counted(diagnostics: Iterable[Diagnostic]) -> Counter[str]:

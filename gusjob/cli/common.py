@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import tempfile
@@ -16,7 +17,7 @@ import click
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.i18n.phrases import Phrase, localized, plural, printable, reason_of
-from gusjob.inputs import open_input
+from gusjob.inputs import exists, open_input
 from gusjob.pipeline import FileResult
 
 machine_option = click.option(
@@ -95,17 +96,39 @@ def write(
                 encoding = sys.stdout.encoding or "utf-8"
                 localized = (piece.decode().encode(encoding, "backslashreplace") for piece in pieces)
                 _write_all(localized if for_people else pieces, sys.stdout.buffer)
-        elif output.exists() and any(source.exists() and output.samefile(source) for source in sources):
-            stop(Phrase("{path} is an input of this command: name another output file with -o", path=output))
-        elif output.exists() and not output.is_file():
-            with output.open("wb") as file:  # A device or a pipe.
-                _write_all(pieces, file)
         else:
-            _replace(output.resolve(), pieces)
+            refuse_overwriting(output, sources)
+            if exists(output) and not output.is_file():
+                with output.open("wb") as file:  # A device or a pipe.
+                    _write_all(pieces, file)
+            else:
+                _replace(_target(output), pieces)
     except BrokenPipeError:  # The reader has closed the pipe.
         discard_standard_output()
     except OSError as error:
         stop_writing(output, error)
+
+
+def refuse_overwriting(output: Path, inputs: Iterable[Path]) -> None:
+    """Exit with 2 if an output is one of the inputs, whatever links and folders its name has."""
+    try:
+        target = output if exists(output) else _target(output)
+        if target.is_file() and any(exists(path) and target.samefile(path) for path in inputs):
+            stop(Phrase("{path} is an input of this command: name another output file with -o", path=output))
+    except OSError as error:
+        stop_writing(output, error)
+
+
+def _target(output: Path) -> Path:
+    """Return the file that is written. For missing/../a.job it is a.job, though there is no folder of that name.
+
+    Raises:
+        OSError: its links are a loop.
+    """
+    target = Path(os.path.realpath(output))
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+    return target
 
 
 def stop_writing(output: Path | None, error: OSError) -> NoReturn:

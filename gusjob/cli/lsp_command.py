@@ -33,7 +33,7 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
     if textmate:
         from gusjob.lsp.textmate import GRAMMAR_PATH
 
-        write([GRAMMAR_PATH.read_bytes()], output)
+        write([GRAMMAR_PATH.read_bytes()], output, sources=[GRAMMAR_PATH])
         return
     if output is not None:
         raise click.UsageError(localized(Phrase("-o needs --textmate")))

@@ -16,6 +16,7 @@ from gusjob.cli.common import (
     machine_option,
     need,
     output_option,
+    refuse_overwriting,
     refuse_terminal,
     scanner_option,
     show,
@@ -112,7 +113,9 @@ def command(
         refuse_terminal(form, output)
     if tolerance_pct is not None and earlier_path is None:
         raise click.UsageError(localized(Phrase("--tolerance needs --against")))
-    earlier = None if earlier_path is None else _read_earlier(earlier_path, output)
+    if earlier_path is not None and output is not None:
+        refuse_overwriting(output, [earlier_path])
+    earlier = None if earlier_path is None else _read_earlier(earlier_path)
     result = simulate_file(path, machine_path, scanner=scanner)
     report = _report(result, marking) if isinstance(result, Simulated) else None
     comparison = None
@@ -192,13 +195,11 @@ def _written(
     return report_json(report, result.diagnostics, summary=summary)
 
 
-def _read_earlier(path: Path, output: Path | None) -> EarlierReport:
-    """Read an earlier report; exit with 2 if the file is none, or is the output file."""
+def _read_earlier(path: Path) -> EarlierReport:
+    """Read an earlier report; exit with 2 if the file is none."""
     from gusjob.report.earlier import read_earlier
 
     earlier, reason = read_earlier(path)
-    if earlier is not None and output is not None and output.exists() and output.samefile(path):
-        earlier, reason = None, Phrase("the output file is the earlier report itself; choose another one with -o")
     if earlier is None:
         stop(f"{path}: {localized(reason)}")
     return earlier

@@ -67,7 +67,7 @@ def command(
             start_ns = time.time_ns()
             result = _report(path, machine_path, scanner, server, summary=summary)
             missing = _missing_includes(result)
-            needed = {*(Path(name) for name, _ in result.files), *missing}
+            needed = {*result.inputs, *missing}
             _wait_for_change(path, machine_path, needed, _first_stamps(needed, missing, start_ns) | seen)
     except KeyboardInterrupt:
         click.echo()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PureWindowsPath
 
@@ -14,38 +15,46 @@ _MAX_JOBS, _MAX_BYTES = 5000, 10_000_000
 """How many jobs near a file are searched, and how much of each."""
 
 
-def find_include(name: str, source: Source, top: Source) -> tuple[Source | None, str]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundInclude:
+    """What an INCLUDE names. `path`: the file, None if it may not be read; `reason`: why there is no `source`."""
+
+    path: Path | None = None
+    source: Source | None = None
+    reason: str = ""
+
+
+def find_include(name: str, source: Source, top: Source) -> FoundInclude:
     """Read the file that an INCLUDE names. Nothing outside the job's folder is ever read.
 
     Args:
         name: The name in the INCLUDE.
         source: The text with the INCLUDE.
         top: The job's own text.
-
-    Returns:
-        The text, or None and why it is refused.
     """
     if source.path is None or top.path is None:
-        return None, Phrase("this text does not come from a file, so there is no folder to look in")
+        reason = Phrase("this text does not come from a file, so there is no folder to look in")
+        return FoundInclude(reason=reason)
     if not name or "\0" in name or not name.isprintable():
-        return None, Phrase("this is not a file name")
+        return FoundInclude(reason=Phrase("this is not a file name"))
     relative = name.replace("\\", "/")
     if relative.startswith("/") or PureWindowsPath(name).drive or PureWindowsPath(name).is_absolute():
-        return None, Phrase("write it relative to the file that includes it")
+        return FoundInclude(reason=Phrase("write it relative to the file that includes it"))
     try:
         folder = top.path.resolve().parent
         path = (source.path.resolve().parent / relative).resolve()
         if not path.is_relative_to(folder):
-            return None, Phrase("it is outside the job's folder")
+            return FoundInclude(reason=Phrase("it is outside the job's folder"))
         if not path.is_file():
-            return None, Phrase("it is not a file") if path.exists() else Phrase("there is no such file")
+            reason = Phrase("it is not a file") if path.exists() else Phrase("there is no such file")
+            return FoundInclude(path=path, reason=reason)
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a cycle of links.
-        reason = getattr(error, "strerror", None)
-        return None, reason.lower() if reason else Phrase("it can't be found")
+        said = getattr(error, "strerror", None)
+        return FoundInclude(reason=said.lower() if said else Phrase("it can't be found"))
     shown = top.name.replace("\\", "/").rpartition("/")[0]
     inside = path.relative_to(folder).as_posix()
     found, diagnostics = read_source(path, f"{shown}/{inside}" if shown else inside)
-    return found, diagnostics[0].phrase if diagnostics else ""
+    return FoundInclude(path=path, source=found, reason=diagnostics[0].phrase if diagnostics else "")
 
 
 def may_be_included(path: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from gusjob.diagnostics.model import SET_HERE, Remark, Span
 from gusjob.frontend.parse.statement import Statement
@@ -18,10 +19,12 @@ class SourceMap:
     Attributes:
         sources: The texts.
         bases: The offset of each text's line numbers.
+        included_paths: The files that INCLUDEs name, whether or not they could be read.
     """
 
     sources: list[Source] = field(default_factory=list)
     bases: list[int] = field(default_factory=list)
+    included_paths: list[Path] = field(default_factory=list)
 
     def add(self, source: Source) -> int:
         """Add a text; returns the offset of its line numbers."""

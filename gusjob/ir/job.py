@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pathlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -32,6 +33,8 @@ class Job:
     name_remarks: Callable[[int, str], tuple[Remark, ...]]
     files: tuple[tuple[str, int], ...] = ()
     """For a job that includes files: name of each file, its own first, and the offset of its line numbers."""
+    included_paths: tuple[pathlib.Path, ...] = ()
+    """The files that INCLUDEs name, whether or not they could be read. `files` has their names for messages."""
     included: tuple[tuple[str, bytes], ...] = ()
     """Name and text of every included file."""
     in_pulses: bool = False

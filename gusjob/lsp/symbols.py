@@ -98,7 +98,7 @@ def include_target(symbol: Symbol, file: FileSymbols, top: Source) -> Path | Non
     """Return the file of an INCLUDE; None if it may not be read."""
     if file.source is None:
         return None
-    source, _ = find_include(symbol.text, file.source, top)
+    source = find_include(symbol.text, file.source, top).source
     return None if source is None or source.path is None else Path(source.path)  # A plain path, no WorkspacePath.
 
 

@@ -328,21 +328,6 @@ def test_as_a_module_and_into_a_closed_pipe() -> None:
         assert b"Traceback" not in process.stderr.read()
 
 
-def test_inputs_are_never_overwritten(tmp_path: Path) -> None:
-    """Neither the job, nor what it includes, nor the profile; by whatever name."""
-    part = write(tmp_path, "LINE X 1\n", "part.job")
-    top = write(tmp_path, 'VEL 100\nACC 100\nINCLUDE "part.job"\n', "top.job")
-    profile = write(tmp_path, "period_us = 100\n", "gusjob.toml")
-    link = tmp_path / "link.gts"
-    link.hardlink_to(part)
-    for path in (top, part, profile, link):
-        before = path.read_bytes()
-        for words in (["compile"], ["report", "--format", "json"], ["trace", "--format", "csv"]):
-            done = gusjob(words[0], top, *words[1:], "-o", path)
-            assert (done.exit_code, "name another output file with -o" in done.output) == (2, True)
-            assert path.read_bytes() == before
-
-
 def test_an_output_is_complete_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After an interrupt or a full disk the older file stays, and no other file is left."""
     output = write(tmp_path, "old", "out.txt")

@@ -133,6 +133,24 @@ def test_profile_and_includes_are_watched(folder: Path) -> None:
         found.end()
 
 
+@pytest.mark.skipif(os.name != "posix", reason="links need a right of their own elsewhere")
+def test_includes_of_a_link_are_watched(tmp_path: Path) -> None:
+    """They are beside the job, not beside the link to it."""
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    write(folder, GOOD.replace("LINE X 10", 'INCLUDE "part.job"'), "top.job")
+    (tmp_path / "x.job").symlink_to(folder / "top.job")
+    found = Watched(tmp_path, "--summary")
+    try:
+        found.until("there is no such file")
+        write(folder, "LINE X 10\n", "part.job")
+        assert "marks 5 mm" in found.until("segments in")
+        write(folder, "LINE X 30\n", "part.job")
+        assert "marks 25 mm" in found.until("segments in")
+    finally:
+        found.end()
+
+
 def test_the_page_follows(folder: Path) -> None:
     pytest.importorskip("jinja2", reason="the page needs jinja2")
     found = Watched(folder, "--page")

@@ -512,17 +512,6 @@ def test_a_tolerance_without_an_earlier_report(tmp_path: Path) -> None:
     assert "--tolerance needs --against" in result.output
 
 
-def test_the_earlier_report_is_not_written_over(tmp_path: Path) -> None:
-    job, out = tmp_path / "x.job", tmp_path / "old.json"
-    job.write_text(TEXT, encoding="utf-8")
-    gusjob("report", job, "--format", "json", "-o", out)
-    before = out.read_bytes()
-    result = gusjob("report", job, "--against", out, "--format", "json", "-o", out)
-    assert result.exit_code == 2
-    assert "choose another" in result.stderr
-    assert out.read_bytes() == before
-
-
 def test_a_million_segments() -> None:
     """Two lines put into a long job: found, and soon. The bound is wide; a loop over rows is beyond it."""
     count = 1_000_000

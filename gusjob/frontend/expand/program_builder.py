@@ -108,12 +108,13 @@ class _ProgramBuilder:
         if len(chain) >= limit:
             self.report(rules.EXPANSION_TOO_DEEP, line, limit=limit, key="max_includes")
             return (), 0
-        found, reason = find_include(name, source, self.top)
-        if found is None:
-            self.report(rules.BAD_INCLUDE, line, file=printable(name), reason=reason)
+        include = find_include(name, source, self.top)
+        path, found = include.path, include.source
+        if path is not None:
+            self.sources.included_paths.append(path)
+        if path is None or found is None:
+            self.report(rules.BAD_INCLUDE, line, file=printable(name), reason=include.reason)
             return (), 0
-        path = found.path
-        assert path is not None
         if path in chain or (self.top.path is not None and path == self.top.path.resolve()):
             self.report(rules.BAD_INCLUDE, line, file=printable(name), reason=Phrase("it includes itself"))
             return (), 0

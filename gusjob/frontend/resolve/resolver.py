@@ -37,6 +37,7 @@ def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnost
         text_of=sources.text_of,
         name_remarks=lambda line, word: sources.name_remarks(line, word, lets),
         files=sources.files,
+        included_paths=tuple(dict.fromkeys(sources.included_paths)),
         included=tuple((source.name, source.data) for source in sources.sources[1:]),
         in_pulses=bool((columns.op == RowOp.UNITS_PULSE).any()),
         complete=expanded.complete,

@@ -625,13 +625,6 @@ def test_fix_writes_and_shows_what_is_left(tmp_path: Path) -> None:
     assert path.stat().st_mtime == 1
 
 
-def test_a_fixed_file_is_not_overwritten_by_the_output(tmp_path: Path) -> None:
-    path = put(tmp_path, "a.job", LEFT)
-    ran = gusjob("--fix", "--format", "json", path, "-o", path)
-    assert (ran.exit_code, path.read_text()) == (2, LEFT)
-    assert "name another output file with -o" in ran.stderr
-
-
 def test_diff_writes_nothing(tmp_path: Path) -> None:
     path = put(tmp_path, "a.job", LEFT)
     put(tmp_path, "b.job", DONE)

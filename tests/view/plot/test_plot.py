@@ -667,13 +667,6 @@ def test_warnings_are_shown_and_the_job_is_drawn(tmp_path: Path) -> None:
     assert "warning[" in done.stderr and (tmp_path / "a.png").exists()
 
 
-def test_the_job_is_not_written_over(tmp_path: Path) -> None:
-    path = job(tmp_path, ONE, "job.png")
-    done = gusjob("plot", path, "-o", path)
-    assert done.exit_code == 2 and "is an input of this command" in done.stderr
-    assert path.read_text(encoding="utf-8") == ONE
-
-
 def test_listings_are_drawn(tmp_path: Path) -> None:
     calls = tmp_path / "a.gts"
     assert gusjob("compile", job(tmp_path), "-o", calls).exit_code == 0
