@@ -18,7 +18,7 @@ from support.tools import MARK
 
 pytestmark = needs_controller
 
-LINES = 120
+LINES = 400
 JOB = MARK + f"VEL 10\nLASER POWER 40\nLASER ON\nREPEAT {LINES} AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
 GONE = "the process that ran part.job is gone (it was killed or crashed)"
 CONFIRMED = "the guard switched the controller off: it confirmed that every laser is off and nothing moves"
@@ -117,6 +117,7 @@ def test_after_a_kill_the_guard_switches_off_and_the_run_is_resumed(run: Guarded
     assert run.is_off()
     lines = run.journal.read_text(encoding="utf-8").splitlines()
     assert "GT_Stop" in [json.loads(line).get("call") for line in lines]
+    run.controller("vc.option('speed', 200)")
     again = run.started("--resume", str(run.journal))
     _, err = again.communicate(timeout=60)
     assert again.returncode == 0, err
