@@ -95,7 +95,7 @@ def _state_text(outcome: RunOutcome) -> Phrase:
         return Phrase("CHECK THE MACHINE")
     if outcome.off_tried:
         return Phrase(
-            "NOTHING WAS SWITCHED FOR CERTAIN: {tried}; laser and axes may be as they were before: look at the machine",
+            "NOTHING WAS SWITCHED FOR CERTAIN ({tried}): look at the machine",
             tried=outcome.off_tried,
         )
     return Phrase("NOTHING WAS SWITCHED: laser and axes are as they were before: look at the machine")
@@ -127,9 +127,9 @@ def _plan_text(plan: RunPlan) -> str:
         begin = Phrase("{place}; the head moves there with the laser off", place=plan.begin_location)
         rows.append((Phrase("from"), begin))
     if plan.doubling_mm:
-        rows.append((Phrase("twice"), doubling(plan.doubling_mm)))
+        rows.append((Phrase("doubling"), doubling(plan.doubling_mm)))
     if plan.is_torn:
-        rows.append((Phrase("resumed"), Phrase("the last line of its journal is incomplete and is not used")))
+        rows.append((Phrase("resumes"), Phrase("a journal whose last line is incomplete; that line is not used")))
     rows.append((Phrase("journal"), printable(str(plan.journal))))
     widest = max(width(localized(label)) for label, _ in rows)
     lines = [f"  {padded(localized(label), widest)}  {localized(text)}" for label, text in rows]

@@ -86,7 +86,7 @@ def panel(now: Progress, *, listening: bool) -> RenderableType:
     for laser in now.lasers:
         grid.add_row(localized(Phrase("laser {channel}", channel=laser.channel)), _laser_text(laser, now.phase))
     if now.doubling_mm:
-        grid.add_row(localized(Phrase("twice")), localized(doubling(now.doubling_mm)))
+        grid.add_row(localized(Phrase("doubling")), localized(doubling(now.doubling_mm)))
     filled = min(max(now.queued / now.slots, 0.0), 1.0) if now.slots > 0 else 0.0
     grid.add_row("FIFO", _bar(filled, f"{now.queued}/{now.slots}"))
     return Panel(Group(grid, Text(_keys_line(now.phase, listening=listening), "dim")), width=_WIDTH)

@@ -125,14 +125,14 @@ RUN_KILLED = rule(
     why="A controller continues with the calls in its FIFO when the program that sent them has ended.",
 )
 JOURNAL_DAMAGED = rule(
-    "GJ922",
+    "GJ919",
     WARNING,
     title="journal damaged",
     text="line {line} of this journal was changed, cut, or lines before it were removed: it is read up to there",
     why="The checksum of each line continues that of the line before, so what follows a wrong one can't be relied on.",
 )
 NOT_RESET = rule(
-    "GJ921",
+    "GJ920",
     WARNING,
     title="laser setting can't be reset",
     text="{call} of channel {channel} is not supported by this controller: what an earlier program set there can't be "
