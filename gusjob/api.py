@@ -234,6 +234,7 @@ def run_on(
         location=outcome.location,
         elapsed_s=outcome.elapsed_s,
         is_safe=outcome.is_safe,
+        state=outcome.state.value,
     )
 
 
@@ -252,7 +253,10 @@ class ControllerRun:
         journal: The journal's file; None if no journal was written.
         location: FILE:N that a failed run reached, "" if it did not begin.
         elapsed_s: Time from the start of the journal to the end of the run, s.
-        is_safe: Whether every call confirmed that the laser is off and the motion stopped. If not, check the machine.
+        is_safe: Whether calls confirmed that every laser is off and nothing moves, or no call was made. If not, check
+            the machine.
+        state: "off": that was confirmed. "untouched": the controller was not reached, laser and motion are as they were
+            before. "unknown": a laser may be on, or the axes may move.
     """
 
     ending: str
@@ -262,6 +266,7 @@ class ControllerRun:
     location: str = ""
     elapsed_s: float = 0.0
     is_safe: bool = True
+    state: str = "untouched"
 
 
 class JobFile:

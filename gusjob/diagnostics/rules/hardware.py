@@ -124,6 +124,20 @@ RUN_KILLED = rule(
     "as run",
     why="A controller continues with the calls in its FIFO when the program that sent them has ended.",
 )
+SEVERAL_SYSTEMS = rule(
+    "GJ917",
+    ERROR,
+    title="more than one coordinate system or FIFO on hardware",
+    text="a run on hardware uses one coordinate system and one FIFO; here is {what} after {first}",
+    why="If two FIFOs are filled in turn, the order of their execution is not known.",
+)
+IN_USE = rule(
+    "GJ918",
+    ERROR,
+    title="controller or journal in use",
+    text="{what} is in use by {holder}: wait until that run has ended, or stop it",
+    why="Two runs on one controller clear each other's calls. Two that continue one journal mark the rest twice.",
+)
 JOURNAL_DAMAGED = rule(
     "GJ919",
     WARNING,
@@ -138,18 +152,4 @@ NOT_RESET = rule(
     text="{call} of channel {channel} is not supported by this controller: what an earlier program set there can't be "
     "reset; this job does not use it",
     why="A delay or a follow mode that is still in force changes every mark.",
-)
-SEVERAL_SYSTEMS = rule(
-    "GJ917",
-    ERROR,
-    title="more than one coordinate system or FIFO on hardware",
-    text="a run on hardware uses one coordinate system and one FIFO; here is {what} after {first}",
-    why="If two FIFOs are filled in turn, the order of their execution is not known.",
-)
-IN_USE = rule(
-    "GJ918",
-    ERROR,
-    title="controller or journal in use",
-    text="{what} is in use by {holder}: wait until that run has ended, or stop it",
-    why="Two runs on one controller clear each other's calls. Two that continue one journal mark the rest twice.",
 )
