@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 import time
 from collections.abc import Callable
@@ -129,9 +130,17 @@ class Supervisor:
         link = self.session.link
         while thread.is_alive():
             thread.join(TICK_S)
+            if (hung_s := link.journal.hung_s()) > self.session.machine.controller.call_timeout_s:
+                reason = Phrase("a line has not been written for {seconds} s", seconds=round(hung_s, 1))
+                link.journal.give_up(OSError(errno.EIO, reason))
+                fault = Diagnostic(rule=rules.NO_JOURNAL, span=NOWHERE, fields={"reason": reason})
+                self._emergency_shutdown(thread, Phrase("the journal"), fault)
+                return
             factor = _SLOW_FACTOR if link.calling in SLOW_CALLS else 1
             if (hung_s := link.hung_s()) > self.session.machine.controller.call_timeout_s * factor:
-                self._emergency_shutdown(thread, link.calling, hung_s)
+                fields = {"call": link.calling, "seconds": round(hung_s, 1)}
+                fault = Diagnostic(rule=rules.NO_ANSWER, span=NOWHERE, fields=fields)
+                self._emergency_shutdown(thread, link.calling, fault)
                 return
 
     def _tick(self) -> None:
@@ -146,12 +155,11 @@ class Supervisor:
             self.outcome.bug = bug
             self.session.control.request_stop(Phrase("an internal error"))
 
-    def _emergency_shutdown(self, hung: threading.Thread, call: str, hung_s: float) -> None:
-        """Shut down in another thread while a call hangs, as far as the library allows."""
+    def _emergency_shutdown(self, hung: threading.Thread, call: str, fault: Diagnostic) -> None:
+        """Shut down in another thread while a call, or writing the journal, hangs, as far as the library allows."""
         session, controller = self.session, self.session.machine.controller
         session.control.requested = True  # Should the call return after all, no other one follows it.
-        fields = {"call": call, "seconds": round(hung_s, 1)}
-        faults = [Diagnostic(rule=rules.NO_ANSWER, span=NOWHERE, fields=fields)]
+        faults = [fault]
         turned_off: list[list[Diagnostic]] = []
 
         def turn_off() -> None:

@@ -267,7 +267,7 @@ def _as_one(chain: list[_OneJournal]) -> RecordedRun | str:
             off, off_ms = True, None if one.rest_s is None else (one.rest_s - one.off_s) * MS_PER_S
         elif one.is_moving:
             off_ms = None  # It moved on without laser for an unknown time.
-    if any(one.is_cut for one in chain):
+    if any(one.is_cut or one.torn for one in chain):
         off, off_ms = True, None
     broken = oldest.broken
     if broken is None and oldest.part is None and oldest.head["begin"] is not None:

@@ -9,6 +9,7 @@ import errno
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 from zlib import crc32
@@ -45,13 +46,15 @@ class Journal:
         file.truncate(sound.size)
         file.seek(sound.size)
         made._begin(path, file, crc=sound.crc)
+        if sound.torn:  # What followed is not known: a resume must not rely on the end of the journal.
+            made.append(_body(t=0, cut=True))
         return made
 
     @classmethod
     def unwritten(cls, error: OSError) -> Journal:
         """Return a journal that can't be written."""
         made = cls.__new__(cls)
-        made.path, made._file, made._crc, made.start_s = Path(), None, 0, time.perf_counter()
+        made.path, made._file, made._crc, made.start_s, made._since_s = Path(), None, 0, time.perf_counter(), 0.0
         made.give_up(error)
         return made
 
@@ -63,6 +66,12 @@ class Journal:
         self.lost = ""
         """The error that prevents further writing; '' if there is none."""
         self.start_s = time.perf_counter()
+        self._since_s = 0.0
+
+    @property
+    def _is_writing(self) -> bool:
+        """Whether another thread is writing, perhaps for ever."""
+        return self._since_s > 0
 
     def append(self, body: bytes) -> None:
         """Write one line: a JSON object without its closing brace, with its checksum.
@@ -72,13 +81,28 @@ class Journal:
         """
         self._crc = crc32(body, self._crc)
         line = b'%b,"crc":%d}\n' % (body, self._crc)
-        if self.write(line) != len(line):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._since_s = time.perf_counter()
+        try:
+            if self.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        finally:
+            self._since_s = 0.0
 
     def give_up(self, error: OSError) -> None:
-        """Write nothing from now on: a full disk must not keep the laser from being switched off."""
-        self.lost = reason_of(error)
-        self.write = len
+        """Write nothing from now on: a full disk must not keep the laser from being switched off.
+
+        The last line is made incomplete, which needs no room, so that a resume knows that something is missing.
+        """
+        self.lost, self.write = reason_of(error), len
+        with suppress(OSError, ValueError):
+            if self._file is not None and not self._is_writing:
+                self._file.seek(-1, os.SEEK_END)
+                self._file.write(b"\0")
+
+    def hung_s(self) -> float:
+        """Return for how long the line in progress has not been written."""
+        since = self._since_s
+        return time.perf_counter() - since if since else 0.0
 
     def now_s(self) -> float:
         """Return the seconds since the start."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ from support.hardware import (
 from support.tools import stream_of
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.journal.writer import Journal
+from gusjob.controllers.journal.lines import journal_lines, sound_part
+from gusjob.controllers.journal.writer import Journal, mark_resumed
 
 pytestmark = needs_controller
 
@@ -67,3 +69,53 @@ class _Full(Journal):
     def _miss(self, line: bytes) -> int:
         self.missed += 1
         return len(line)
+
+
+def test_a_disk_that_hangs_ends_the_run_dark(gus: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a network drive does: the laser must not stay on because a line can't be written."""
+    stream, machine, released = stream_of(EVERYTHING), gus.machine(Machine(), call_timeout_s=0.1), threading.Event()
+
+    class Hanging(Journal):
+        def __init__(self, path: Path, head: dict[str, object]) -> None:
+            super().__init__(path, head)
+            written, real = [0], self.write
+
+            def write(line: bytes) -> int:
+                written[0] += 1
+                if written[0] == 60:
+                    released.wait(10)
+                return real(line)
+
+            self.write = write
+
+    monkeypatch.setattr("support.hardware.Journal", Hanging)
+    ran = gus.run(stream, machine)
+    assert ran.codes == ["GJ915"]
+    assert "a line has not been written for" in ran.faults[0].message
+    assert is_safe(gus)
+    assert ran.session.is_off
+    released.set()
+
+
+def test_a_journal_that_was_given_up_is_incomplete(tmp_path: Path) -> None:
+    """On a full disk no line can be added that says so."""
+    made = Journal(tmp_path / "a.journal", {"job": "a.job"})
+    made.mark(part=0, run=0.0, lead=0, to=[0, 0.0])
+    made.give_up(OSError(28, "No space left on device"))
+    made.mark(off=True)
+    made.close()
+    found = sound_part(made.path.read_bytes())
+    assert (found.count, found.torn, found.damaged) == (1, True, False)
+    # Whoever adds lines says first that something is missing.
+    mark_resumed(made.path, tmp_path / "b.journal")
+    found = sound_part(made.path.read_bytes())
+    assert (found.count, found.torn) == (3, False)
+    assert [list(line)[1] for line in journal_lines(made.path.read_bytes())] == ["job", "cut", "resumed"]
+
+
+def test_a_line_that_is_written_in_part_is_an_error(tmp_path: Path) -> None:
+    made = Journal(tmp_path / "a.journal", {"job": "a.job"})
+    made.write = lambda line: len(line) - 1
+    made.mark(off=True)
+    assert made.lost == "no space left on device"
+    made.close()

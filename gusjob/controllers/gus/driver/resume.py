@@ -69,7 +69,9 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     if located is None:
         why = Phrase("the head is at X {x} Y {y} pulse, not on the path", x=f"{x:.0f}", y=f"{y:.0f}")
         raise _unknown(part, why)
-    earliest = _earliest(session, recorded, path, located)
+    # Something that is not recorded stopped the motion, and perhaps the laser before it.
+    is_cut = queued > 0 and not session.was_moving and not recorded.off
+    earliest = _earliest(session, recorded, path, located, is_cut=is_cut)
     if earliest.key > located.latest.key:
         raise _unknown(part, Phrase("it moved back since"))
     found = remainder.job_range(PositionRange(earliest=earliest, latest=located.latest)).until(_marked_to(part))
@@ -90,7 +92,9 @@ def _marked_to(part: RecordedPart) -> PathPosition:
     return PathPosition(row=part.marked_to[0], along_pulse=part.marked_to[1])
 
 
-def _earliest(session: Session, recorded: RecordedRun, path: TimedPath, located: PositionRange) -> PathPosition:
+def _earliest(
+    session: Session, recorded: RecordedRun, path: TimedPath, located: PositionRange, *, is_cut: bool
+) -> PathPosition:
     """Return the earliest position at which the laser may have been switched off.
 
     That is as far before the rest position as the head can have moved since, and not before the last poll that found
@@ -103,7 +107,7 @@ def _earliest(session: Session, recorded: RecordedRun, path: TimedPath, located:
         polled = max(poll.sent - ((part.slots or FIFO_SLOTS) - poll.space), part.first)
         begin = max(begin, path.earliest_at(polled, poll.x, poll.y), key=lambda position: position.key)
     off_ms = recorded.off_ms if recorded.off else session.off_ms
-    if off_ms is None or (recorded.off and session.was_moving):
+    if is_cut or off_ms is None or (recorded.off and session.was_moving):
         return begin
     rewound = path.rewind(located.earliest, off_ms, part.first)
     return max(begin, rewound, key=lambda position: position.key)
