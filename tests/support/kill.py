@@ -100,7 +100,9 @@ class Machine:
             os.close(child.end)
         if time.perf_counter() >= until_s:
             made = replace(made, error=f"it took longer than {LIMIT_S:g} s")
-        return replace(made, journal=journal if journal.exists() else None)
+        # Killed before its first line, a run has sent nothing.
+        has_begun = journal.exists() and b"\n" in journal.read_bytes()
+        return replace(made, journal=journal if has_begun else None)
 
     @staticmethod
     def _lines(child: Fork, until_s: float, kill_s: float) -> Iterator[dict[str, Any]]:
