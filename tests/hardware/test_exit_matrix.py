@@ -6,25 +6,14 @@ power, and no message says that the laser is off while it may be on.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import pytest
 from support.controller import needs_controller
 from support.exit_matrix import CODES, COUNTS, all_cases, sampled
-from support.tools import ROOT
+from support.forks import harness
 
 pytestmark = needs_controller
 
 CASES = 240
-
-
-def harness(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a module of tests/support as a command: it forks, which a process of pytest must not do."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
-    command = [sys.executable, "-m", f"support.{module}", *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=600)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from support.controller import Floats, Kind, Lit
+from support.controller import Floats, Kind, Lit, Row
 
 Bools = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
@@ -248,6 +248,55 @@ def _gaps_of(lits: Floats) -> tuple[Gap, ...]:
         for stretch in lits
         if _length(stretch) > 1e-6
     )
+
+
+@dataclass(frozen=True, slots=True)
+class PathCells:
+    """The path of a run, as cells of a grid that it passes, and their neighbours."""
+
+    cells: Counts
+
+    @staticmethod
+    def of(rows: Floats) -> PathCells:
+        """Make the cells of the rows of a run that was not interrupted; columns are support.controller.Row."""
+        passed = np.rint(np.concatenate([points_of(row) for row in rows]) / CELL_PULSE).astype(np.int64)
+        around = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+        return PathCells(np.unique(_codes((passed[:, None, :] + around[None, :, :]).reshape(-1, 2))))
+
+    def off_path(self, rows: Floats) -> list[int]:
+        """Return the numbers of rows that leave the path, but for jumps: they end on it, and are dark throughout."""
+        found = []
+        for number, row in enumerate(rows):
+            near = np.isin(_codes(np.rint(points_of(row) / CELL_PULSE).astype(np.int64)), self.cells)
+            is_dark = row[Row.POWER0_MS] == 0 and row[Row.POWER1_MS] == 0
+            # A jump that is interrupted may end anywhere.
+            if not (near.all() or (is_dark and (near[-1] or not row[Row.COMPLETED]))):
+                found.append(number)
+        return found
+
+
+CELL_PULSE = 8.0
+
+
+def points_of(row: Floats) -> Floats:
+    """Return points along a row, its end last, at least one for each half cell."""
+    length = float(row[Row.LENGTH])
+    share = np.linspace(0.0, 1.0, int(length / CELL_PULSE * 2) + 2)
+    begin, end, radius = row[[Row.X0, Row.Y0]], row[[Row.X1, Row.Y1]], float(row[Row.RADIUS])
+    if radius > 0:
+        centre, sweep = row[[Row.CX, Row.CY]], length / radius
+        start = float(np.arctan2(*(begin - centre)[::-1]))
+        several = [
+            centre + radius * np.column_stack([np.cos(start + turned * share), np.sin(start + turned * share)])
+            for turned in (sweep, -sweep)
+        ]
+        return min(several, key=lambda points: float(np.hypot(*(points[-1] - end))))
+    return np.asarray(begin + share[:, None] * (end - begin))
+
+
+def _codes(cells: Counts) -> Counts:
+    """One number for each cell."""
+    return np.asarray(cells[:, 0] * 2**31 + cells[:, 1], dtype=np.int64)
 
 
 # Sets of intervals. All calls lie on one axis, one behind the other.

@@ -91,6 +91,10 @@ class Row(IntEnum):
     CRD = 17
     CLOCK_MS = 18
     ORDINAL = 19
+    CX = 20
+    CY = 21
+    RADIUS = 22
+    """Of an arc: its centre and radius; else 0."""
 
 
 class Lit(IntEnum):
@@ -186,6 +190,8 @@ class VirtualController:
             ),
             ("vc_clear_faults", None, []),
             ("vc_release", None, []),
+            ("vc_keep", None, []),
+            ("vc_recall", None, []),
             ("vc_advance", None, [ctypes.c_double]),
             ("vc_calls", ctypes.c_long, []),
             ("vc_call", ctypes.c_char_p, [ctypes.c_long]),
@@ -229,6 +235,14 @@ class VirtualController:
     def release(self) -> None:
         """Release calls that hang; later ones don't hang."""
         self.library.vc_release()
+
+    def keep(self) -> None:
+        """Keep the machine as it is now, for recall()."""
+        self.library.vc_keep()
+
+    def recall(self) -> None:
+        """Make the machine what it was at keep(); its logs end where they ended then. Not after reset()."""
+        self.library.vc_recall()
 
     def advance(self, ms: float) -> None:
         """Advance the virtual time."""

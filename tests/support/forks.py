@@ -6,12 +6,15 @@ import json
 import os
 import select
 import signal
+import subprocess
 import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
+
+from support.tools import ROOT
 
 Send = Callable[[dict[str, Any]], None]
 
@@ -86,3 +89,10 @@ def results(numbers: list[int], workers: int, run: Callable[[int], dict[str, Any
             if not more:
                 os.waitpid(child.pid, 0)
                 del by_end[end]
+
+
+def harness(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a module of tests/support as a command: it forks, which a process of pytest with its threads must not do."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
+    command = [sys.executable, "-m", f"support.{module}", *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=1200)

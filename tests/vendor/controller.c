@@ -140,7 +140,7 @@ typedef struct {
 
 enum {
     R_KIND, R_START, R_DURATION, R_X0, R_Y0, R_X1, R_Y1, R_LENGTH, R_V0, R_V1, R_EMISSION, R_POWER_MS = 12,
-    R_MIN = 14, R_MAX, R_COMPLETED, R_CRD, R_CLOCK, R_ORDINAL, R_COLUMNS
+    R_MIN = 14, R_MAX, R_COMPLETED, R_CRD, R_CLOCK, R_ORDINAL, R_CX, R_CY, R_RADIUS, R_COLUMNS
 };
 
 /*
@@ -631,6 +631,9 @@ static void begin_row(void)
     row[R_CRD] = m->owner;
     row[R_CLOCK] = m->origin + m->t;
     row[R_ORDINAL] = (double)m->path.call.ordinal;
+    row[R_CX] = m->path.cx;
+    row[R_CY] = m->path.cy;
+    row[R_RADIUS] = m->path.radius;
     m->row_state = OPEN_ROW;
 }
 
@@ -2040,6 +2043,33 @@ void vc_reset(void)
     unlock_state();
 }
 
+static struct {
+    Core core;
+    Slot slot[2][2][RING];
+    Edge edge[2][LINES][PENDING];
+} kept;
+
+/* Keeps the machine as it is now, in this process. */
+void vc_keep(void)
+{
+    enter();
+    kept.core = *m;
+    memcpy(kept.slot, state->slot, sizeof kept.slot);
+    memcpy(kept.edge, state->edge, sizeof kept.edge);
+    leave();
+}
+
+/* Makes the machine what it was at vc_keep. Its logs have only grown since: they end where they ended then. */
+void vc_recall(void)
+{
+    enter();
+    *m = kept.core;
+    memcpy(state->slot, kept.slot, sizeof kept.slot);
+    memcpy(state->edge, kept.edge, sizeof kept.edge);
+    tie_clock();
+    leave();
+}
+
 /* 0, or -1 for an unknown name. */
 int vc_option(const char *name, double value)
 {
@@ -2120,7 +2150,7 @@ long vc_rows(void)
     return count;
 }
 
-void vc_row(long i, double out[20])
+void vc_row(long i, double out[23])
 {
     enter();
     if (i >= 0 && i < row_count())

@@ -278,6 +278,29 @@ def test_faults_are_removed(gus: Bench) -> None:
     assert call.GT_SetHSIOOpt(1, 0) == 0
 
 
+def test_a_machine_is_what_it_was(gus: Bench) -> None:
+    """With its FIFO, its light and a motion under way; what came after is not in its logs."""
+
+    def end() -> list[list[float]]:
+        gus.controller.advance(1000)
+        lits: list[list[float]] = gus.controller.lits().tolist()
+        return lits
+
+    call = opened(gus)
+    assert power(call, 40) == 0
+    sent = [call.GT_BufLaserOn(1, 0, 0), line(call, 5000), line(call, 5000, 3000), call.GT_BufLaserOff(1, 0, 0)]
+    assert [*sent, call.GT_CrdStart(1, 0)] == [0] * 5
+    gus.controller.advance(30)
+    gus.controller.keep()
+    kept, first = gus.controller.state(), end()
+    assert call.GT_SetHSIOOpt(1, 1) == 0
+    gus.controller.advance(50)
+    gus.controller.recall()
+    assert gus.controller.state() == kept
+    assert end() == first
+    assert len(first) == 2
+
+
 # What it begins with, and what it lacks.
 
 
