@@ -42,8 +42,10 @@ def begin_range(request: RunRequest) -> PositionRange | Refusal | None:
             "this is the journal of other calls: the job or its profile has changed; continue with --from-line N"
         )
         return Refusal(reason=reason, subject=subject)
-    if recorded.part is not None and not is_in_job(request, PathPosition(row=recorded.part.begin[0])):
-        return _outside(request)
+    if recorded.part is not None:
+        part = (recorded.part.begin, recorded.part.marked_to)
+        if not all(is_in_job(request, PathPosition(row=row, along_pulse=along)) for row, along in part):
+            return _outside(request)
     found = recorded_range(recorded, stream)
     return _outside(request) if found is not None and not range_is_in_job(request, found) else found
 
