@@ -95,10 +95,10 @@ def _state_text(outcome: RunOutcome) -> Phrase:
         return Phrase("CHECK THE MACHINE")
     if outcome.off_tried:
         return Phrase(
-            "NOTHING WAS SWITCHED FOR CERTAIN ({tried}): look at the machine",
+            "IT IS NOT CONFIRMED THAT THE LASER IS OFF ({tried}): check the machine",
             tried=outcome.off_tried,
         )
-    return Phrase("NOTHING WAS SWITCHED: laser and axes are as they were before: look at the machine")
+    return Phrase("NOTHING WAS SWITCHED: laser and axes are as they were before the run; check the machine")
 
 
 def _plan_text(plan: RunPlan) -> str:

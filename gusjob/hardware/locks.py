@@ -215,7 +215,7 @@ def _refusal(lock: RunLock, error: OSError) -> Refusal:
     """Refuse a run that can't be kept apart from others."""
     reason = Phrase(
         "can't lock {what}: {reason}; without this lock two runs could use it at once. Let all users of this computer "
-        "write to this folder, or delete it while nothing runs",
+        "write to this folder, or delete it while no run is in progress",
         what=lock.what,
         reason=reason_of(error),
     )

@@ -205,7 +205,9 @@ def _run(
     if _is_complete(request, begin):
         return RunOutcome(ending=Ending.NOTHING_LEFT, journal=journal.path)
     if request.options.resume is not None and not rest_is_in_job(request, _begin(request, begin)):
-        reason = Phrase("the rest of the job from there would not mark as the job does: continue with --from-line N")
+        reason = Phrase(
+            "the rest of the job from this position would not mark what the job marks: continue with --from-line N"
+        )
         refusal = Refusal(reason=reason, subject=str(request.options.resume.path))
         return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
     if callable(confirm) and not confirm(_plan(prepared, begin, journal)):

@@ -20,7 +20,7 @@ pytestmark = needs_controller
 
 LINES = 400
 JOB = MARK + f"VEL 10\nLASER POWER 40\nLASER ON\nREPEAT {LINES} AS i\nLINE X (i % 2 * 3) Y (i / 100)\nEND\nLASER OFF\n"
-GONE = "the process that ran part.job is gone (it was killed or crashed)"
+GONE = "the process that ran part.job ended without a shutdown (it was killed or crashed)"
 CONFIRMED = "the guard switched the controller off: it confirmed that every laser is off and nothing moves"
 TESTS = str(Path(__file__).parents[1])
 

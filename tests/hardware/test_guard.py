@@ -1,4 +1,4 @@
-"""The guard: what is reported when the process of a run is gone."""
+"""The guard: what it reports when the process of a run has ended without a shutdown."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from gusjob.hardware.request import Refusal, RunOptions, RunRequest
 from gusjob.hardware.run import Ending, run_on
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="it ends processes as POSIX does")
-GONE = "is gone (it was killed or crashed): THE LASER MAY BE ON AND THE AXES MAY MOVE"
+GONE = "ended without a shutdown (it was killed or crashed): THE LASER MAY BE ON AND THE AXES MAY MOVE"
 
 
 def environment() -> dict[str, str]:
@@ -75,7 +75,7 @@ def test_a_process_that_was_forked_does_not_hide_it(tmp_path: Path) -> None:
 def test_the_message_says_how_to_go_on(tmp_path: Path, way: str, then: str) -> None:
     done = ended(way, tmp_path)
     assert then.format(tmp_path / "part.journal") in done.stderr
-    assert ("is gone" in done.stderr) == (way != "chinese")
+    assert ("ended without" in done.stderr) == (way != "chinese")
 
 
 def test_a_killed_process_is_reported_at_once_and_the_guard_is_gone(tmp_path: Path) -> None:
@@ -246,5 +246,5 @@ def test_a_run_whose_guard_can_not_be_started_is_refused(
     assert outcome.ending is Ending.REFUSED
     assert isinstance(outcome.refusal, Refusal)
     reason = "no such file or directory" if program == "no-program" else "it does not answer"
-    assert f"can't start the process that guards this run: {reason}" in outcome.refusal.localized
+    assert f"can't start the guard process of this run: {reason}" in outcome.refusal.localized
     assert gus.controller.calls() == []

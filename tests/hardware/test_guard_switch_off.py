@@ -170,7 +170,7 @@ def test_a_library_that_hangs_when_it_is_loaded(orders: dict[str, Any], monkeypa
 def test_a_full_disk_does_not_keep_the_laser_on(gus: Bench, tmp_path: Path, orders: dict[str, Any]) -> None:
     assert switched_off(orders | {"journal": str(tmp_path / "no" / "part.journal")}, "en") == [
         CONFIRMED,
-        "gusjob: this could not be recorded in the journal: continue with --from-line N, not with --resume",
+        "gusjob: the journal does not have these calls: continue with --from-line N, not with --resume",
     ]
     assert "GT_Stop" in gus.controller.names()
 

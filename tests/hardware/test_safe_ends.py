@@ -54,12 +54,14 @@ def test_a_controller_that_can_not_be_opened_is_not_called_safe(gus: Bench, tmp_
     assert outcome.ending is Ending.FAILED
     assert outcome.state is MachineState.UNTOUCHED
     assert not outcome.is_safe
-    assert "NOTHING WAS SWITCHED" in _closing_message(outcome)
-    assert "look at the machine" in _closing_message(outcome)
+    # With 1 the library counts as one of another ABI, so that no off call is made.
+    start = "NOTHING WAS SWITCHED" if code == 1 else "IT IS NOT CONFIRMED THAT THE LASER IS OFF"
+    assert _closing_message(outcome).startswith(start)
+    assert "check the machine" in _closing_message(outcome)
     assert gus.controller.state().emitting[0]
 
 
-def test_the_off_call_of_every_abi_is_tried_and_its_result_told(gus: Bench, tmp_path: Path) -> None:
+def test_the_off_call_of_every_abi_is_tried_and_its_result_shown(gus: Bench, tmp_path: Path) -> None:
     gus.controller.option("leave_on", 1)
     gus.controller.fault(Fault.RETURN, "GT_ClrSts", 1, FOR_EVER, -7)
     _, outcome = run(gus, tmp_path, "first")

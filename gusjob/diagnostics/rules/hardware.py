@@ -142,14 +142,15 @@ JOURNAL_DAMAGED = rule(
     "GJ919",
     WARNING,
     title="journal damaged",
-    text="line {line} of this journal was changed, cut, or lines before it were removed: it is read up to there",
-    why="The checksum of each line continues that of the line before, so what follows a wrong one can't be relied on.",
+    text="line {line} of this journal was changed or cut, or lines before it were removed: only the lines before it "
+    "are read",
+    why="The checksum of each line continues that of the line before, so lines after a wrong one can't be verified.",
 )
 NOT_RESET = rule(
     "GJ920",
     WARNING,
     title="laser setting can't be reset",
-    text="{call} of channel {channel} is not supported by this controller: what an earlier program set there can't be "
-    "reset; this job does not use it",
+    text="the controller does not support {call} on channel {channel}: a value that an earlier program set can't be "
+    "reset; this job does not use the setting",
     why="A delay or a follow mode that is still in force changes every mark.",
 )

@@ -148,8 +148,8 @@ def _message(request: RunRequest, journal: Path) -> Phrase:
         options=f" {mode.option}" if mode.option else "",
     )
     return Phrase(
-        "the process that ran {job} is gone (it was killed or crashed): THE LASER MAY BE ON AND THE AXES MAY MOVE: use "
-        "the emergency stop, then {next}",
+        "the process that ran {job} ended without a shutdown (it was killed or crashed): THE LASER MAY BE ON AND THE "
+        "AXES MAY MOVE: use the emergency stop, then {next}",
         job=printable(request.path.name),
         next=Phrase("start again") if mode is RunMode.FRAME else resume,
     )
@@ -178,7 +178,7 @@ def _switch_off_orders(request: RunRequest, library: Library, journal: Path, sta
 def _refusal(reason: str) -> Refusal:
     return Refusal(
         reason=Phrase(
-            "can't start the process that guards this run: {reason}; check this computer's memory and its Python, then "
+            "can't start the guard process of this run: {reason}; check this computer's memory and its Python, then "
             "start again",
             reason=reason,
         )

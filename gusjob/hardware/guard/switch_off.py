@@ -31,7 +31,7 @@ _LOCK_S = 3.0
 _SLOW_FACTOR = 10
 """How much longer than others the slow calls, and loading the library, may take."""
 _LOADING = "LoadLibrary"
-_UNRECORDED = Phrase("this could not be recorded in the journal: continue with --from-line N, not with --resume")
+_UNRECORDED = Phrase("the journal does not have these calls: continue with --from-line N, not with --resume")
 _CONFIRMED = Phrase("the guard switched the controller off: it confirmed that every laser is off and nothing moves")
 
 

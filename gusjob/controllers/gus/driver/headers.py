@@ -41,7 +41,7 @@ def misfit(path: Path) -> str:
         return ""
     if theirs.form != own.form:
         return Phrase(
-            "it is a library for {system} ({form}), this Python needs one for {own}",
+            "it is a library for {system} ({form}); this Python needs one for {own}",
             system=_SYSTEMS[theirs.form],
             form=theirs.form,
             own=_SYSTEMS[own.form],
@@ -49,7 +49,7 @@ def misfit(path: Path) -> str:
     both = {theirs.machine, own.machine}
     if len(both) == 1 or "" in both or both in _OTHER_BITS:
         return ""
-    return Phrase("it is for {machine}, this Python for {own}", machine=theirs.machine, own=own.machine)
+    return Phrase("it is for {machine}; this Python needs one for {own}", machine=theirs.machine, own=own.machine)
 
 
 def own_header() -> BinaryHeader | None:

@@ -68,7 +68,7 @@ _NEXT_STEPS: tuple[tuple[tuple[str, ...], str], ...] = (
     ((NOT_FOUND, "not a file"), Phrase("name the library's file with --library, or write its path into gusjob.toml")),
     (("a folder",), Phrase("name the library in it with --library")),
     (
-        ("this Python needs", "this Python for"),
+        ("this Python needs",),
         Phrase("get the library for this system and processor from the vendor"),
     ),
     (

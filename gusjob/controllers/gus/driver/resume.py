@@ -60,9 +60,11 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     x, y = session.position(int(crd))
     queued = (part.slots or FIFO_SLOTS) - int(space)
     if queued == 0 and (segment == 0 or segment < part.segment):
-        raise _unknown(part, Phrase("it was restarted since"))
+        raise _unknown(part, Phrase("it was restarted since then"))
     if part.segment <= part.sent - part.first < segment - 2:
-        raise _unknown(part, Phrase("it has done more calls than the journal has: lines are missing at its end"))
+        raise _unknown(
+            part, Phrase("it executed more calls than the journal has: lines are missing at the end of the journal")
+        )
     path = TimedPath.of(calls, remainder.start_pulse)
     taken = max(part.sent - queued, part.first)
     located = path.locate(taken, min(taken + 1, len(calls)), x, y)
@@ -73,7 +75,7 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     is_cut = queued > 0 and not session.was_moving and not recorded.off
     earliest = _earliest(session, recorded, path, located, is_cut=is_cut)
     if earliest.key > located.latest.key:
-        raise _unknown(part, Phrase("it moved back since"))
+        raise _unknown(part, Phrase("the head moved back since then"))
     found = remainder.job_range(PositionRange(earliest=earliest, latest=located.latest)).until(_marked_to(part))
     session.note_broken(found)
     return found

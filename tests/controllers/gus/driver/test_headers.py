@@ -86,14 +86,14 @@ def test_the_header_of_this_python() -> None:
 @pytest.mark.parametrize(
     ("content", "own", "reason"),
     [
-        (elf(AARCH64), of("ELF", "x86-64"), "it is for AArch64, this Python for x86-64"),
-        (elf(X86_64), of("ELF", "AArch64"), "it is for x86-64, this Python for AArch64"),
-        (elf(ARM, wide=False), of("ELF", "x86-64"), "it is for ARM, this Python for x86-64"),
-        (elf(RISC_V), of("ELF", "x86-64"), "it is for RISC-V, this Python for x86-64"),
-        (pe(0xAA64), of("PE", "x86-64"), "it is for AArch64, this Python for x86-64"),
-        (pe(0x8664), of("ELF", "x86-64"), "it is a library for Windows (PE), this Python needs one for Linux"),
-        (elf(X86_64), of("PE", "x86-64"), "it is a library for Linux (ELF), this Python needs one for Windows"),
-        (b"\xcf\xfa\xed\xfe", of("ELF", "x86"), "it is a library for macOS (Mach-O), this Python needs one for Linux"),
+        (elf(AARCH64), of("ELF", "x86-64"), "it is for AArch64; this Python needs one for x86-64"),
+        (elf(X86_64), of("ELF", "AArch64"), "it is for x86-64; this Python needs one for AArch64"),
+        (elf(ARM, wide=False), of("ELF", "x86-64"), "it is for ARM; this Python needs one for x86-64"),
+        (elf(RISC_V), of("ELF", "x86-64"), "it is for RISC-V; this Python needs one for x86-64"),
+        (pe(0xAA64), of("PE", "x86-64"), "it is for AArch64; this Python needs one for x86-64"),
+        (pe(0x8664), of("ELF", "x86-64"), "it is a library for Windows (PE); this Python needs one for Linux"),
+        (elf(X86_64), of("PE", "x86-64"), "it is a library for Linux (ELF); this Python needs one for Windows"),
+        (b"\xcf\xfa\xed\xfe", of("ELF", "x86"), "it is a library for macOS (Mach-O); this Python needs one for Linux"),
         # The loader's own words say more of these.
         (elf(X86_64), of("ELF", "x86-64"), ""),
         (elf(X86, wide=False), of("ELF", "x86-64"), ""),
@@ -126,7 +126,7 @@ def test_a_library_for_another_processor(path: Path, monkeypatch: pytest.MonkeyP
     path.write_bytes(elf(number))
     monkeypatch.setenv("LD_LIBRARY_PATH", f"/no/such/folder:{path.parent}")
     library = path.name if bare else str(path)
-    reason = f"it is for {name}, this Python for {own}"
+    reason = f"it is for {name}; this Python needs one for {own}"
     found = inspect_library(library)
     assert (found.loaded, found.reason, found.next_steps) == (False, reason, (STEP,))
     _, (fault,) = load_library(library, Abi.GTS, 0, [])
@@ -140,5 +140,5 @@ def test_a_library_for_another_processor(path: Path, monkeypatch: pytest.MonkeyP
 def test_a_library_for_another_system(path: Path, content: bytes, system: str) -> None:
     path.write_bytes(content)
     found = inspect_library(str(path))
-    assert found.reason == f"it is a library for {system}, this Python needs one for Linux"
+    assert found.reason == f"it is a library for {system}; this Python needs one for Linux"
     assert found.next_steps == (STEP,)
