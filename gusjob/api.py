@@ -185,8 +185,9 @@ def run_on(
 
     Args:
         job: The job, or its file.
-        confirm: True, or a function that gets the plan of the run and returns True. Without confirmation nothing is
-            sent and no laser is switched on.
+        confirm: True, or a function that gets the plan of the run and returns True. Without confirmation no laser is
+            switched on. To find where a killed run was interrupted, the controller is opened and its motion stopped
+            before a function is called.
         library: The vendor's library; by default that of the machine profile.
         abi: Its ABI, "gus", "gts" or "gts-multi"; by default that of the machine profile.
         mode: "job"; "no-laser" for the whole motion without any laser call; "frame" for one pass around the bounding
@@ -207,9 +208,9 @@ def run_on(
         ValueError: `job` is a journal, the mode or ABI is unknown, or options exclude each other.
     """
     from gusjob.config.machine import Abi
+    from gusjob.hardware.outcome import Ending
     from gusjob.hardware.progress import report_to
     from gusjob.hardware.request import Refusal, RunMode, RunOptions, read_recorded_run
-    from gusjob.hardware.run import Ending
     from gusjob.hardware.run import run_on as run_request_on
 
     recorded = None if resume is None else read_recorded_run(Path(resume))
@@ -246,7 +247,7 @@ class ControllerRun:
         ending: "done": the whole job was run. "nothing-left": the recorded run was already complete.
             "failed": the run was stopped or a fault occurred. "declined": `confirm` did not return True.
             "unconfirmed": `confirm` is neither True nor a function. "refused": the request can't be run. "busy":
-            another run uses the controller or continues the journal; `diagnostics` has its process. "invalid": the
+            another run uses the controller or continues the journal; `diagnostics` names its process. "invalid": the
             library does not fit, or the calls have errors.
         reason: Why the request was refused or not confirmed, else "".
         diagnostics: Faults and other problems, at lines of the job.
@@ -255,8 +256,8 @@ class ControllerRun:
         elapsed_s: Time from the start of the journal to the end of the run, s.
         is_safe: Whether calls confirmed that every laser is off and nothing moves, or no call was made. If not, check
             the machine.
-        state: "off": that was confirmed. "untouched": the controller was not reached, laser and motion are as they were
-            before. "unknown": a laser may be on, or the axes may move.
+        state: "off": calls confirmed that every laser is off and nothing moves. "untouched": no call was made, but
+            perhaps one off call whose effect is not confirmed. "unknown": a laser may be on, or the axes may move.
     """
 
     ending: str

@@ -14,8 +14,9 @@ from gusjob.cli.progress_lines import doubling
 from gusjob.cli.run_display import run_display
 from gusjob.controllers.journal.reader import RecordedRun
 from gusjob.hardware.forecast import ChannelForecast
+from gusjob.hardware.outcome import Ending, MachineState, RunOutcome
 from gusjob.hardware.request import Refusal, RunMode, RunOptions, read_recorded_run
-from gusjob.hardware.run import Confirm, Ending, MachineState, RunOutcome, RunPlan, run_on
+from gusjob.hardware.run import Confirm, RunPlan, run_on
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.i18n.width import padded, width
 from gusjob.pipeline import Simulated, run_request
@@ -67,7 +68,7 @@ def _exit_code(result: Simulated, outcome: RunOutcome) -> int:
 
 
 def _closing_message(outcome: RunOutcome) -> str:
-    """Say how a run ended; '' if its diagnostics say it."""
+    """Return how a run ended; '' if its diagnostics say it."""
     journal = printable(str(outcome.journal))
     match outcome.ending:
         case Ending.DECLINED if outcome.is_journal_needed:
@@ -88,7 +89,7 @@ def _closing_message(outcome: RunOutcome) -> str:
 
 
 def _state_text(outcome: RunOutcome) -> Phrase:
-    """Say what calls confirmed of laser and motion, and no more."""
+    """Return what calls confirmed about laser and motion, and no more."""
     if outcome.state is MachineState.OFF:
         return Phrase("the laser is off and the motion stopped")
     if outcome.state is MachineState.UNKNOWN:

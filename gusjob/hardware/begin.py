@@ -25,7 +25,7 @@ _POWER_FACTOR = 1.01
 
 
 def begin_range(request: RunRequest) -> PositionRange | Refusal | None:
-    """Find where a run begins: where the laser went off, if it resumes one; None if only the controller knows it."""
+    """Find where a run begins: where the laser went off, if it resumes one; None if only the controller has it."""
     options, stream = request.options, request.stream
     if options.from_line is not None:
         row = row_of_line(request, options.from_line)
@@ -127,7 +127,7 @@ def row_of_line(request: RunRequest, line_text: str) -> int | Refusal:
 
 
 def fingerprint(stream: Stream) -> str:
-    """Return a hash of all calls, which tells whether a journal belongs to a stream."""
+    """Return a hash of all calls, which shows whether a journal belongs to a stream."""
     digest = hashlib.sha256()
     for name in BufferedCalls.__slots__:
         digest.update(np.ascontiguousarray(stream.buffered.column(name)).tobytes())

@@ -22,8 +22,9 @@ from gusjob.controllers.gus.driver.library import Library
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.hardware import locks
 from gusjob.hardware.locks import HeldLock, RunLock, controller_lock
+from gusjob.hardware.outcome import Ending, RunOutcome
 from gusjob.hardware.request import Refusal, RunOptions, RunRequest, read_recorded_run
-from gusjob.hardware.run import Ending, RunOutcome, RunPlan, run_on
+from gusjob.hardware.run import RunPlan, run_on
 
 pytestmark = needs_controller
 SHORT = MARK + "LINE X 5\n"

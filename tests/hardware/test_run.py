@@ -17,9 +17,10 @@ from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.path_position import JOB_START
+from gusjob.hardware.outcome import Ending
 from gusjob.hardware.progress import Progress, report_to
 from gusjob.hardware.request import Refusal, RunMode, RunOptions, RunRequest, read_recorded_run
-from gusjob.hardware.run import Ending, RunPlan, run_on
+from gusjob.hardware.run import RunPlan, run_on
 
 pytestmark = needs_controller
 

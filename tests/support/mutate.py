@@ -34,8 +34,8 @@ from support.resuming import Attempt, attempt, compiled, is_at_rest, quick_machi
 
 from gusjob.controllers.gus.driver import fifo, session
 from gusjob.hardware import locks
+from gusjob.hardware.outcome import Ending
 from gusjob.hardware.request import Refusal, read_recorded_run
-from gusjob.hardware.run import Ending
 
 Chance = random.Random
 Mutation = Callable[[bytes, Chance], bytes]

@@ -18,8 +18,9 @@ from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.journal.reader import RecordedRun
+from gusjob.hardware.outcome import Ending, RunOutcome
 from gusjob.hardware.request import Refusal, RunOptions, RunRequest, read_recorded_run
-from gusjob.hardware.run import Ending, RunOutcome, RunPlan, run_on
+from gusjob.hardware.run import RunPlan, run_on
 from gusjob.simulate import Trace
 
 JOB = """LASER DELAY ON 50us OFF 60us

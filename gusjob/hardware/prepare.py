@@ -1,0 +1,71 @@
+"""Prepare a run: make the calls that are run and their forecast, and load the library. No call is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gusjob.config.machine import Abi
+from gusjob.controllers.gus.calls import Stream
+from gusjob.controllers.gus.driver.library import Library, load_library
+from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed_calls
+from gusjob.controllers.gus.dry_run import frame, without_laser
+from gusjob.controllers.gus.model import simulate_stream
+from gusjob.diagnostics.model import Diagnostic, has_errors
+from gusjob.hardware.forecast import Forecast, forecast
+from gusjob.hardware.outcome import Ending, RunOutcome
+from gusjob.hardware.request import Refusal, RunMode, RunRequest
+from gusjob.i18n.phrases import Phrase
+from gusjob.inputs import exists
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreparedRun:
+    """All that a run needs before the controller is opened. `request` has the calls that are run."""
+
+    request: RunRequest
+    forecast: Forecast
+    library: Library
+
+
+def prepare(request: RunRequest) -> PreparedRun | RunOutcome:
+    """Make the calls that are run, their forecast, and load the library."""
+    machine, controller, options = request.machine, request.machine.controller, request.options
+    library_path = _existing_file(options.library) or controller.library
+    abi = options.abi or controller.abi
+    if not library_path or abi is None:
+        reason = Phrase(
+            "a run on hardware needs the vendor's library: --library PATH and --abi {abis}, "
+            "or library and abi under [controller] in the machine profile; see gusjob devices",
+            abis="|".join(Abi),
+        )
+        return RunOutcome.refused(Refusal(reason=reason))
+    found: list[Diagnostic] = []
+    if options.mode is not RunMode.JOB:
+        stream = _dry_stream(request)
+        if stream is None:
+            return RunOutcome.refused(Refusal(reason=Phrase("nothing moves in this job")))
+        trace, simulated = simulate_stream(stream, machine)
+        found += request.report(simulated)
+        if trace is None or has_errors(simulated):
+            return RunOutcome(ending=Ending.INVALID, diagnostics=tuple(found))
+        request = replace(request, stream=stream, trace=trace)
+    if faults := check_single_fifo(request.stream):
+        return RunOutcome(ending=Ending.INVALID, diagnostics=(*found, *request.located(faults)))
+    library, faults = load_library(library_path, abi, controller.card, needed_calls(request.stream, machine))
+    if library is None:
+        return RunOutcome(ending=Ending.INVALID, diagnostics=(*found, *request.located(faults)))
+    expected = forecast(request.stream, request.trace, machine)
+    return PreparedRun(request=request, forecast=expected, library=library)
+
+
+def _dry_stream(request: RunRequest) -> Stream | None:
+    """Return the calls of a dry run; None if nothing moves."""
+    if request.options.mode is RunMode.FRAME:
+        return frame(request.stream, request.trace)
+    return without_laser(request.stream)
+
+
+def _existing_file(library: str) -> str:
+    """Return the whole path of a file that is there; other names are for the system's search."""
+    return str(Path(library).resolve()) if exists(library) else library
