@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from gusjob.controllers.control import Phase, StopKind
 from gusjob.controllers.gus.driver.fifo import Interrupted
-from gusjob.controllers.gus.driver.link import SLOW_CALLS, BackendError, TakenOver
+from gusjob.controllers.gus.driver.link import BackendError, TakenOver
 from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.driver.shutdown import hung_diagnostics
 from gusjob.controllers.gus.remainder import Remainder
@@ -20,8 +20,6 @@ from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.i18n.phrases import Phrase
 
 TICK_S = 0.02
-_SLOW_FACTOR = 10
-"""How much longer than others the slow calls may take."""
 _CUT_OUTSIDE = (rules.INTERLOCK, rules.STOPPED_FROM_OUTSIDE, rules.NO_PROGRESS)
 """Faults whose cause may have cut the laser before the program noticed it."""
 _GRACE_S = 1.0
@@ -54,7 +52,7 @@ class Supervisor:
     outcome: SessionOutcome = field(default_factory=SessionOutcome)
 
     def run(self, part: Callable[[Session], Remainder | None]) -> SessionOutcome:
-        """Open the controller, run, and close it; whatever happens, the laser is off and the axes are at rest after it.
+        """Open the controller, run, and close it, with a shutdown however the run ends.
 
         Args:
             part: finds out, with the controller open, what to run; None for nothing.
@@ -105,7 +103,7 @@ class Supervisor:
             self.outcome.bug = bug
         cut_outside = any(fault.rule in _CUT_OUTSIDE for fault in faults)
         try:
-            # A library of another ABI would take "off" for something else.
+            # In another ABI "off" means something else.
             if not session.abi_confirmed:
                 session.switch_off_unconfirmed()
             if session.abi_confirmed:
@@ -127,17 +125,16 @@ class Supervisor:
 
     def _watch(self, thread: threading.Thread) -> None:
         """Watch the thread until it is done; if a call of it hangs, shut down without it."""
-        link = self.session.link
+        link, timeout_s = self.session.link, self.session.machine.controller.call_timeout_s
         while thread.is_alive():
             thread.join(TICK_S)
-            if (hung_s := link.journal.hung_s()) > self.session.machine.controller.call_timeout_s:
+            if (hung_s := link.journal.hung_s()) > timeout_s:
                 reason = Phrase("a line has not been written for {seconds} s", seconds=round(hung_s, 1))
                 link.journal.give_up(OSError(errno.EIO, reason))
                 fault = Diagnostic(rule=rules.NO_JOURNAL, span=NOWHERE, fields={"reason": reason})
                 self._emergency_shutdown(thread, Phrase("the journal"), fault)
                 return
-            factor = _SLOW_FACTOR if link.calling in SLOW_CALLS else 1
-            if (hung_s := link.hung_s()) > self.session.machine.controller.call_timeout_s * factor:
+            if (hung_s := link.hung_s()) > link.allowed_s(timeout_s):
                 fields = {"call": link.calling, "seconds": round(hung_s, 1)}
                 fault = Diagnostic(rule=rules.NO_ANSWER, span=NOWHERE, fields=fields)
                 self._emergency_shutdown(thread, link.calling, fault)
@@ -177,7 +174,7 @@ class Supervisor:
         until = time.perf_counter() + controller.link_patience_s + 2 * controller.call_timeout_s + _GRACE_S
         while thread.is_alive() and time.perf_counter() < until and session.link.hung_s() < controller.call_timeout_s:
             thread.join(TICK_S)
-        session.link.release()  # Nobody makes calls any more.
+        session.link.release()  # No thread makes calls any more.
         if session.abi_confirmed or thread.is_alive():
             session.is_off = session.is_off and bool(turned_off)
             faults += turned_off[0] if turned_off else hung_diagnostics(session.outputs, call)

@@ -13,8 +13,9 @@ from support.resuming import Attempt, attempt, claims_off, judged, quick_machine
 from gusjob.cli.hardware import _closing_message
 from gusjob.controllers.journal.reader import read_journal
 from gusjob.diagnostics import rules
+from gusjob.hardware.outcome import Ending, MachineState, RunOutcome
 from gusjob.hardware.request import RunRequest
-from gusjob.hardware.run import Ending, MachineState, RunOutcome, run_on
+from gusjob.hardware.run import run_on
 
 pytestmark = needs_controller
 
@@ -82,7 +83,7 @@ def test_a_link_that_fails_once_is_confirmed_and_shut_down(gus: Bench, tmp_path:
 
 
 def test_an_open_that_hangs_is_not_called_safe(gus: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gusjob.hardware.supervisor._SLOW_FACTOR", 1)
+    monkeypatch.setattr("gusjob.controllers.gus.driver.link.SLOW_FACTOR", 1)
     gus.controller.option("leave_on", 1)
     gus.controller.fault(Fault.HANG, "GT_Open")
     gus.controller.fault(Fault.RETURN, "GT_ClrSts", 1, FOR_EVER, -6)

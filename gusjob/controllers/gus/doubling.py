@@ -1,4 +1,4 @@
-"""What is marked twice where a run continues, so that nothing is left out."""
+"""Doubling: what a resumed run marks twice, so that nothing is left out."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ import numpy as np
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.controllers.gus.path_position import PathPosition, PositionRange, TimedPath
+from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.kinematics.arrays import Bools
 from gusjob.kinematics.units import US_PER_MS
 
-_CHANNELS = (0, 1)
 _SLACK_PULSE = 4.0
-"""What rounding may add: of the positions at both ends, and of the point where the run continues."""
+"""Length that rounding may add: of the positions at both ends, and of the point where the run continues."""
 
 
 def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
-    """Move a position back by what the head does from rest until the light is on, so that this stretch is not left out.
+    """Move a position back by the path from rest to the begin of the emission, so that this path is not left out.
 
-    Level delay and first pulse killer delay the light after the laser is switched on (M 二.6, 二.7). A position at
-    which the laser is off stays, and none is moved over a switch of the laser.
+    Level delay and first pulse killer delay the emission after the laser is switched on (M 二.6, 二.7). A position at
+    which the laser is off does not change, and no position is moved back beyond a switch of the laser.
     """
     calls, row = stream.buffered, position.row
-    lit = [channel for channel in _CHANNELS if row < len(calls) and is_on(stream, channel)[row]]
-    lag_ms = max((_lags_ms(stream, row, channel)[0] for channel in lit), default=0.0)
+    on = [channel for channel in CHANNELS if row < len(calls) and is_on(stream, channel)[row]]
+    lag_ms = max((_lags_ms(stream, row, channel)[0] for channel in on), default=0.0)
     moves = np.flatnonzero(calls.kind[: row + 1] < Buffered.DELAY)
     if lag_ms <= 0 or not len(moves):
         return position
@@ -31,8 +31,8 @@ def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
     stages = [call.at for call in stream.calls if call.name == "GT_CrdClear" and call.at <= row]
     first = max([0, *stages, *(switches[-1:] + 1).tolist()])
     acc, vel = float(calls.acc[moves[-1]]), float(calls.vel[moves[-1]])
-    way_pulse = min(acc * lag_ms**2 / 2, vel * lag_ms)
-    return TimedPath.of(calls, (0.0, 0.0)).rewind_along(position, way_pulse, first)
+    length_pulse = min(acc * lag_ms**2 / 2, vel * lag_ms)
+    return TimedPath.of(calls, (0.0, 0.0)).rewind_along(position, length_pulse, first)
 
 
 def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float:
@@ -54,9 +54,9 @@ def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float
         lengths[-1] = end.along_pulse if rows[-1] == end.row else 0.0
     lengths[0] -= begin.along_pulse if rows[0] == begin.row else 0.0
     offs = np.count_nonzero(calls.kind[begin.row : end.row + 1] == Buffered.OFF)
-    tail_ms = max(_lags_ms(stream, len(calls), channel)[1] for channel in _CHANNELS)
+    tail_ms = max(_lags_ms(stream, len(calls), channel)[1] for channel in CHANNELS)
     tails_pulse = offs * tail_ms * float(calls.vel[rows].max(initial=0.0))
-    on = np.logical_or.reduce([is_on(stream, channel)[rows] for channel in _CHANNELS])
+    on = np.logical_or.reduce([is_on(stream, channel)[rows] for channel in CHANNELS])
     pulse = float(lengths[on].sum()) + tails_pulse + _SLACK_PULSE
     return float(pulse / min(machine.pulses_per_mm))
 
@@ -75,7 +75,7 @@ def is_on(stream: Stream, channel: int) -> Bools:
 
 
 def _lags_ms(stream: Stream, row: int, channel: int) -> tuple[float, float]:
-    """Return for how long light goes on and off after its switch, by the settings before a row."""
+    """Return the delays of the emission after the laser is switched on and off, by the settings before a row."""
     levels, killer = (0.0, 0.0), (0.0, 0.0)
     for call in stream.calls:
         if call.at > row or call.args[-1:] != (float(channel),):

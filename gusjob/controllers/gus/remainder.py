@@ -11,6 +11,7 @@ import numpy as np
 from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
 from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
+from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import reachable_ends
 
@@ -74,7 +75,7 @@ def whole_job(stream: Stream, head_pulse: tuple[float, float] | None) -> Remaind
     if not len(timed) or not away:
         return Remainder(stream=stream)
     first = int(timed[0])
-    emits = any(_switch_state(stream, first, channel).on for channel in (0, 1))
+    emits = any(_switch_state(stream, first, channel).on for channel in CHANNELS)
     if stream.buffered.kind[first] == Buffered.LINE and not emits:
         return Remainder(stream=stream)
     return remainder_from(stream, JOB_START, head_pulse)
@@ -105,7 +106,7 @@ def remainder_from(stream: Stream, position: PathPosition, head_pulse: tuple[flo
     if is_away and (calls.kind < Buffered.DELAY).any():  # A job of dwells runs where the head is.
         vel, acc = _velocity_and_acceleration(calls, row)
         lead.add(Buffered.LINE, x=start[0], y=start[1], vel=vel, acc=acc)
-    for channel in (0, 1):
+    for channel in CHANNELS:
         state = _switch_state(stream, row, channel)
         if isinstance(state.power, int):
             lead.rows.append(calls.pick(np.array([state.power])))

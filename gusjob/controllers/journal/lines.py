@@ -51,10 +51,7 @@ def journal_lines(data: bytes) -> Iterator[dict[str, Any]]:
         ValueError: a line is not what a run writes.
     """
     for text in data.splitlines():
-        try:
-            found = orjson.loads(text)
-        except orjson.JSONDecodeError as error:
-            raise ValueError from error
+        found = orjson.loads(text)
         if not isinstance(found, dict) or not all(_is_valid(name, value) for name, value in found.items()):
             raise ValueError(text)
         if "call" in found and not {"t", "code", "line", "args"} <= found.keys():
@@ -72,7 +69,7 @@ _FLAGS = ("starting", "off", "cut", "moving", "rest")
 
 
 def _is_valid(name: str, value: Any) -> bool:
-    """Return whether a field has the type and range that a run writes; other fields are free."""
+    """Return whether a field has the type and range that a run writes; any other field is valid."""
     if name in _WHOLE:
         return is_whole(value) and value >= _WHOLE[name]
     if name in _TEXTS:
@@ -99,7 +96,7 @@ def _is_valid(name: str, value: Any) -> bool:
 
 
 def is_whole(value: Any) -> bool:
-    """Return whether a value is a whole number of a sensible size."""
+    """Return whether a value is a whole number of at most LARGEST."""
     return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 

@@ -1,4 +1,4 @@
-"""Write a journal: each line is given to the system before the next call is made.
+"""Write a journal: the system has each line before the next call is made.
 
 A process that is killed loses at most the line of the call that it was making.
 """
@@ -35,7 +35,7 @@ class Journal:
 
     @classmethod
     def reopen(cls, path: Path) -> Journal:
-        """Open the journal of another run to add lines behind its last sound one.
+        """Open the journal of another run to add lines after its last sound one.
 
         Raises:
             OSError: the file can't be written.
@@ -54,14 +54,13 @@ class Journal:
     def unwritten(cls, error: OSError) -> Journal:
         """Return a journal that can't be written."""
         made = cls.__new__(cls)
-        made.path, made._file, made._crc, made.start_s, made._since_s = Path(), None, 0, time.perf_counter(), 0.0
+        made._begin(Path(), None, crc=0)
         made.give_up(error)
         return made
 
-    def _begin(self, path: Path, file: BinaryIO, *, crc: int) -> None:
-        self.path, self._crc = path, crc
-        self._file: BinaryIO | None = file
-        self.write: Callable[[bytes], int] = file.write
+    def _begin(self, path: Path, file: BinaryIO | None, *, crc: int) -> None:
+        self.path, self._file, self._crc = path, file, crc
+        self.write: Callable[[bytes], int] = len if file is None else file.write
         """Writes one line. Raises OSError; call give_up() then."""
         self.lost = ""
         """The error that prevents further writing; '' if there is none."""
@@ -70,7 +69,7 @@ class Journal:
 
     @property
     def _is_writing(self) -> bool:
-        """Whether another thread is writing, perhaps for ever."""
+        """Whether a thread is writing; it may hang."""
         return self._since_s > 0
 
     def append(self, body: bytes) -> None:
@@ -91,7 +90,7 @@ class Journal:
     def give_up(self, error: OSError) -> None:
         """Write nothing from now on: a full disk must not keep the laser from being switched off.
 
-        The last line is made incomplete, which needs no room, so that a resume knows that something is missing.
+        The last line is made incomplete, which needs no disk space, so that a resume knows that something is missing.
         """
         self.lost, self.write = reason_of(error), len
         with suppress(OSError, ValueError):

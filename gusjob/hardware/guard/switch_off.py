@@ -1,6 +1,6 @@
-"""Switch a controller off after the run on it is gone, through a link of the guard's own.
+"""Switch a controller off after its run ended without a shutdown, through a link of the guard's own.
 
-Nobody knows what GT_Open of a second process does to a controller that moves: the profile must allow it. What is
+It is not known what GT_Open of a second process does to a controller that moves: the profile must allow it. What is
 reported is what the calls confirmed, never more.
 """
 
@@ -16,7 +16,7 @@ from typing import Any
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.driver.library import load_library
-from gusjob.controllers.gus.driver.link import SLOW_CALLS, BackendError, Link, TakenOver
+from gusjob.controllers.gus.driver.link import SLOW_FACTOR, BackendError, Link, TakenOver
 from gusjob.controllers.gus.driver.requirements import RUN_CALLS, Outputs
 from gusjob.controllers.gus.driver.shutdown import Shutdown, hung_diagnostics
 from gusjob.controllers.journal.writer import Journal
@@ -27,9 +27,7 @@ from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 
 _TICK_S = 0.02
 _LOCK_S = 3.0
-"""Longest time until the system has released the lock of a process that is gone."""
-_SLOW_FACTOR = 10
-"""How much longer than others the slow calls, and loading the library, may take."""
+"""Longest time until the system has released the lock of a process that has ended."""
 _LOADING = "LoadLibrary"
 _UNRECORDED = Phrase("the journal does not have these calls: continue with --from-line N, not with --resume")
 _CONFIRMED = Phrase("the guard switched the controller off: it confirmed that every laser is off and nothing moves")
@@ -65,9 +63,9 @@ class SwitchOffOrders:
 
 
 def switched_off(orders: Mapping[str, Any], language: str) -> list[str]:
-    """Switch the controller off, and return what to tell the user.
+    """Switch the controller off, and return the messages for the user.
 
-    It takes a limited time, also if a call hangs: then its thread is left behind.
+    The time is limited: a thread whose call hangs is abandoned.
 
     Args:
         orders: the fields of SwitchOffOrders.
@@ -142,7 +140,7 @@ class _Switching:
             journal.close()
 
     def _shut_down(self, link: Link) -> None:
-        """Make the calls of a shutdown, if the library proves its ABI: another one would take "off" for something else.
+        """Make the calls of a shutdown, if the library's ABI is confirmed: in another ABI "off" means something else.
 
         GT_Open may refuse a controller that the other process left open: only the probe decides.
         """
@@ -163,9 +161,8 @@ class _Switching:
         """Return the call that hangs, '' if none does."""
         link, limit_s = self.link, self.orders.call_timeout_s
         if link is None:
-            return _LOADING if time.perf_counter() - self.began_s > limit_s * _SLOW_FACTOR else ""
-        factor = _SLOW_FACTOR if link.calling in SLOW_CALLS else 1
-        return link.calling if link.hung_s() > limit_s * factor else ""
+            return _LOADING if time.perf_counter() - self.began_s > limit_s * SLOW_FACTOR else ""
+        return link.calling if link.hung_s() > link.allowed_s(limit_s) else ""
 
     def give_up(self, call: str) -> list[str]:
         """Make no more calls; report that nothing is certain, unless GT_Close is what hangs."""

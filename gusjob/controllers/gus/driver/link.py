@@ -20,6 +20,8 @@ FULL = 1
 """Return code of a buffered call when the FIFO is full."""
 SLOW_CALLS = ("GT_Open", "GT_Close", "GT_LoadConfig", "GT_Reset")
 """Calls that take much longer than others."""
+SLOW_FACTOR = 10
+"""How much longer than others a slow call, and loading the library, may take."""
 
 _CABLE = Phrase("check cable and power, and that no other program uses the controller")
 MEANINGS: dict[int, tuple[str, str]] = {
@@ -109,6 +111,10 @@ class Link:
         """Return for how long the call in progress has not returned."""
         since = self.since_s
         return time.perf_counter() - since if since else 0.0
+
+    def allowed_s(self, timeout_s: float) -> float:
+        """Return how long the call in progress may take, by the time that is allowed for most calls."""
+        return timeout_s * SLOW_FACTOR if self.calling in SLOW_CALLS else timeout_s
 
     def call(self, name: str, *values: Value | bytes, line: int = 0) -> tuple[int, list[Any]]:
         """Make one call by the manual's name.

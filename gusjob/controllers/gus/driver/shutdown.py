@@ -15,12 +15,11 @@ from gusjob.controllers.control import Control, StopKind
 from gusjob.controllers.gus.calls import Value
 from gusjob.controllers.gus.driver.link import BackendError, Link, meaning
 from gusjob.controllers.gus.driver.requirements import Outputs
-from gusjob.controllers.gus.ranges import CHANNEL, CRD
+from gusjob.controllers.gus.ranges import CHANNELS, CRD
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic
 from gusjob.i18n.phrases import Phrase
 
-_CHANNELS = tuple(range(int(CHANNEL.low), int(CHANNEL.high) + 1))
 _CRDS = tuple(range(int(CRD.low), int(CRD.high) + 1))
 
 _TRIES = 3
@@ -32,7 +31,6 @@ _REST_S = 2.0
 """Longest time after an abrupt stop until the motion is at rest."""
 _WATCH_S = 0.05
 """Time after an abrupt stop for which the laser is switched off repeatedly without a pause."""
-
 
 MISSING = (7, 8)
 """Codes with which a controller answers to a channel or a coordinate system that it does not have."""
@@ -68,7 +66,7 @@ class Shutdown:
             # Before the call: a process that is killed in it leaves no other trace.
             self._is_marked = True
             self.link.journal.mark(off=True)
-        failed = {channel: code for channel in _CHANNELS if (code := self._channel_off(channel))}
+        failed = {channel: code for channel in CHANNELS if (code := self._channel_off(channel))}
         power_failed = {channel: self._power_off(channel) != 0 for channel in failed}
         until, tries = time.perf_counter() + self.patience_s, dict.fromkeys(failed, 1)
         while left := [ch for ch, code in failed.items() if retry and code and (code < 0 or tries[ch] < _TRIES)]:
@@ -133,7 +131,7 @@ class Shutdown:
             patience = _REST_S if moving else self.patience_s
             if abrupt_since and now - abrupt_since > patience:
                 return [_motion_diagnostic(code)]
-            for channel in _CHANNELS:
+            for channel in CHANNELS:
                 self._channel_off(channel)
             for channel in self.outputs.channels:
                 self._power_off(channel)
@@ -176,8 +174,8 @@ class Shutdown:
             return code
 
         code = self._answer("GT_CrdStatus", crd, crd in self.outputs.crds, ask)
-        # The answer of a missing system is not an answer.
-        return None if code else bool((("GT_CrdStatus", crd) in self._present) and found[0])
+        # The answer of a missing system does not count.
+        return None if code else ("GT_CrdStatus", crd) in self._present and bool(found[0])
 
     def confirm_rest(self) -> list[Diagnostic]:
         """Check that nothing moves: after the end of a job."""
