@@ -1,4 +1,4 @@
-"""Open the files that a command reads. A named pipe is none: opening it blocks until somebody writes to it."""
+"""Open the files that a command reads. A named pipe is refused: opening it blocks until a process writes to it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def open_input(path: Path) -> IO[bytes]:
 
 
 def exists(path: str | Path) -> bool:
-    """Return whether there is a file or folder; not for a name that is too long, where Path.exists raises."""
+    """Return whether a file or folder exists; False for a name that is too long, for which Path.exists raises."""
     return os.path.exists(path)  # noqa: PTH110
 
 

@@ -110,7 +110,7 @@ def write(
 
 
 def refuse_overwriting(output: Path, inputs: Iterable[Path]) -> None:
-    """Exit with 2 if an output is one of the inputs, whatever links and folders its name has."""
+    """Exit with 2 if an output is one of the inputs, also under another name."""
     try:
         target = output if exists(output) else _target(output)
         if target.is_file() and any(exists(path) and target.samefile(path) for path in inputs):

@@ -66,7 +66,7 @@ def plain_line(now: Progress) -> str:
 
 
 def doubling(length_mm: float) -> Phrase:
-    """Return what continuing a run marks twice at most."""
+    """Return a phrase with the length of the marks that are made twice at most."""
     return Phrase("up to {length} mm of marks are made twice", length=f"{length_mm:.3f}")
 
 

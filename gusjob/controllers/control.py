@@ -27,7 +27,7 @@ class Phase(StrEnum):
 
 
 class StopKind(IntEnum):
-    """Requested way of stopping a run."""
+    """Requested kind of stop."""
 
     NONE = 0
     SMOOTH = 1
@@ -101,7 +101,7 @@ class Control:
         self._toggle_pause(PauseKind.SUSPENDED)
 
     def resume(self) -> None:
-        """Continue a run that suspend() paused; any other pause stays."""
+        """Continue a run that suspend() paused; any other pause remains."""
         if self.pause is PauseKind.SUSPENDED:
             self.pause = PauseKind.NONE
             self._notify()

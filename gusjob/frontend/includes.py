@@ -49,8 +49,8 @@ def find_include(name: str, source: Source, top: Source) -> FoundInclude:
             reason = Phrase("it is not a file") if path.exists() else Phrase("there is no such file")
             return FoundInclude(path=path, reason=reason)
     except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a cycle of links.
-        said = getattr(error, "strerror", None)
-        return FoundInclude(reason=said.lower() if said else Phrase("it can't be found"))
+        text = getattr(error, "strerror", None)
+        return FoundInclude(reason=text.lower() if text else Phrase("it can't be found"))
     shown = top.name.replace("\\", "/").rpartition("/")[0]
     inside = path.relative_to(folder).as_posix()
     found, diagnostics = read_source(path, f"{shown}/{inside}" if shown else inside)

@@ -1,4 +1,4 @@
-"""Locks of a run: one run at a time on a controller, and one that continues a journal.
+"""Locks of a run: a controller has one run at a time, and one run continues a journal.
 
 The operating system holds a lock and releases it when its process ends, however that happens. It locks an empty file;
 a second file beside it names the holder, since Windows does not let others read a locked one.
@@ -29,9 +29,9 @@ from gusjob.i18n.phrases import Phrase, printable, reason_of
 
 _TRIES = 5
 _SLEEP_S = 0.02
-"""Interval between attempts at what another run is about to finish: a file that it creates, removes or writes."""
+"""Interval between attempts: another run may be creating, removing or writing the file."""
 _HOLDER_BYTES = 4096
-"""A holder file is not longer."""
+"""Maximum size of a holder file."""
 
 
 def _shared_folder() -> Path:
@@ -103,7 +103,7 @@ class RunLock:
                 pid, job = found["pid"], found["job"]
                 if isinstance(pid, int) and isinstance(job, str):
                     return Phrase("process {pid}, which runs {job}", pid=pid, job=printable(job))
-            time.sleep(_SLEEP_S)  # It may have taken the lock just now.
+            time.sleep(_SLEEP_S)  # The holder may have taken the lock just now.
         return Phrase("another process")
 
 
@@ -119,7 +119,7 @@ class HeldLock:
         with suppress(OSError):
             descriptor = _open_shared(self.lock.holder_path)
             try:
-                if os.fstat(descriptor).st_nlink == 1:  # A second name could be that of a file of this user's own.
+                if os.fstat(descriptor).st_nlink == 1:  # With a second name it may be another file of this user.
                     os.ftruncate(descriptor, 0)
                     os.write(
                         descriptor, orjson.dumps({"pid": os.getpid(), "job": printable(job)[: _HOLDER_BYTES // 8]})
@@ -131,8 +131,8 @@ class HeldLock:
         """Release the lock and remove its files."""
         from filelock import unlock_descriptor
 
-        # Removed while it is locked: who opened it before and locks it now finds that it is not at its path any more.
-        # Windows does not remove an open file, and in a folder with the sticky bit others' files stay: no harm.
+        # Removed while it is locked: a process that opened it before finds that it is not at its path any more. Windows
+        # does not remove an open file, and the sticky bit keeps files of other users: they remain, which is harmless.
         for path in (self.lock.holder_path, self.lock.path):
             with suppress(OSError):
                 path.unlink()
@@ -212,7 +212,7 @@ def _enter(lock: RunLock, job: Path, held: ExitStack) -> Diagnostic | Refusal | 
 
 
 def _refusal(lock: RunLock, error: OSError) -> Refusal:
-    """Refuse a run that can't be kept apart from others."""
+    """Make the refusal of a run whose lock can't be taken."""
     reason = Phrase(
         "can't lock {what}: {reason}; without this lock two runs could use it at once. Let all users of this computer "
         "write to this folder, or delete it while no run is in progress",
@@ -226,7 +226,7 @@ def _refusal(lock: RunLock, error: OSError) -> Refusal:
 
 
 def _make_folder() -> None:
-    """Create the folder of the locks, for all users: each may create files in it, and remove only his own."""
+    """Create the folder of the locks, for all users: each may create files in it, and remove only their own."""
     with suppress(FileExistsError):
         LOCK_FOLDER.mkdir()
         if sys.platform != "win32":

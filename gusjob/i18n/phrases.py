@@ -94,7 +94,7 @@ _SYSTEM = {
 
 
 def reason_of(error: OSError) -> str:
-    """Return the system's message about a file in lower case, as a phrase if it is a known one or ours."""
+    """Return the system's message about a file in lower case, as a phrase if it is known or is one already."""
     if isinstance(error.strerror, Phrase):
         return error.strerror
     message = (error.strerror or "").lower()

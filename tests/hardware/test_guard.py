@@ -22,8 +22,9 @@ from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.hardware.guard import process, start
 from gusjob.hardware.guard.start import Guard, guarded
+from gusjob.hardware.outcome import Ending
 from gusjob.hardware.request import Refusal, RunOptions, RunRequest
-from gusjob.hardware.run import Ending, run_on
+from gusjob.hardware.run import run_on
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="it ends processes as POSIX does")
 GONE = "ended without a shutdown (it was killed or crashed): THE LASER MAY BE ON AND THE AXES MAY MOVE"
@@ -199,34 +200,34 @@ def request_of(gus: Bench, folder: Path) -> RunRequest:
 
 
 @pytest.fixture
-def told(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
-    """What guards are told."""
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
+    """Lines that are sent to guards."""
     lines: list[bytes] = []
-    tell = Guard._tell
+    send = Guard._send
 
     def recorded(self: Guard, line: bytes) -> None:
         lines.append(line)
-        tell(self, line)
+        send(self, line)
 
-    monkeypatch.setattr(Guard, "_tell", recorded)
+    monkeypatch.setattr(Guard, "_send", recorded)
     return lines
 
 
 @needs_controller
-def test_a_run_tells_its_guard_when_the_controller_is_open(gus: Bench, tmp_path: Path, told: list[bytes]) -> None:
+def test_a_run_reports_to_its_guard_when_the_controller_is_open(gus: Bench, tmp_path: Path, sent: list[bytes]) -> None:
     fresh(gus, poll_us=3_000)
     seen: list[list[bytes]] = []
 
     def confirm(_plan: Any) -> bool:
-        seen.append(told[1:])
+        seen.append(sent[1:])
         return True
 
     assert run_on(request_of(gus, tmp_path), confirm=confirm).ending is Ending.DONE
     assert seen == [[]]
-    assert told[1:] == [process.OPENED, process.CLOSED, process.ENDED]
+    assert sent[1:] == [process.OPENED, process.CLOSED, process.ENDED]
     gus.controller.fault(Fault.RETURN, "GT_Open", 1, 1, -6)
     assert run_on(request_of(gus, tmp_path), confirm=True).ending is Ending.FAILED
-    assert told[-3:] == [process.OPENED, process.CLOSED, process.ENDED]
+    assert sent[-3:] == [process.OPENED, process.CLOSED, process.ENDED]
 
 
 @needs_controller

@@ -13,8 +13,8 @@ that it returned, for a buffered call the job's `row` (-1: a call that rebuilds 
 - `broken`: the laser went off at this row, `run` pulse along it, or later, but not after `to` (row, pulse).
 - `end`: how the run ended; `resumed`: the journal of the run that continues this one.
 
-Each line ends with `crc`, the CRC-32 of the text before it, continued from the line before: no line can be changed,
-removed or added without a trace.
+Each line ends with `crc`, the CRC-32 of the text before it, continued from the line before: so changed, removed and
+added lines are detected.
 
 writer.py writes a journal, lines.py reads its lines, reader.py finds out where its run was interrupted. This module
 imports nothing, since every command needs to recognize a journal.

@@ -18,7 +18,7 @@ from gusjob.inputs import open_input
 from gusjob.kinematics.units import MS_PER_S
 
 _CHAIN = 1000
-"""Most journals in a row of runs that resume each other."""
+"""Maximum number of journals of runs that resume each other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +36,9 @@ class RecordedPoll:
 class RecordedPart:
     """A part of a run as its journal recorded it, up to where it was interrupted.
 
-    It began at `begin` (row, pulse along it; of the whole job) behind `lead` rows of its own; what was marked before it
-    ends at `marked_to` at the latest. `sent`: how many of its
-    rows the controller took; `uncertain`: whether one more may have been taken.
+    It began at `begin` (row, pulse along it; of the whole job) after `lead` rows of its own; what was marked before it
+    ends at `marked_to` at the latest. `sent`: how many of its rows the controller took; `uncertain`: whether one more
+    may have been taken.
 
     Of the stage that was cleared last: `first`, the rows that were sent before it; `started`: GT_CrdStart was called
     and not refused. As polled last: `slots` of its FIFO; `segment`: calls done; `line` of the job; `space`: free slots
@@ -150,7 +150,7 @@ class _OneJournal:
         return self.head.get("resumes") is not None and self.part is None and self.broken is None and not self.done
 
     def add(self, line: dict[str, Any]) -> None:
-        """Add a line behind the head. Raises ValueError if a run does not write it there."""
+        """Add a line after the first one. Raises ValueError if a run does not write it there."""
         if self.resumed:
             raise ValueError(line)
         if "call" in line:
@@ -212,7 +212,7 @@ class _OneJournal:
 
     @staticmethod
     def _add_answer(part: RecordedPart, call: str, args: list[Any], line: int) -> None:
-        """Add what the controller answered to a call about the job's motion."""
+        """Add the answer of a call about the job's motion."""
         if call == "GT_CrdClear":
             part.first, part.started, part.slots = part.sent, False, None
             part.segment, part.poll, part.newest_poll = 0, None, None

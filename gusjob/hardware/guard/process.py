@@ -1,11 +1,12 @@
-"""The program of the guard process: wait until the run ends, and report one that ended without a word.
+"""The program of the guard process: wait until the run ends, and report one that ended without a shutdown.
 
 It is started as a file, isolated and without site-packages, and imports only the standard library, so that it is ready
 in some ms and needs little memory. (`python -m` would search the current folder first, where a file of the user may
 have the name of a module.) gusjob is imported only if the controller is to be switched off.
 
 It reads lines from standard input: the orders as JSON, then OPENED and CLOSED as the controller is opened and closed,
-and ENDED. The run is gone if the pipe ends, or the parent process has, without ENDED: the system closes it.
+and ENDED. If the pipe or the parent process ends without ENDED, the run has ended without a shutdown: the system closes
+the pipes of a process that ends.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ def main() -> None:
     for name in _IGNORED:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    orders, _, told = _received(int(sys.argv[1])).partition(b"\n")
-    if not told.endswith(OPENED):
+    orders, _, events = _received(int(sys.argv[1])).partition(b"\n")
+    if not events.endswith(OPENED):
         return
     found: dict[str, Any] = json.loads(orders)
     _say(found["message"])
@@ -41,13 +42,13 @@ def main() -> None:
 
 
 def _received(parent: int) -> bytes:
-    """Return all that the run told, when it has ended.
+    """Return all lines of the run when it has ended.
 
     Args:
         parent: the process of the run.
     """
     text, is_ready = b"", False
-    # A process that the run forked has the pipe, too, and keeps it open. It is not the parent, as no wrapper is.
+    # A process that the run forked keeps the pipe open, so the parent is watched, too: if it is the run, not a wrapper.
     parent = parent if os.getppid() == parent else 0
     while not text.endswith(ENDED):
         if _has_input():
@@ -63,10 +64,10 @@ def _received(parent: int) -> bytes:
 
 
 def _answer() -> None:
-    """Tell the run that its guard is ready, and close the pipe."""
-    with suppress(OSError):  # The run is gone already.
+    """Report to the run that its guard is ready, and close the pipe."""
+    with suppress(OSError):  # The run has ended already.
         os.write(_OUTPUT, READY)
-    # Not just closed: the next file would have its number, and get what a library prints.
+    # Redirected before it is closed: else the next file would get its number, and what a library prints.
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, _OUTPUT)
     os.close(nothing)
@@ -74,7 +75,7 @@ def _answer() -> None:
 
 def _has_input() -> bool:
     """Wait until there is input, or the end of it, or some time has passed."""
-    if sys.platform == "win32":  # It selects from sockets only; and nobody forks.
+    if sys.platform == "win32":  # There select takes only sockets, and there is no fork.
         return True
     return bool(select.select([_INPUT], [], [], _POLL_S)[0])
 

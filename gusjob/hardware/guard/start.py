@@ -1,4 +1,4 @@
-"""Start the guard of a run, and tell it when the controller is open."""
+"""Start the guard of a run, and report to it when the controller is open."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 
 _PROGRAM = Path(__file__).with_name("process.py")
 _INTERPRETER = re.compile(r"(python|pypy)[\d.]*[a-z_]{0,2}(\.exe)?", re.IGNORECASE)
-"""Names of Python's program: an application that embeds Python may give its own as sys.executable."""
+"""Names of Python's program: in an application that embeds Python sys.executable may be the application."""
 _START_S = 10.0
 """Longest time until the guard is ready."""
 _END_S = 2.0
@@ -41,17 +41,17 @@ class Guard:
     @contextmanager
     def watching(self) -> Iterator[None]:
         """Watch while the context lasts: the controller may be open."""
-        self._tell(OPENED)
+        self._send(OPENED)
         try:
             yield
         finally:
-            self._tell(CLOSED)
+            self._send(CLOSED)
 
     def end(self) -> None:
         """End the process, which must not outlive the run."""
         if self.process is None:
             return
-        self._tell(ENDED)
+        self._send(ENDED)
         with suppress(OSError):
             _pipe(self.process.stdin).close()
         try:
@@ -60,17 +60,17 @@ class Guard:
             self.process.kill()
             self.process.wait()
 
-    def _tell(self, line: bytes) -> None:
+    def _send(self, line: bytes) -> None:
         if self.process is not None:
-            with suppress(OSError):  # Somebody killed it.
+            with suppress(OSError):  # The guard was killed.
                 _pipe(self.process.stdin).write(line)
                 _pipe(self.process.stdin).flush()
 
     def _has_started(self, orders: bytes) -> bool:
-        """Give the guard its orders and wait until it is ready."""
+        """Send the guard its orders and wait until it is ready."""
         assert self.process is not None
         output, answer = _pipe(self.process.stdout), list[bytes]()
-        self._tell(orders)
+        self._send(orders)
         reader = threading.Thread(target=lambda: answer.append(output.read(len(READY))), daemon=True)
         reader.start()
         reader.join(_START_S)
@@ -92,8 +92,8 @@ def guarded(request: RunRequest, library: Library, journal: Path, start_s: float
         start_s: the start of the journal (time.perf_counter).
 
     Yields:
-        The guard; a refusal if it can't be started. Such a computer lacks memory or processes, and a run that began all
-        the same could end with the laser on and without a word.
+        The guard; a refusal if it can't be started. Such a computer lacks memory or processes, so that a run could end
+        with the laser on, and without a report.
     """
     if not _can_start():
         yield Guard()
@@ -140,7 +140,7 @@ def _orders(request: RunRequest, library: Library, journal: Path, start_s: float
 
 
 def _message(request: RunRequest, journal: Path) -> Phrase:
-    """Say what may be on, and what to do."""
+    """Return the message about a run that ended without a shutdown."""
     mode = request.options.mode
     resume = Phrase(
         "continue with --resume {journal}{options}",

@@ -87,7 +87,7 @@ class FifoStage:
     last: FifoStatus | None = None
     sent_at_poll: int = 0
     good: GoodPoll | None = None
-    """The last poll after which everything was as it should be."""
+    """The last poll that found no fault."""
 
     @property
     def taken(self) -> int:

@@ -1,4 +1,4 @@
-"""System and processor of a library, by its header: the loader may only say that there is no such file."""
+"""System and processor of a library, from its header: the loader may only report that there is no such file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SYSTEMS = {"ELF": "Linux", "PE": "Windows", "Mach-O": "macOS"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BinaryHeader:
-    """What the header of a library or program says. `form`: ELF, PE or Mach-O; `machine`: '' if it is not read."""
+    """The header of a library or program. `form`: ELF, PE or Mach-O; `machine`: '' if it is not read."""
 
     form: str
     machine: str = ""

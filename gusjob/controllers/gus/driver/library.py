@@ -102,12 +102,12 @@ def _refusal(path: str) -> str:
 def _files_tried(path: str) -> list[Path]:
     """Return the existing files that the loader may open: for a bare name also those in the folders of the user."""
     entries = os.environ.get(_PATH_VARIABLE, "").split(os.pathsep) if _PATH_VARIABLE and Path(path).name == path else []
-    places = [Path(path), *(Path(entry) / path for entry in entries if entry)]
-    return [place for place in places if _is_there(place)]
+    paths = [Path(path), *(Path(entry) / path for entry in entries if entry)]
+    return [file for file in paths if _is_there(file)]
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether there is a file, or may be one where the user may not look."""
+    """Return whether there is a file, or may be one in a folder that the user can't read."""
     try:
         path.stat()
     except (FileNotFoundError, NotADirectoryError, ValueError):

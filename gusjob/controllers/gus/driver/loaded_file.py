@@ -1,4 +1,4 @@
-"""Which file the system's search found for a library that was named without a folder."""
+"""Find the file of a library whose name has no folder, so that the system searched for it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _SymbolInfo(ctypes.Structure):
 
 
 def file_of(library: Library) -> Path | None:
-    """Return the file that a library was loaded from; None if neither its name nor the system tells."""
+    """Return the file that a library was loaded from; None if it is not known."""
     if (named := Path(library.path)).is_file():
         return named
     found = _module_file(library.handle) if sys.platform == "win32" else _symbol_file(library)
@@ -34,7 +34,7 @@ def file_of(library: Library) -> Path | None:
 
 
 def _module_file(handle: Any) -> str:
-    """Return the file of a loaded module on Windows, '' if the system does not tell."""
+    """Return the file of a loaded module on Windows, '' if it is not known."""
     if sys.platform != "win32":
         return ""
     text = ctypes.create_unicode_buffer(_LONGEST_PATH)
@@ -44,7 +44,7 @@ def _module_file(handle: Any) -> str:
 
 
 def _symbol_file(library: Library) -> str:
-    """Return the file that has a library's calls, '' if the system does not tell."""
+    """Return the file that has a library's calls, '' if it is not known."""
     function: Any = next(iter(library.functions.values()))
     info = _SymbolInfo()
     try:

@@ -66,7 +66,7 @@ class Session:
     options: str = ""
     """The options that must be given again to resume this run."""
     abi_confirmed: bool = False
-    """The library has proved to be of its ABI: only then "off" means off."""
+    """Whether the ABI of the library is confirmed: only then "off" means off."""
     was_moving: bool = False
     """The motion was in progress when the controller was opened."""
     is_off: bool = False
@@ -405,9 +405,9 @@ class Session:
             self.note_broken(PositionRange.exactly(PathPosition(row=len(self.stream.buffered))))
 
     def _extend_to_rest(self) -> None:
-        """Extend where the laser went off to the rest position, if a call on the way there switches the laser on.
+        """Extend where the laser went off to the rest position, if a call before it switches the laser on.
 
-        It is switched off again then, but for a moment it may emit there.
+        The shutdown switches the laser off again, but it may emit for a short time.
         """
         fifo, part, broken = self._fifo, self._part, self.broken
         if fifo is None or fifo.stage is None or part is None or broken is None or not fifo.stage.may_run:
