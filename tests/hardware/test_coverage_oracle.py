@@ -47,7 +47,7 @@ def arc(high: float, low: float = 0.0, *, radius: float = 1000.0, centre: tuple[
 
 
 def still(kind: Kind, high: float, low: float = 0.0, *, at: tuple[float, float] = (1000.0, 0.0), on: int = 1) -> Floats:
-    """A stretch of a dwell from a time to another before its end, or of light at rest for that long."""
+    """A stretch of a dwell from a time to another before its end, or of emission at rest for that long."""
     made = np.zeros(len(Lit))
     made[[Lit.KIND, Lit.X, Lit.Y, Lit.X0, Lit.Y0, Lit.X1, Lit.Y1]] = kind, *at, *at, *at
     made[[Lit.LEFT0, Lit.LEFT1]] = (high, low) if kind is Kind.DELAY else (0, 0)
@@ -115,7 +115,7 @@ def test_two_channels_that_double_the_same_piece_of_path_double_it_once() -> Non
     assert found.doubled == pytest.approx([0, 250])
 
 
-def test_light_before_the_lit_piece_of_a_call_is_outside() -> None:
+def test_emission_before_the_lit_piece_of_a_call_is_outside() -> None:
     """The call is lit from 600 to 200 before its end."""
     whole = np.array([line(600, 200)])
     found = coverage(whole, np.array([line(650, 150)]))
@@ -123,14 +123,14 @@ def test_light_before_the_lit_piece_of_a_call_is_outside() -> None:
     assert found.outside_pulse == pytest.approx(49 + 49)
 
 
-def test_light_on_the_way_to_a_target_of_the_job_is_outside() -> None:
+def test_emission_on_the_way_to_a_target_of_the_job_is_outside() -> None:
     """A lit jump that ends where a call of the job ends has that call's target, but not its path."""
     found = coverage(WHOLE, np.array([*WHOLE, line(1000, off=20)]))
     assert found.outside_pulse == pytest.approx(1000)
     assert found.doubled == pytest.approx([0])
 
 
-def test_light_on_a_call_that_the_job_does_not_have_is_outside() -> None:
+def test_emission_on_a_call_that_the_job_does_not_have_is_outside() -> None:
     found = coverage(WHOLE, np.array([*WHOLE, line(70, target=(4000, 4000), length=70)]))
     assert [(gap.target, gap.size) for gap in found.outside] == [((4000, 4000), 70)]
 
@@ -175,7 +175,7 @@ def test_a_dwell_is_lit_for_its_time() -> None:
     assert coverage(WHOLE, elsewhere).burning_ms == pytest.approx(3)
 
 
-def test_light_at_rest_burns_but_for_the_tail_of_an_off_delay() -> None:
+def test_emission_at_rest_burns_but_for_the_tail_of_an_off_delay() -> None:
     whole = np.array([line(1000), still(Kind.REST, 0.06, on=0)])
     burnt = np.array([line(1000), still(Kind.REST, 0.05, on=0), still(Kind.REST, 9, on=0), still(Kind.REST, 2)])
     assert coverage(whole, burnt).burning_ms == pytest.approx(9 - 0.06 + 2)

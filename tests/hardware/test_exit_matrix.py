@@ -1,4 +1,4 @@
-"""Each call of a job fails in each way, and the job is resumed until it is done: a sample of support.exit_matrix.
+"""Each call of a job fails, and the job is resumed until it is done: a sample of support.exit_matrix.
 
 Nothing is left out, no more is marked twice than the plans announced, nothing is marked elsewhere or with another
 power, and no message says that the laser is off while it may be on.

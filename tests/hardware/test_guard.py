@@ -34,9 +34,9 @@ def environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
 
 
-def ended(way: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def ended(ending: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a guarded process, until nobody has its standard error any more."""
-    command = [sys.executable, "-m", "support.guarded", way, str(folder)]
+    command = [sys.executable, "-m", "support.guarded", ending, str(folder)]
     return subprocess.run(command, env=environment(), capture_output=True, encoding="utf-8", timeout=30, check=False)
 
 
@@ -48,21 +48,21 @@ def is_alive(pid: int) -> bool:
     return True
 
 
-@pytest.mark.parametrize(("way", "code"), [("exit", 5), ("segfault", -signal.SIGSEGV), ("signalled", 5)])
-def test_a_process_that_is_gone_is_reported(tmp_path: Path, way: str, code: int) -> None:
+@pytest.mark.parametrize(("ending", "code"), [("exit", 5), ("segfault", -signal.SIGSEGV), ("signalled", 5)])
+def test_a_process_that_ended_without_a_shutdown_is_reported(tmp_path: Path, ending: str, code: int) -> None:
     """Also if the guard got the signals that end a run."""
-    done = ended(way, tmp_path)
+    done = ended(ending, tmp_path)
     assert done.returncode == code
     message = f"gusjob: the process that ran part.job {GONE}: use the emergency stop, then continue with --resume "
     assert done.stderr == f"\n{message}{tmp_path / 'part.journal'}\n"
 
 
-@pytest.mark.parametrize("way", ["question", "closed", "exception", "normal"])
-def test_nothing_is_reported_if_the_controller_is_not_open(tmp_path: Path, way: str) -> None:
-    done = ended(way, tmp_path)
+@pytest.mark.parametrize("ending", ["question", "closed", "exception", "normal"])
+def test_nothing_is_reported_if_the_controller_is_not_open(tmp_path: Path, ending: str) -> None:
+    done = ended(ending, tmp_path)
     assert GONE not in done.stderr
-    assert ("ZeroDivisionError" in done.stderr) == (way == "exception")
-    assert done.returncode == {"normal": 0, "exception": 1}.get(way, 5)
+    assert ("ZeroDivisionError" in done.stderr) == (ending == "exception")
+    assert done.returncode == {"normal": 0, "exception": 1}.get(ending, 5)
 
 
 def test_a_process_that_was_forked_does_not_hide_it(tmp_path: Path) -> None:
@@ -71,15 +71,15 @@ def test_a_process_that_was_forked_does_not_hide_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("way", "then"), [("no-laser", "--resume {} --no-laser\n"), ("frame", "then start again\n"), ("chinese", "{}")]
+    ("ending", "then"), [("no-laser", "--resume {} --no-laser\n"), ("frame", "then start again\n"), ("chinese", "{}")]
 )
-def test_the_message_says_how_to_go_on(tmp_path: Path, way: str, then: str) -> None:
-    done = ended(way, tmp_path)
+def test_the_message_says_how_to_go_on(tmp_path: Path, ending: str, then: str) -> None:
+    done = ended(ending, tmp_path)
     assert then.format(tmp_path / "part.journal") in done.stderr
-    assert ("ended without" in done.stderr) == (way != "chinese")
+    assert ("ended without" in done.stderr) == (ending != "chinese")
 
 
-def test_a_killed_process_is_reported_at_once_and_the_guard_is_gone(tmp_path: Path) -> None:
+def test_a_killed_process_is_reported_at_once_and_the_guard_ends(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "support.guarded", "suspended", str(tmp_path)]
     run = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert run.stdout is not None

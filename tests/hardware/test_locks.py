@@ -1,4 +1,4 @@
-"""One run at a time on a controller, and one that continues a journal."""
+"""A controller has one run at a time, and one run continues a journal."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ IS_ROOT = os.name == "posix" and os.geteuid() == 0
 
 @pytest.fixture(autouse=True)
 def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """The folder of the locks, and no other user's."""
+    """The folder of the locks, for this test alone."""
     path = tmp_path / "locks"
     monkeypatch.setattr(locks, "LOCK_FOLDER", path)
     return path
@@ -226,7 +226,7 @@ def test_an_error_of_the_system_is_refused(
 
 @pytest.mark.parametrize("name", ["path", "folder"])
 def test_links_in_the_shared_folder_are_not_followed(gus: Bench, tmp_path: Path, folder: Path, name: str) -> None:
-    """Anybody could have put one there."""
+    """Any user could have made one there."""
     victim = tmp_path / "victim"
     if name == "folder":
         victim.mkdir()
@@ -334,7 +334,7 @@ def test_a_holder_that_comes_late_is_waited_for(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_holder_file_of_another_name_is_not_overwritten(tmp_path: Path, folder: Path) -> None:
-    """A hard link that somebody put there would be a way to empty a file of this user."""
+    """Otherwise a hard link that another user made could empty a file of this user."""
     folder.mkdir()
     own = tmp_path / "own"
     own.write_text("own text", encoding="utf-8")

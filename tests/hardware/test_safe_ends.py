@@ -1,4 +1,4 @@
-"""What a run says at its end, and how it is resumed, in real time on a link with latency."""
+"""What a run reports at its end, and how it is resumed, in real time on a link with latency."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_a_call_that_returns_late_has_its_effect_undone(gus: Bench, tmp_path: Pa
 @pytest.mark.parametrize("code", [1, 2, 3, 7, -7])
 @pytest.mark.parametrize("call", ["GT_SetLevelDelay", "GT_DisFPK", "GT_SetLaserDisMode"])
 def test_a_refused_reset_ends_the_run_dark(gus: Bench, tmp_path: Path, call: str, code: int) -> None:
-    """Else what an earlier program set stays in force: 9 ms of light after each mark."""
+    """Else what an earlier program set stays in force: 9 ms of emission after each mark."""
     gus.controller.options(leave_off_delay_us=9000)
     gus.controller.fault(Fault.RETURN, call, 1, 1, code)
     _, outcome = run(gus, tmp_path, "first")
@@ -172,7 +172,7 @@ PLANTS: dict[str, Callable[[VirtualController], None]] = {
     "open failed": lambda controller: controller.fault(Fault.RETURN, "GT_Open", 1, 1, -6),
     "position not read": lambda controller: controller.fault(Fault.RETURN, "GT_GetCrdPos", 1, FOR_EVER, -7),
     "coordinate system refused": lambda controller: controller.fault(Fault.RETURN, "GT_SetCrdPrm", 1, 1, 1),
-    "light on refused": lambda controller: controller.fault(Fault.RETURN, "GT_BufLaserOn", 1, 1, 7),
+    "laser on refused": lambda controller: controller.fault(Fault.RETURN, "GT_BufLaserOn", 1, 1, 7),
 }
 
 

@@ -56,7 +56,7 @@ def test_signals_are_requests() -> None:
     ],
 )
 def test_sigcont_ends_only_a_pause_that_sigtstp_made(requests: str, pause: PauseKind) -> None:
-    """A laser that comes on by itself is dangerous: a pause made with a key is the user's alone."""
+    """A laser that comes on by itself is dangerous: only the user ends a pause that a key began."""
     control = Control()
     with stop_on_signals(control):
         for request in requests.split():

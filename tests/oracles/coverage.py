@@ -1,11 +1,11 @@
-"""What an interrupted run and its resumes left out and marked twice, from the virtual controller's log of light.
+"""What an interrupted run and its resumes left out and marked twice, from the virtual controller's log of emission.
 
 Both runs are logs of lit stretches (support.controller.Lit). A timed call of the job is identified by its channel, its
 kind and its target, so the targets of a job must be unique. A point on it is identified by its distance to the call's
 end, since a resume that begins within a call keeps its end; for a dwell, by the time to its end. The distance on an arc
 that begins anew about a rounded centre is scaled to the arc of the job.
 
-Light counts where its power is not 0.
+Emission counts where its power is not 0.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ class Gap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """What came out.
+    """The result of a comparison.
 
     `left_out`: pieces of the job that no part lit; `outside`: lit pieces that are not on the job's lit path. `doubled`:
     by part, the length of path that it lit although an earlier part or itself had lit it before by the same channel,
-    pulse; `doubled_dwell_ms`: the same of dwells. `burning_ms`: light at rest, more than in the run that was not
+    pulse; `doubled_dwell_ms`: the same of dwells. `burning_ms`: emission at rest, more than in the run that was not
     interrupted. `wrong_power`: stretches of calls of a constant power that had another one.
     """
 
@@ -120,7 +120,7 @@ def coverage(expected: Floats, lits: Floats, marks: Sequence[int] = (), toleranc
     calls = _calls(expected)
     wanted, found, on_path = _intervals(expected, calls), _intervals(lits, calls), _is_on_path(lits, calls)
     dwells = lits[:, Lit.KIND] == Kind.DELAY
-    # A dwell that is lit where the job has none lit is light at rest.
+    # A dwell that emits although none of the job does, emits at rest.
     burning_ms += float(lits[dwells & ~on_path, Lit.MS].sum())
     slack = _Intervals(wanted.call, wanted.low - tolerance_pulse, wanted.high + tolerance_pulse)
     strayed = _gaps_of(lits[~dwells & ~on_path])
@@ -152,7 +152,7 @@ def _parts(count: int, marks: Sequence[int]) -> Counts:
 
 
 def _burning_ms(lits: Floats, expected: Floats) -> float:
-    """Light at rest with the switch on, and the tails of off delays as far as they are longer than the job's."""
+    """Emission at rest with the switch on, and the tails of off delays as far as they are longer than the job's."""
     rests = lits[:, Lit.KIND] == Kind.REST
     tails = expected[(expected[:, Lit.KIND] == Kind.REST) & (expected[:, Lit.COMMAND] == 0), Lit.MS].max(initial=0.0)
     on = lits[:, Lit.COMMAND] != 0
@@ -347,7 +347,7 @@ def _room(*several: _Intervals) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Paths:
-    """Intervals on the common axis, on which all channels of a call lie at the same place."""
+    """Intervals on the common axis, on which all channels of a call lie at the same coordinates."""
 
     channel: Counts
     low: Floats
@@ -363,7 +363,7 @@ def _paths(lits: Floats, calls: _Calls, found: _Intervals, chosen: Bools) -> _Pa
 
 
 def _doubled(paths: _Paths, part: Counts, parts: int) -> Floats:
-    """For each part, the length that it lit beyond what it lit first. Two channels at one place count once."""
+    """For each part, the length that it lit beyond what it lit first. Two channels at one position count once."""
     edges = np.unique(np.concatenate([paths.low, paths.high]))
     middles, lengths = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
 

@@ -100,7 +100,7 @@ class Row(IntEnum):
 class Lit(IntEnum):
     """Columns of lits(). LEFT0, LEFT1: from its begin and from its end to the call's end, pulse; for a dwell ms.
 
-    X, Y: the call's target, or the place of a dwell or of light at rest. CX, CY, RADIUS: of an arc, else 0.
+    X, Y: the call's target, or the position of a dwell or of emission at rest. CX, CY, RADIUS: of an arc, else 0.
     COMMAND: whether the switch was on when it began; at rest 0 means the tail of an off delay.
     """
 
@@ -134,7 +134,7 @@ class Kind(IntEnum):
     ARC_RADIUS = 2
     DELAY = 3
     REST = 7
-    """Light while nothing moves."""
+    """Emission while nothing moves."""
 
 
 UNSUPPORTED = {

@@ -1,4 +1,4 @@
-"""Each call of a job fails in each way: PYTHONPATH=tests python -m support.exit_matrix [COUNT] [SEED] | --all.
+"""Each call of a job fails: PYTHONPATH=tests python -m support.exit_matrix [COUNT] [SEED] | --all.
 
 Every call of a run returns every error code: once, from then on, or with all other calls from then on; at once or after
 it hung; over a fast link and a slow one; in real time. Then the faults end, and the run is resumed until it is done.
@@ -54,7 +54,7 @@ POLLS = ("GT_CrdStatus", "GT_CrdSpace", "GT_GetCrdPos")
 POLL_COUNT = 30
 LATER_S = 0.5
 LEFT_LINE = 90_000.0
-"""Length of the line that an earlier program left under way; the job has no such target."""
+"""Length of the line that an earlier program left in progress; the job has no such target."""
 LEFT_STATES: tuple[dict[str, float], ...] = (
     {},
     {},
@@ -98,8 +98,8 @@ class Case:
 
     def __str__(self) -> str:
         how = f"{'hangs and ' if self.hangs else ''}returns {self.code} {COUNTS[self.count]}"
-        place = f"{self.latency_us} us, {self.slots} slots{', something left on' if self.left else ''}"
-        return f"{self.number}: {self.name} {self.nth} {how}; {place}"
+        where = f"{self.latency_us} us, {self.slots} slots{', something left on' if self.left else ''}"
+        return f"{self.number}: {self.name} {self.nth} {how}; {where}"
 
 
 def all_cases(names: Sequence[str]) -> list[Case]:
@@ -164,7 +164,7 @@ def run_case(case: Case, folder: Path, library: Path, expected: Floats, timing: 
         controller.clear_faults()
         journal = attempts[-1].journal or journal
     lits = controller.lits()
-    # Light on the way that an earlier program left is not the run's.
+    # Emission on the line that an earlier program left is not that of the run.
     attempts, lits = _without_left(attempts, lits)
     verdict = judged(expected, lits, attempts)
     shutil.rmtree(folder)
@@ -222,7 +222,7 @@ def reference(folder: Path, library: Path) -> tuple[Floats, list[str]]:
 
 def main() -> int:
     """Run cases; the exit code is 1 if a promise was broken."""
-    parser = argparse.ArgumentParser(description="Let each call of a job fail in each way, and resume the job.")
+    parser = argparse.ArgumentParser(description="Let each call of a job fail, and resume the job.")
     parser.add_argument("count", type=int, nargs="?", default=200)
     parser.add_argument("seed", type=int, nargs="?", default=5)
     parser.add_argument("--all", action="store_true", help="run every case, which takes hours")

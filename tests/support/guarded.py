@@ -1,4 +1,4 @@
-"""A process with a guard, which ends in a certain way: python -m support.guarded WAY FOLDER."""
+"""A process with a guard, which ends as ENDING says: python -m support.guarded ENDING FOLDER."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def request_in(folder: Path, mode: RunMode = RunMode.JOB) -> RunRequest:
     return RunRequest(path=folder / "part.job", stream=stream, trace=trace, machine=machine, options=options)
 
 
-def end(way: str, guard: Guard) -> None:
+def end(ending: str, guard: Guard) -> None:
     """End this process, or return."""
-    match way:
+    match ending:
         case "question":
             os._exit(5)
         case "closed":
@@ -47,7 +47,7 @@ def end(way: str, guard: Guard) -> None:
             with guard.watching():
                 return
     with guard.watching():
-        match way:
+        match ending:
             case "exit":
                 os._exit(5)
             case "segfault":
@@ -72,13 +72,13 @@ def end(way: str, guard: Guard) -> None:
 
 def main() -> None:
     """Run with a guard, and end."""
-    way, folder = sys.argv[1], Path(sys.argv[2])
-    set_language("zh" if way == "chinese" else "en")
+    ending, folder = sys.argv[1], Path(sys.argv[2])
+    set_language("zh" if ending == "chinese" else "en")
     modes = {"frame": RunMode.FRAME, "no-laser": RunMode.NO_LASER}
-    request: Any = request_in(folder, modes.get(way, RunMode.JOB))
+    request: Any = request_in(folder, modes.get(ending, RunMode.JOB))
     with guarded(request, NOT_USED, folder / "part.journal", 0.0) as guard:
         assert isinstance(guard, Guard), guard
-        end("exit" if way in (*modes, "chinese") else way, guard)
+        end("exit" if ending in (*modes, "chinese") else ending, guard)
 
 
 if __name__ == "__main__":

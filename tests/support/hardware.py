@@ -134,14 +134,14 @@ class Bench:
         """Continue the run of a journal as run_on does it."""
         recorded = read_journal(journal)
         assert not isinstance(recorded, str), recorded
-        place = recorded_range(recorded, stream)
-        if place is None:
+        where = recorded_range(recorded, stream)
+        if where is None:
             found: list[PositionRange] = []
             ran = self.run(stream, machine, lambda session: found.append(find_range(session, recorded)))
             if not found or ran.faults:
                 return ran, None
-            place = found[0]
-        return self.run(stream, machine, begin=before_laser_on(stream, place.earliest)), place.earliest
+            where = found[0]
+        return self.run(stream, machine, begin=before_laser_on(stream, where.earliest)), where.earliest
 
 
 def journal_head(begin: PathPosition, stream: Stream, resumes: Path | None = None) -> dict[str, Any]:

@@ -1,10 +1,10 @@
 """Damaged journals are resumed: PYTHONPATH=tests python -m support.mutate [COUNT] [SEED].
 
 Journals of runs that failed or were killed are changed at random, and each is resumed on a controller in the state in
-which its run left it. Whatever a journal says: no exception, no light and no motion but on the path of the job, jumps
-are dark, and the laser is off at the end. Half of the changed journals get right checksums again, as if a bug had
-written them. What is left out and marked twice is not checked: in virtual time the driver's clock does not tell how far
-the motion gets. `--only N` runs one of them again.
+which its run left it. Whatever a journal says: no exception, no emission and no motion but on the path of the job, no
+emission in jumps, and the laser is off at the end. Half of the changed journals get right checksums again, as if a bug
+had written them. What is left out and marked twice is not checked: in virtual time the driver's clock does not show how
+far the motion gets. `--only N` runs one of them again.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def change_fields(data: bytes, chance: Chance) -> bytes:
 
 
 def add_marks(data: bytes, chance: Chance) -> bytes:
-    """Add a line that a run writes, with values that may be wrong, or at a wrong place."""
+    """Add a line that a run writes, with values that may be wrong, or in a wrong line."""
     row, along = chance.choice([0, 1, 5, 20, 50, 78, 79, 80, 99999]), chance.choice([0.0, 0.5, 100.0, 3000.0, 1e9])
     marks: list[dict[str, Any]] = [
         {"t": 1.0, "part": row, "run": along, "lead": chance.choice([0, 1, 2, 5]), "to": [row, along]},

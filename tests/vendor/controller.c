@@ -77,7 +77,7 @@ enum { DONE = 0, REFUSED = 1, PARAMETER = 7, UNSUPPORTED = 8, NOT_OPEN = -6, NO_
 
 /* ---- The machine --------------------------------------------------------------------------------------------- */
 
-enum { LINE, ARC_CENTRE, ARC_RADIUS, DELAY, SWITCH, POWER, FOLLOW, REST }; /* REST: light at rest, no call */
+enum { LINE, ARC_CENTRE, ARC_RADIUS, DELAY, SWITCH, POWER, FOLLOW, REST }; /* REST: emission at rest, no call */
 
 /* A buffered call. p, q, r: an arc's centre offset (or radius) and direction; a delay; on; a power; a follow. */
 typedef struct {
@@ -146,14 +146,14 @@ enum {
 /*
  * A lit stretch: emission on one piece of motion or dwell, or at rest. X, Y: the call's target, where it is for a dwell
  * and at rest. LEFT: to the call's end, in pulse along its path, in ms for a dwell. A stretch also ends where its power
- * becomes 0 or is 0 no longer. COMMAND: what the switch was told when it began; at rest 0 is the tail of an off delay.
+ * becomes 0 or is 0 no longer. COMMAND: the state of the switch when it began; at rest 0 is the tail of an off delay.
  */
 enum {
     L_CHANNEL, L_ORDINAL, L_KIND, L_X, L_Y, L_LEFT0, L_LEFT1, L_X0, L_Y0, L_X1, L_Y1, L_MS, L_CLOCK, L_POWER_MS,
     L_COMMAND, L_CX, L_CY, L_RADIUS, L_MIN, L_MAX, L_COLUMNS
 };
 
-enum { NO_ROW, OPEN_ROW, ENDED_ROW }; /* An ended row still takes light of the off delay. */
+enum { NO_ROW, OPEN_ROW, ENDED_ROW }; /* An ended row still takes the emission of an off delay. */
 
 /*
  * speed: 0 is virtual time, where each call takes call_us and GT_CrdStatus poll_us more; else the clock is the wall's,
@@ -219,7 +219,7 @@ typedef struct {
  * What a fault does. RETURN: the value is returned, without effect. AFTER: the value is returned in spite of the
  * effect. And before the effect, HANG: block until vc_release, or for the value in s; HALT: motion stops abruptly;
  * SIGNAL: the process gets the value; DRY: all that runs is run to its end; DI: the input becomes the value; KILL: the
- * process is gone. HANG_RETURN: block as HANG, then return -7 without effect. HANG_AFTER and KILL_AFTER: the same as
+ * process has ended. HANG_RETURN: block as HANG, then return -7 without effect. HANG_AFTER and KILL_AFTER: the same as
  * HANG and KILL, but after the effect. Faults of one call add up: HANG and RETURN block and return the value.
  */
 enum {

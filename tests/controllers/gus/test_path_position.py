@@ -64,15 +64,15 @@ def test_where_two_calls_fit_the_range_has_both() -> None:
     assert route.locate(2, 2, 2000, 1) is not None
 
 
-@pytest.mark.parametrize("way", ["CCW", "CW"])
-def test_positions_on_an_arc_and_beyond_its_ends(way: str) -> None:
+@pytest.mark.parametrize("direction", ["CCW", "CW"])
+def test_positions_on_an_arc_and_beyond_its_ends(direction: str) -> None:
     """A quarter circle about 0, 0."""
-    end = "Y 5" if way == "CCW" else "Y -5"
-    stream = stream_of(MARK + f"JUMP X 5 Y 0\nARC {way} X 0 {end} R 5\n")
+    end = "Y 5" if direction == "CCW" else "Y -5"
+    stream = stream_of(MARK + f"JUMP X 5 Y 0\nARC {direction} X 0 {end} R 5\n")
     route = TimedPath.of(stream.buffered, (0, 0))
     number = len(route.timed) - 1
     laid = call_segments(stream.buffered, route.timed, np.zeros(len(route.timed), dtype=np.bool_))
-    length, sign = float(laid.length[-1]), 1 if way == "CCW" else -1
+    length, sign = float(laid.length[-1]), 1 if direction == "CCW" else -1
     for share in (0.0, 0.25, 0.7, 1.0):
         turn = sign * share * np.pi / 2
         distance, run, _ = route.nearest(number, 5000 * np.cos(turn), 5000 * np.sin(turn))
@@ -105,7 +105,7 @@ def test_rewind_over_several_segments() -> None:
     assert route.rewind(PathPosition(row=20, along_pulse=30), 0.2) == at(20, 8)
     assert route.rewind(PathPosition(row=20, along_pulse=30), 2.5) == at(17, 78)
     assert route.rewind(PathPosition(row=1, along_pulse=30), 9.0) == PathPosition(row=0)
-    # Ten rows left the FIFO between two looks: the position tells which it is.
+    # Ten rows left the FIFO between two polls: the position determines the row.
     assert route.locate(20, 30, 2450.0, 0.0) == PositionRange.exactly(at(24, 50))
     # A poll that finds the head farther than the rows that had left: the earliest of them.
     assert route.earliest_at(20, 2450.0, 0.0) == at(19)

@@ -23,7 +23,7 @@ pytestmark = needs_controller
 
 
 def test_a_full_disk_ends_the_run_dark(gus: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The journal can't be written any more, at each of its lines: no light is left on for want of a journal."""
+    """The journal can't be written from each of its lines on: the laser must not stay on because of that."""
     stream, machine = stream_of(EVERYTHING), gus.machine(Machine())
     lines = gus.run(stream, machine).journal.read_bytes().count(b"\n")
     whole = gus.controller.rows()
@@ -40,7 +40,7 @@ def test_a_full_disk_ends_the_run_dark(gus: Bench, monkeypatch: pytest.MonkeyPat
         assert is_safe(gus), full_at
         if ran.codes:
             assert ran.codes == ["GJ915"], full_at
-        else:  # Full behind the last look at the motion: what is left is the way out.
+        else:  # Full after the last poll of the motion: only the shutdown is left.
             assert journals[0].missed <= 7, full_at
             assert gus.controller.rows().shape == whole.shape, full_at
 
@@ -98,7 +98,7 @@ def test_a_disk_that_hangs_ends_the_run_dark(gus: Bench, monkeypatch: pytest.Mon
 
 
 def test_a_journal_that_was_given_up_is_incomplete(tmp_path: Path) -> None:
-    """On a full disk no line can be added that says so."""
+    """A full disk takes no line that records it."""
     made = Journal(tmp_path / "a.journal", {"job": "a.job"})
     made.mark(part=0, run=0.0, lead=0, to=[0, 0.0])
     made.give_up(OSError(28, "No space left on device"))
@@ -106,7 +106,7 @@ def test_a_journal_that_was_given_up_is_incomplete(tmp_path: Path) -> None:
     made.close()
     found = sound_part(made.path.read_bytes())
     assert (found.count, found.torn, found.damaged) == (1, True, False)
-    # Whoever adds lines says first that something is missing.
+    # A writer that adds lines first records that something is missing.
     mark_resumed(made.path, tmp_path / "b.journal")
     found = sound_part(made.path.read_bytes())
     assert (found.count, found.torn) == (3, False)

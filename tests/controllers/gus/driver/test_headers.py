@@ -94,7 +94,7 @@ def test_the_header_of_this_python() -> None:
         (pe(0x8664), of("ELF", "x86-64"), "it is a library for Windows (PE); this Python needs one for Linux"),
         (elf(X86_64), of("PE", "x86-64"), "it is a library for Linux (ELF); this Python needs one for Windows"),
         (b"\xcf\xfa\xed\xfe", of("ELF", "x86"), "it is a library for macOS (Mach-O); this Python needs one for Linux"),
-        # The loader's own words say more of these.
+        # The loader's message says more about these.
         (elf(X86_64), of("ELF", "x86-64"), ""),
         (elf(X86, wide=False), of("ELF", "x86-64"), ""),
         (elf(AARCH64), of("ELF", "ARM"), ""),
@@ -121,7 +121,7 @@ def other_processor() -> tuple[int, str, str]:
 @pytest.mark.skipif(sys.platform != "linux", reason="glibc's loader")
 @pytest.mark.parametrize("bare", [False, True])
 def test_a_library_for_another_processor(path: Path, monkeypatch: pytest.MonkeyPatch, bare: bool) -> None:
-    """The loader says of it that there is no such file."""
+    """The loader reports that there is no such file."""
     number, name, own = other_processor()
     path.write_bytes(elf(number))
     monkeypatch.setenv("LD_LIBRARY_PATH", f"/no/such/folder:{path.parent}")

@@ -178,11 +178,11 @@ def test_the_first_channel_that_goes_off_gives_the_position(gus: Bench) -> None:
     gus.controller.library.GT_Open(0, 1)
     gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 2, 2, -7)
     ran.session.link.take_over()
-    way = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
+    shutdown = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
     ran.session.link.journal.write = len
     began = ran.session.link.journal.now_s() + ran.session.link.journal.start_s
-    assert way.laser_off() == []
-    assert way.off_since_s - began < 0.015  # Channel 1 took two naps of 20 ms more.
+    assert shutdown.laser_off() == []
+    assert shutdown.off_since_s - began < 0.015  # Channel 1 slept twice for 20 ms after it.
 
 
 def test_a_channel_that_refuses_is_tried_three_times(gus: Bench) -> None:
@@ -190,7 +190,7 @@ def test_a_channel_that_refuses_is_tried_three_times(gus: Bench) -> None:
     gus.controller.library.GT_Open(0, 1)
     ran.session.link.take_over()
     ran.session.link.journal.write = len
-    way = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
+    shutdown = Shutdown(ran.session.link, Outputs(channels=(0, 1), crds=(1,), axes=(1, 2)), 1.0)
     for refusals, channels in ((4, []), (5, [0]), (6, [0, 1])):
         gus.controller.fault(Fault.RETURN, "GT_SetHSIOOpt", 1, refusals, 7)
-        assert [diagnostic.fields["channel"] for diagnostic in way.laser_off()] == channels
+        assert [diagnostic.fields["channel"] for diagnostic in shutdown.laser_off()] == channels

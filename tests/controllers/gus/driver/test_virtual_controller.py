@@ -1,4 +1,4 @@
-"""The virtual controller itself: its clock, its log of light, its faults, and what it begins with."""
+"""The virtual controller itself: its clock, its log of emission, its faults, and its initial state."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_delays_shift_a_stretch_and_its_tail_is_at_rest(gus: Bench) -> None:
     assert (tail[Lit.KIND], tail[Lit.COMMAND], tail[Lit.MS]) == (Kind.REST, 0, pytest.approx(4))
 
 
-def test_light_at_rest_is_a_stretch_of_its_own(gus: Bench) -> None:
+def test_emission_at_rest_is_a_stretch_of_its_own(gus: Bench) -> None:
     call = opened(gus)
     assert power(call, 30, 1) == 0
     assert [call.GT_BufLaserOn(1, 0, 1), line(call, 1000), call.GT_CrdStart(1, 0)] == [0] * 3
@@ -279,7 +279,7 @@ def test_faults_are_removed(gus: Bench) -> None:
 
 
 def test_a_machine_is_what_it_was(gus: Bench) -> None:
-    """With its FIFO, its light and a motion under way; what came after is not in its logs."""
+    """With its FIFO, its emission and a motion in progress; the logs have nothing of what came after."""
 
     def end() -> list[list[float]]:
         gus.controller.advance(1000)
@@ -301,10 +301,10 @@ def test_a_machine_is_what_it_was(gus: Bench) -> None:
     assert len(first) == 2
 
 
-# What it begins with, and what it lacks.
+# Its initial state, and the calls that it lacks.
 
 
-def test_light_and_motion_that_an_earlier_program_left(gus: Bench) -> None:
+def test_emission_and_motion_that_an_earlier_program_left(gus: Bench) -> None:
     gus.controller.options(leave_on=2, leave_moving=10_000)
     state = gus.controller.state()
     assert (state.emitting, state.switched_on, state.moving) == ((False, True), (False, True), 1)
@@ -325,7 +325,7 @@ def test_delays_that_an_earlier_program_left(gus: Bench) -> None:
     assert [*sent, call.GT_CrdStart(1, 0)] == [0] * 4
     gus.controller.advance(50)
     assert gus.controller.lits()[:, Lit.MS] == pytest.approx([10 - 2, 9])
-    # The first pulse killer delays the light once more.
+    # The first pulse killer delays the emission once more.
     gus.controller.options(leave_on_delay_us=0, leave_off_delay_us=0, leave_fpk_us=1000)
     sent = [call.GT_BufLaserOn(1, 0, 0), call.GT_BufDelay(1, 10, 0), call.GT_BufLaserOff(1, 0, 0)]
     assert [*sent, call.GT_CrdStart(1, 0)] == [0] * 4
