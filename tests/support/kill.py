@@ -50,12 +50,12 @@ LIMIT_S = 60.0
 """A run that takes longer is killed, and the case has failed."""
 
 
-# One machine.
+# One controller.
 
 
 @dataclass(frozen=True, slots=True)
-class Machine:
-    """A virtual controller that lives in a file, and the journals of its runs."""
+class LastingController:
+    """A virtual controller whose state is in a file, and the journals of its runs."""
 
     folder: Path
     library: Path
@@ -134,7 +134,7 @@ class Machine:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What happens to one run. `fault`: for its first resume; `call`: the call that it befalls."""
+    """What happens to one run. `fault`: for its first resume, in the call of number `call`."""
 
     number: int
     kill_s: float
@@ -178,7 +178,7 @@ def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdi
     """Run a case."""
     folder.mkdir()
     options = f"speed=1,log=0,latency_us={LATENCY_US},slots={case.slots}"
-    machine = Machine(folder, library, options)
+    machine = LastingController(folder, library, options)
     first = machine.run("0", None, lambda _: None, case.kill_s)
     attempts, journal, stuck = [first], first.journal, ""
 
@@ -208,7 +208,7 @@ def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdi
 def whole_run(folder: Path, library: Path) -> Floats:
     """Return the stretches of a run that is not killed."""
     folder.mkdir()
-    machine = Machine(folder, library, f"speed=1,log=0,latency_us={LATENCY_US}")
+    machine = LastingController(folder, library, f"speed=1,log=0,latency_us={LATENCY_US}")
     made = machine.run("whole", None, lambda _: None)
     assert made.is_done, made
     expected = machine.lits()

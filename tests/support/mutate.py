@@ -361,15 +361,15 @@ def whole_run(folder: Path, library: Path) -> tuple[Floats, PathCells]:
 
 
 @dataclass(frozen=True, slots=True)
-class Bench:
-    """What mutants are compared with."""
+class Reference:
+    """Emission and path of a run that is not interrupted."""
 
     expected: Floats
     path: PathCells
 
 
-def run_mutant(mutant: Mutant, base: Base, bench: Bench, controller: VirtualController) -> dict[str, Any]:
-    """Resume changed journals, and say what came out."""
+def run_mutant(mutant: Mutant, base: Base, reference: Reference, controller: VirtualController) -> dict[str, Any]:
+    """Resume changed journals, and return the result."""
     controller.recall()
     for old in base.folder.glob("*.journal"):
         old.unlink()
@@ -395,9 +395,9 @@ def run_mutant(mutant: Mutant, base: Base, bench: Bench, controller: VirtualCont
     except BaseException:  # noqa: BLE001  (it is the result)
         wrong.append(traceback.format_exc())
     lits, rows = controller.lits(), controller.rows()[rows_before:]
-    found = coverage(bench.expected, lits, [lits_before])
+    found = coverage(reference.expected, lits, [lits_before])
     wrong += [f"outside: {gap}" for gap in found.outside]
-    wrong += [f"off the path: {rows[i, : Row.LENGTH + 1].tolist()}" for i in bench.path.off_path(rows)]
+    wrong += [f"off the path: {rows[i, : Row.LENGTH + 1].tolist()}" for i in reference.path.off_path(rows)]
     wrong += [made.false_claim] if made.false_claim else []
     return {
         "case": str(mutant),
@@ -409,7 +409,7 @@ def run_mutant(mutant: Mutant, base: Base, bench: Bench, controller: VirtualCont
     }
 
 
-def mutants_of_base(base: Base, mutants: Sequence[Mutant], bench: Bench) -> list[dict[str, Any]]:
+def mutants_of_base(base: Base, mutants: Sequence[Mutant], reference: Reference) -> list[dict[str, Any]]:
     """Run mutants in a fork of their own, since a library maps one machine."""
 
     def work(send: Send) -> None:
@@ -419,13 +419,13 @@ def mutants_of_base(base: Base, mutants: Sequence[Mutant], bench: Bench) -> list
         controller.keep()
         warnings.simplefilter("error")
         for mutant in mutants:
-            send(run_mutant(mutant, base, bench, controller))
+            send(run_mutant(mutant, base, reference, controller))
 
     return _wait(fork(work, base.environment))
 
 
 def main() -> int:
-    """Resume COUNT damaged journals; the exit code is 1 if one of them did harm."""
+    """Resume COUNT damaged journals; the exit code is 1 if one of them broke a promise."""
     parser = argparse.ArgumentParser(description="Damage journals at random and resume them.")
     parser.add_argument("count", type=int, nargs="?", default=2000)
     parser.add_argument("seed", type=int, nargs="?", default=5)
@@ -438,13 +438,13 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         library = build(folder, GUS)
-        bench = Bench(*whole_run(folder / "whole", library))
+        reference = Reference(*whole_run(folder / "whole", library))
 
         def run(number: int) -> dict[str, Any]:
             base = base_of(folder / str(number), library, Chance(f"{options.seed}/base {number}"))
             numbers = range(number, options.count, BASES)
             mutants = [mutant_of(options.seed, one) for one in numbers if options.only in (None, one)]
-            return {"lines": mutants_of_base(base, mutants, bench) if base.journals else []}
+            return {"lines": mutants_of_base(base, mutants, reference) if base.journals else []}
 
         bases = list(range(BASES)) if options.only is None else [options.only % BASES]
         for made in results(bases, options.workers, run):
