@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from support.controller import Fault, VirtualController, needs_controller
 from support.hardware import Bench, fresh
-from support.resuming import Attempt, attempt, claims_off, judged, quick_machine, recorded_of, request_of
+from support.promises import Attempt, judged
+from support.resuming import attempt, claims_off, quick_machine, recorded_of, request_of
 
 from gusjob.cli.hardware import _closing_message
 from gusjob.controllers.journal.reader import read_journal

@@ -2,7 +2,7 @@
 
 Every call of a run returns every error code: once, from then on, or with all other calls from then on; at once or after
 it hung; over a fast link and a slow one; in real time. Then the faults end, and the run is resumed until it is done.
-What is promised about it is checked: support.resuming. COUNT cases are chosen by the seed. `--only N` runs one case
+What is promised about it is checked: support.promises. COUNT cases are chosen by the seed. `--only N` runs one case
 again and shows its attempts; `--unscaled` hangs for 3 s, with the patience of a profile that sets none.
 """
 
@@ -27,15 +27,12 @@ from typing import Any
 import numpy as np
 from support.controller import ALL_CALLS, FOR_EVER, GUS, Fault, Floats, Lit, VirtualController, build
 from support.forks import Send, fork, results
+from support.promises import Attempt, Verdict, is_stuck, judged
 from support.resuming import (
-    Attempt,
-    Verdict,
     attempt,
     claims_off,
     compiled,
     is_at_rest,
-    is_stuck,
-    judged,
     quick_machine,
     recorded_of,
     request_of,

@@ -2,7 +2,7 @@
 
 The virtual controller outlives the process, as hardware does: it continues with what is in its FIFO. Each killed run is
 resumed with a random fault in one of the calls, and then until it is done. What is promised about it is checked:
-support.resuming. Each run is a fork of a process that has everything imported; the library is loaded in the fork only,
+support.promises. Each run is a fork of a process that has everything imported; the library is loaded in the fork only,
 since it maps the machine's state when it is loaded. `--only N` runs one case again and shows its attempts.
 """
 
@@ -24,13 +24,10 @@ from typing import Any
 import numpy as np
 from support.controller import GUS, Fault, Floats, VirtualController, build
 from support.forks import Fork, Send, fork, results
+from support.promises import Attempt, Verdict, is_stuck, judged
 from support.resuming import (
-    Attempt,
-    Verdict,
     attempt,
     compiled,
-    is_stuck,
-    judged,
     quick_machine,
     recorded_of,
     request_of,

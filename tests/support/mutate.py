@@ -30,7 +30,16 @@ from oracles.coverage import PathCells, coverage
 from support.controller import GUS, Fault, Floats, Row, VirtualController, build
 from support.forks import Fork, Send, fork, results
 from support.journals import bare_lines, with_checksums
-from support.resuming import Attempt, attempt, compiled, is_at_rest, quick_machine, recorded_of, request_of
+from support.promises import Attempt
+from support.resuming import (
+    attempt,
+    compiled,
+    is_at_rest,
+    quick_machine,
+    recorded_of,
+    request_of,
+    without_guard,
+)
 
 from gusjob.controllers.gus.driver import fifo, session
 from gusjob.hardware import locks
@@ -293,6 +302,7 @@ class Base:
 def hurry(folder: Path) -> None:
     """Poll often, and keep the locks to this folder."""
     locks.LOCK_FOLDER = folder / "locks"
+    without_guard()
     fifo.POLL_S = 0.0005
     session._PAUSE_S = 0.002
 
