@@ -21,7 +21,8 @@ class Attempt:
 
     `mark`: number of lit stretches before it; `announced_mm`: what its plan said may be marked twice, None without a
     plan; `ending`: '' if the process was killed; `message`: the closing message; `reasons`: the diagnostics;
-    `false_claim`: what the closing message claims although it is not so.
+    `claims_off`: whether it says that the laser is off, by words or as it was done; `false_claim`: what the closing
+    message claims although it is not so.
     """
 
     mark: int
@@ -31,6 +32,7 @@ class Attempt:
     message: str = ""
     reasons: tuple[str, ...] = ()
     error: str = ""
+    claims_off: bool = False
     false_claim: str = ""
 
     @property

@@ -173,6 +173,7 @@ def attempt(
         ending=outcome.ending,
         message=str(_closing_message(outcome) or (outcome.refusal and outcome.refusal.localized) or ""),
         reasons=tuple(f"{found.rule.code} {found.message}" for found in outcome.diagnostics),
+        claims_off=claims_off(outcome),
         false_claim=false_claim(outcome, before, controller),
     )
     return made, outcome
