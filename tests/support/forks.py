@@ -54,6 +54,7 @@ def fork(work: Callable[[Send], None], environment: dict[str, str]) -> Fork:
         return Fork(pid, read)
     try:
         os.close(read)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # Guards of runs that are killed say so.
         os.environ.update(environment)
         work(lambda line: _send(write, line))
     except BaseException:  # noqa: BLE001  (it is sent)

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,8 @@ from support.resuming import (
 from support.tally import result, tallied
 
 from gusjob.controllers.journal.reader import RecordedRun
-from gusjob.hardware import locks
+from gusjob.hardware.locks import LOCK_FOLDER
+from gusjob.hardware.run import Ending
 
 LATENCY_US = 1000
 SLOTS = (16, 64, 4096)
@@ -57,6 +59,7 @@ class Machine:
     folder: Path
     library: Path
     options: str
+    guard_switches_off: bool = False
 
     @property
     def environment(self) -> dict[str, str]:
@@ -69,13 +72,12 @@ class Machine:
         journal = self.folder / f"{name}.journal"
 
         def work(send: Send) -> None:
-            # Machines of several workers are several controllers, though of one library.
-            locks.LOCK_FOLDER = self.folder / "locks"
             controller = VirtualController(self.library)
             controller.clear_faults()
             send({"mark": controller.lit_count()})
             plant(controller)
-            request = request_of(self.folder, self.library, quick_machine(), journal=journal, resume=resume)
+            machine = quick_machine(guard_switches_off=self.guard_switches_off)
+            request = request_of(self.folder, self.library, machine, journal=journal, resume=resume)
             made, _ = attempt(request, controller, lambda announced_mm: send({"announced_mm": announced_mm}))
             send({"end": made.ending, "message": made.message, "reasons": made.reasons, "claim": made.false_claim})
 
@@ -90,7 +92,7 @@ class Machine:
                 elif "error" in line:
                     made = replace(made, error=line["error"])
                 else:
-                    made = replace(made, ending=line["end"], message=line["message"], false_claim=line["claim"])
+                    made = replace(made, ending=Ending(line["end"]), message=line["message"], false_claim=line["claim"])
                     made = replace(made, reasons=tuple(line["reasons"]))
         finally:
             child.kill()
@@ -142,10 +144,12 @@ class Case:
     call: int
     newest: bool
     """Whether the journal of a resume that was killed is resumed, or once more the one that it resumed."""
+    guard_switches_off: bool
 
     def __str__(self) -> str:
         where = f"{self.fault.name} {self.value:g} at call {self.call} of the resume after {self.wait_s:g} s"
-        return f"{self.number}: killed after {self.kill_s:.4f} s, {self.slots} slots; {where}"
+        guard = ", its guard switches off" if self.guard_switches_off else ""
+        return f"{self.number}: killed after {self.kill_s:.4f} s, {self.slots} slots{guard}; {where}"
 
 
 def case_of(seed: int, number: int) -> Case:
@@ -168,16 +172,20 @@ def case_of(seed: int, number: int) -> Case:
         value=chance.choice(CODES) if is_code else HANG_S if hangs else 0.0,
         call=chance.choice([chance.randint(1, 30), chance.randint(1, 300)]),
         newest=chance.random() < 0.5,
+        guard_switches_off=chance.random() < 0.25,
     )
 
 
 def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdict:
     """Run a case."""
     folder.mkdir()
+    # A controller is known by its library: each worker has controllers of its own. A guard knows no other folder of
+    # locks than that of all runs.
+    library = Path(shutil.copy(library, folder))
     options = f"speed=1,log=0,latency_us={LATENCY_US},slots={case.slots}"
-    machine = Machine(folder, library, options)
+    machine = Machine(folder, library, options, case.guard_switches_off)
     first = machine.run("0", None, lambda _: None, case.kill_s)
-    attempts, journal, stuck = [first], first.journal, ""
+    attempts, journal, stuck, until_s = [first], first.journal, "", time.perf_counter() + LIMIT_S
 
     def plant(controller: VirtualController) -> None:
         if len(attempts) == 1:
@@ -194,11 +202,14 @@ def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdi
                 break
             resume = recorded
         made = machine.run(str(len(attempts)), resume, plant)
+        if made.ending is Ending.BUSY and time.perf_counter() < until_s:
+            time.sleep(0.1)  # The guard of the run that was killed has the controller.
+            continue
         attempts.append(made)
         if made.journal is not None and (made.ending or case.newest or journal is None):
             journal = made.journal
     verdict = judged(expected, machine.lits(), attempts)
-    shutil.rmtree(folder)
+    shutil.rmtree(folder, ignore_errors=True)  # A guard may still write there.
     return replace(verdict, wrong=(*verdict.wrong, stuck)) if stuck else verdict
 
 
@@ -211,6 +222,15 @@ def whole_run(folder: Path, library: Path) -> Floats:
     expected = machine.lits()
     shutil.rmtree(folder)
     return expected
+
+
+def forget_locks(folder: Path) -> None:
+    """Remove the lock files that killed runs of jobs in this folder left."""
+    for holder in LOCK_FOLDER.glob("*.holder"):
+        with suppress(OSError):
+            if str(folder) in holder.read_text(encoding="utf-8"):
+                holder.with_suffix(".lock").unlink()
+                holder.unlink()
 
 
 def main() -> int:
@@ -232,7 +252,9 @@ def main() -> int:
             case = case_of(options.seed, number)
             return result(f"seed {options.seed}, case {case}", run_case(case, folder / str(number), library, expected))
 
-        return tallied(results(numbers, options.workers, run), is_shown=options.only is not None)
+        code = tallied(results(numbers, options.workers, run), is_shown=options.only is not None)
+        forget_locks(folder)
+        return code
 
 
 if __name__ == "__main__":

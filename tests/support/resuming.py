@@ -18,6 +18,7 @@ from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.journal.reader import RecordedRun
+from gusjob.hardware.guard import start as guard_start
 from gusjob.hardware.request import Refusal, RunOptions, RunRequest, read_recorded_run
 from gusjob.hardware.run import Ending, RunOutcome, RunPlan, run_on
 from gusjob.simulate import Trace
@@ -100,6 +101,11 @@ def compiled() -> tuple[Stream, Trace]:
     trace, _ = simulate_stream(stream, MACHINE)
     assert trace is not None
     return stream, trace
+
+
+def without_guard() -> None:
+    """Start no guard process from now on: it takes longer to start than a run in virtual time."""
+    guard_start._can_start = lambda: False
 
 
 def request_of(
