@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -42,6 +43,16 @@ def sound_part(data: bytes) -> SoundPart:
     left = data[size:].rstrip(b"\0")  # A file system may fill up with zeros what was not written.
     torn = bool(left or size < len(data))
     return SoundPart(size=size, crc=crc, count=count, torn=torn, damaged=b"\n" in left[:-1])
+
+
+def is_continued(path: Path) -> bool:
+    """Return whether the last line of a journal says that another run continues it; False if it can't be read."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return False
+    last = data[: sound_part(data).size].rpartition(b"\n")[0].rpartition(b"\n")[2]
+    return b',"resumed":' in last
 
 
 def journal_lines(data: bytes) -> Iterator[dict[str, Any]]:
