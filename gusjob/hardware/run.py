@@ -28,7 +28,7 @@ from gusjob.diagnostics.model import NOWHERE, Diagnostic, has_errors
 from gusjob.hardware.begin import begin_range, fingerprint, range_is_in_job, rest_is_in_job
 from gusjob.hardware.forecast import Forecast, forecast
 from gusjob.hardware.guard.start import Guard, guarded
-from gusjob.hardware.locks import recorded_again, run_locks
+from gusjob.hardware.locks import controller_lock, recorded_again, run_locks
 from gusjob.hardware.progress import ProgressMeter, Watch
 from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.hardware.signals import stop_on_signals
@@ -197,7 +197,7 @@ def _run(
 ) -> RunOutcome:
     request, link = prepared.request, Link(prepared.library, journal)
     if is_searched := begin is None:
-        if refusal := _mark_resumed(request, journal):
+        if refusal := _used_since(prepared) or _take_over(prepared, journal):
             return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
         begin, searched = _find_range(prepared, link, guard)
         if begin is None:
@@ -210,7 +210,7 @@ def _run(
         return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
     if callable(confirm) and not confirm(_plan(prepared, begin, journal)):
         return RunOutcome(ending=Ending.DECLINED, journal=journal.path, is_journal_needed=is_searched)
-    if not is_searched and (refusal := _mark_resumed(request, journal)):
+    if not is_searched and (refusal := _take_over(prepared, journal)):
         return RunOutcome(ending=Ending.REFUSED, refusal=refusal)
     session = _session(prepared, link, control)
     session.marked_to = begin.latest
@@ -304,11 +304,32 @@ def _open_journal(prepared: _PreparedRun, begin: PositionRange | None) -> Journa
     return Refusal(reason=reason, subject=str(journal))
 
 
-def _mark_resumed(request: RunRequest, journal: Journal) -> Refusal | None:
-    """Record in the journal that is continued that this run continues it, before the first call.
+def _used_since(prepared: _PreparedRun) -> Refusal | None:
+    """Refuse to search where a run was interrupted if another one has used the controller since."""
+    recorded = prepared.request.options.resume
+    assert recorded is not None
+    started, journal = controller_lock(prepared.library, prepared.request.machine.controller).last_run()
+    if not started or started == recorded.head.get("started"):
+        return None
+    reason = Phrase(
+        "another run has used the controller since ({journal}), and the position is lost: check the part, then "
+        "continue with --from-line N",
+        journal=journal,
+    )
+    return Refusal(reason=reason, subject=str(recorded.path))
 
-    Without that, two runs could continue it one after the other.
+
+def _take_over(prepared: _PreparedRun, journal: Journal) -> Refusal | None:
+    """Record, before the first call, which run uses the controller and which one it continues.
+
+    Without that, two runs could continue one journal one after the other.
     """
+    request, lock = prepared.request, controller_lock(prepared.library, prepared.request.machine.controller)
+    try:
+        lock.note_run(journal.head["started"], journal.path)
+    except OSError as error:
+        reason = Phrase("can't write to the folder of the locks: {reason}", reason=reason_of(error))
+        return Refusal(reason=reason, subject=str(lock.last_path))
     if request.options.resume is None:
         return None
     path = request.options.resume.path

@@ -30,7 +30,7 @@ class Journal:
         Raises:
             OSError: the file exists already or can't be written.
         """
-        self._begin(path, path.open("xb", buffering=0), crc=0)
+        self._begin(path, path.open("xb", buffering=0), crc=0, head=head)
         self.append(_body(schema=JOURNAL_SCHEMA, **head))
 
     @classmethod
@@ -45,7 +45,7 @@ class Journal:
         sound = sound_part(file.read())
         file.truncate(sound.size)
         file.seek(sound.size)
-        made._begin(path, file, crc=sound.crc)
+        made._begin(path, file, crc=sound.crc, head={})
         if sound.torn:  # What followed is not known: a resume must not rely on the end of the journal.
             made.append(_body(t=0, cut=True))
         return made
@@ -58,8 +58,8 @@ class Journal:
         made.give_up(error)
         return made
 
-    def _begin(self, path: Path, file: BinaryIO, *, crc: int) -> None:
-        self.path, self._crc = path, crc
+    def _begin(self, path: Path, file: BinaryIO, *, crc: int, head: dict[str, Any]) -> None:
+        self.path, self._crc, self.head = path, crc, head
         self._file: BinaryIO | None = file
         self.write: Callable[[bytes], int] = file.write
         """Writes one line. Raises OSError; call give_up() then."""
