@@ -283,6 +283,9 @@ class Session:
         row, tolerance = first + int(moves[-1]), self.machine.controller.position_tolerance_pulse
         end_x, end_y = float(fifo.calls.x[row]), float(fifo.calls.y[row])
         if max(abs(status.x - end_x), abs(status.y - end_y)) > tolerance:
+            # Calls may have been lost anywhere in the stage.
+            lost = PositionRange(earliest=PathPosition(row=first), latest=PathPosition(row=fifo.stage.sent))
+            self.note_broken(fifo.part.job_range(lost))
             fields = {"x": status.x, "y": status.y, "want_x": end_x, "want_y": end_y}
             raise failure(rules.WRONG_END_POSITION, int(fifo.calls.line[row]), **fields)
 
