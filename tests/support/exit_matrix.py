@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 from support.controller import ALL_CALLS, FOR_EVER, GUS, Fault, Floats, Lit, VirtualController, build
-from support.forks import Send, fork, results
+from support.forks import Send, cores, fork, results
 from support.promises import Attempt, Verdict, is_stuck, judged
 from support.resuming import (
     attempt,
@@ -226,7 +226,7 @@ def main() -> int:
     parser.add_argument("--all", action="store_true", help="run every case, which takes hours")
     parser.add_argument("--only", type=int, help="run this case only, and show its attempts")
     parser.add_argument("--unscaled", action="store_true", help="calls hang for 3 s")
-    parser.add_argument("--workers", type=int, default=4 * len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=4 * cores())
     options = parser.parse_args()
     compiled()
     with tempfile.TemporaryDirectory() as name:

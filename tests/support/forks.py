@@ -92,6 +92,11 @@ def results(numbers: list[int], workers: int, run: Callable[[int], dict[str, Any
                 del by_end[end]
 
 
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
 def harness(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run a module of tests/support as a command: it forks, which a process of pytest with its threads must not do."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}

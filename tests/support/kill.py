@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 from support.controller import GUS, Fault, Floats, VirtualController, build
-from support.forks import Fork, Send, fork, results
+from support.forks import Fork, Send, cores, fork, results
 from support.promises import Attempt, Verdict, is_stuck, judged
 from support.resuming import (
     attempt,
@@ -239,7 +239,7 @@ def main() -> int:
     parser.add_argument("count", type=int, nargs="?", default=200)
     parser.add_argument("seed", type=int, nargs="?", default=5)
     parser.add_argument("--only", type=int, help="run this case only, and show its attempts")
-    parser.add_argument("--workers", type=int, default=2 * len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=2 * cores())
     options = parser.parse_args()
     compiled()
     with tempfile.TemporaryDirectory() as name:

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from oracles.coverage import PathCells, coverage
 from support.controller import GUS, Fault, Floats, Row, VirtualController, build
-from support.forks import Fork, Send, fork, results
+from support.forks import Fork, Send, cores, fork, results
 from support.journals import bare_lines, with_checksums
 from support.promises import Attempt
 from support.resuming import (
@@ -440,7 +440,7 @@ def main() -> int:
     parser.add_argument("count", type=int, nargs="?", default=2000)
     parser.add_argument("seed", type=int, nargs="?", default=5)
     parser.add_argument("--only", type=int, help="run this mutant only, and show its end")
-    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=cores())
     options = parser.parse_args()
     began = time.perf_counter()
     compiled()
