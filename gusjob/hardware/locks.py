@@ -65,6 +65,26 @@ class RunLock:
         """The file that names the holder."""
         return self.path.with_suffix(".holder")
 
+    @property
+    def last_path(self) -> Path:
+        """The file that names the journal of the last run on the controller; it remains when the lock is free."""
+        return self.path.with_suffix(".last")
+
+    def last_run(self) -> tuple[str, str]:
+        """Return start time and journal of the run that used the controller last, ('', '') if it is not known."""
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            found = orjson.loads(_read_shared(self.last_path))
+            return str(found["started"]), printable(str(found["journal"]))
+        return "", ""
+
+    def note_run(self, started: str, journal: Path) -> None:
+        """Record the run that uses the controller now.
+
+        Raises:
+            OSError: it can't be written.
+        """
+        _write_shared(self.last_path, orjson.dumps({"started": started, "journal": printable(str(journal.resolve()))}))
+
     def acquire(self, job: str) -> HeldLock | None:
         """Take the lock, without waiting.
 
@@ -117,15 +137,8 @@ class HeldLock:
     def name_holder(self, job: str) -> None:
         """Write who has the lock. Without that file others are refused all the same."""
         with suppress(OSError):
-            descriptor = _open_shared(self.lock.holder_path)
-            try:
-                if os.fstat(descriptor).st_nlink == 1:  # With a second name it may be another file of this user.
-                    os.ftruncate(descriptor, 0)
-                    os.write(
-                        descriptor, orjson.dumps({"pid": os.getpid(), "job": printable(job)[: _HOLDER_BYTES // 8]})
-                    )
-            finally:
-                os.close(descriptor)
+            text = orjson.dumps({"pid": os.getpid(), "job": printable(job)[: _HOLDER_BYTES // 8]})
+            _write_shared(self.lock.holder_path, text)
 
     def release(self) -> None:
         """Release the lock and remove its files."""
@@ -257,6 +270,17 @@ def _open_shared(path: Path) -> int:
                 os.fchmod(descriptor, 0o666)
             return descriptor
     raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+
+
+def _write_shared(path: Path, text: bytes) -> None:
+    """Write a file that all users read."""
+    descriptor = _open_shared(path)
+    try:
+        if os.fstat(descriptor).st_nlink == 1:  # With a second name it may be another file of this user.
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, text)
+    finally:
+        os.close(descriptor)
 
 
 def _read_shared(path: Path) -> bytes:

@@ -23,7 +23,7 @@ from gusjob.diagnostics.model import NOWHERE, Diagnostic
 from gusjob.hardware.begin import begin_range, fingerprint, range_is_in_job, rest_is_in_job
 from gusjob.hardware.forecast import Forecast
 from gusjob.hardware.guard.start import Guard, guarded
-from gusjob.hardware.locks import recorded_again, run_locks
+from gusjob.hardware.locks import controller_lock, recorded_again, run_locks
 from gusjob.hardware.outcome import Ending, RunOutcome, outcome_of_session
 from gusjob.hardware.prepare import PreparedRun, prepare
 from gusjob.hardware.progress import ProgressMeter, Watch
@@ -125,7 +125,7 @@ def _run(
     """Run with a journal and a guard. `found`: where the laser went off; None if only the controller has it."""
     request, link = prepared.request, Link(prepared.library, journal)
     if is_searched := found is None:
-        if refusal := _mark_resumed(request, journal):
+        if refusal := _used_since(prepared) or _take_over(prepared, journal):
             return RunOutcome.refused(refusal)
         found, searched = _find_range(prepared, link, guard)
         if found is None:
@@ -140,7 +140,7 @@ def _run(
         return RunOutcome.refused(Refusal(reason=reason, subject=str(request.options.resume.path)))
     if callable(confirm) and not confirm(_plan(prepared, found, begin, journal)):
         return RunOutcome(ending=Ending.DECLINED, journal=journal.path, is_journal_needed=is_searched)
-    if not is_searched and (refusal := _mark_resumed(request, journal)):
+    if not is_searched and (refusal := _take_over(prepared, journal)):
         return RunOutcome.refused(refusal)
     session = _session(prepared, link, control)
     session.marked_to = found.latest
@@ -188,11 +188,32 @@ def _open_journal(prepared: PreparedRun, begin: PositionRange | None) -> Journal
     return Refusal(reason=reason, subject=str(journal))
 
 
-def _mark_resumed(request: RunRequest, journal: Journal) -> Refusal | None:
-    """Record in the journal that is continued that this run continues it, before the first call.
+def _used_since(prepared: PreparedRun) -> Refusal | None:
+    """Refuse to search where a run was interrupted if another one has used the controller since."""
+    recorded = prepared.request.options.resume
+    assert recorded is not None
+    started, journal = controller_lock(prepared.library, prepared.request.machine.controller).last_run()
+    if not started or started == recorded.head.get("started"):
+        return None
+    reason = Phrase(
+        "another run has used the controller since ({journal}), and the position is lost: check the part, then "
+        "continue with --from-line N",
+        journal=journal,
+    )
+    return Refusal(reason=reason, subject=str(recorded.path))
 
-    Without that, two runs could continue it one after the other.
+
+def _take_over(prepared: PreparedRun, journal: Journal) -> Refusal | None:
+    """Record, before the first call, which run uses the controller and which one it continues.
+
+    Without that, two runs could continue one journal one after the other.
     """
+    request, lock = prepared.request, controller_lock(prepared.library, prepared.request.machine.controller)
+    try:
+        lock.note_run(journal.head["started"], journal.path)
+    except OSError as error:
+        reason = Phrase("can't write to the folder of the locks: {reason}", reason=reason_of(error))
+        return Refusal(reason=reason, subject=str(lock.last_path))
     if request.options.resume is None:
         return None
     path = request.options.resume.path

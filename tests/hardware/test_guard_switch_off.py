@@ -23,7 +23,7 @@ from gusjob.controllers.gus.driver.library import Library, load_library
 from gusjob.controllers.gus.driver.requirements import RUN_CALLS
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.path_position import JOB_START
-from gusjob.controllers.journal.writer import Journal
+from gusjob.controllers.journal.writer import Journal, mark_resumed
 from gusjob.hardware import locks
 from gusjob.hardware.guard import process, start, switch_off
 from gusjob.hardware.guard.switch_off import SwitchOffOrders, switched_off
@@ -173,6 +173,18 @@ def test_a_full_disk_does_not_keep_the_laser_on(gus: Bench, tmp_path: Path, orde
         "gusjob: the journal does not have these calls: continue with --from-line N, not with --resume",
     ]
     assert "GT_Stop" in gus.controller.names()
+
+
+def test_a_run_that_was_continued_in_the_meantime_is_left_alone(
+    gus: Bench, tmp_path: Path, orders: dict[str, Any]
+) -> None:
+    """Its journal ends with the one that continues it: no line may follow."""
+    mark_resumed(tmp_path / "part.journal", tmp_path / "next.journal")
+    before = (tmp_path / "part.journal").read_bytes()
+    (message,) = switched_off(orders, "en")
+    assert message == f"{NOT_DONE}another run has continued the journal"
+    assert gus.controller.calls() == []
+    assert (tmp_path / "part.journal").read_bytes() == before
 
 
 def test_a_bug_is_reported(orders: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:

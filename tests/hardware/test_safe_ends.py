@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 from support.controller import Fault, VirtualController, needs_controller
 from support.hardware import Bench, fresh
-from support.resuming import Attempt, attempt, claims_off, judged, quick_machine, recorded_of, request_of
+from support.journals import bare_lines, with_checksums
+from support.promises import Attempt, judged
+from support.resuming import attempt, claims_off, quick_machine, recorded_of, request_of
 
 from gusjob.cli.hardware import _closing_message
 from gusjob.controllers.journal.reader import read_journal
@@ -152,9 +154,9 @@ def test_a_setting_that_is_not_supported_is_a_warning_unless_the_job_needs_it(gu
 # Chains of journals.
 
 
-def interrupted(gus: Bench, folder: Path) -> Path:
-    """Run the job up to a call that is refused in the middle, without what the run recorded of its end."""
-    gus.controller.fault(Fault.RETURN, "GT_LnXY", 30, 1, 7)
+def interrupted(gus: Bench, folder: Path, call: str = "GT_LnXY", nth: int = 30) -> Path:
+    """Run the job up to a call that is refused in the middle."""
+    gus.controller.fault(Fault.RETURN, call, nth, 1, 7)
     made, _ = run(gus, folder, "first")
     gus.controller.clear_faults()
     assert made.journal is not None
@@ -238,3 +240,32 @@ def test_a_journal_that_can_not_be_written_to_is_not_continued(
     assert outcome.refusal is not None
     assert "can't write to the journal that is continued" in outcome.refusal.localized
     assert len(gus.controller.calls()) == made
+
+
+def as_if_killed(journal: Path) -> None:
+    """Leave the journal of a run as if its process had been killed before it was switched off."""
+    lines = bare_lines(journal.read_bytes())
+    off = max(number for number, line in enumerate(lines) if b'"off":true' in line)
+    journal.write_bytes(with_checksums(lines[:off]))
+
+
+def test_after_another_run_the_position_of_a_killed_one_is_lost(gus: Bench, tmp_path: Path) -> None:
+    """The controller answers for the run that used it last: where that ended says nothing of the killed one."""
+    journal = interrupted(gus, tmp_path, "GT_GetCrdPos", 30)  # In motion.
+    as_if_killed(journal)
+    made, _ = run(gus, tmp_path, "other")
+    assert made.is_done
+    calls = len(gus.controller.calls())
+    refused, _ = run(gus, tmp_path, "second", journal)
+    assert refused.ending is Ending.REFUSED
+    assert "another run has used the controller since" in refused.message
+    assert str(tmp_path / "other.journal") in refused.message
+    assert len(gus.controller.calls()) == calls
+    # Nothing was marked in the journal: it can be tried again.
+    assert not isinstance(read_journal(journal), str)
+
+
+def test_a_killed_run_is_resumed_if_no_other_one_used_the_controller(gus: Bench, tmp_path: Path) -> None:
+    journal = interrupted(gus, tmp_path, "GT_GetCrdPos", 30)  # In motion.
+    as_if_killed(journal)
+    assert run(gus, tmp_path, "second", journal)[0].is_done

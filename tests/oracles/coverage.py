@@ -1,6 +1,6 @@
-"""What an interrupted run and its resumes left out and marked twice, from the virtual controller's log of emission.
+"""What an interrupted run and its resumes left out and marked twice, from a device's log of emission.
 
-Both runs are logs of lit stretches (support.controller.Lit). A timed call of the job is identified by its channel, its
+Both runs are logs of lit stretches (support.device_log.Lit). A timed call of the job is identified by its channel, its
 kind and its target, so the targets of a job must be unique. A point on it is identified by its distance to the call's
 end, since a resume that begins within a call keeps its end; for a dwell, by the time to its end. The distance on an arc
 that begins anew about a rounded centre is scaled to the arc of the job.
@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from support.controller import Floats, Kind, Lit, Row
+from support.device_log import Kind, Lit, Row
 
+Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
@@ -258,7 +259,7 @@ class PathCells:
 
     @staticmethod
     def of(rows: Floats) -> PathCells:
-        """Make the cells of the rows of a run that was not interrupted; columns are support.controller.Row."""
+        """Make the cells of the rows of a run that was not interrupted; columns are support.device_log.Row."""
         passed = np.rint(np.concatenate([points_of(row) for row in rows]) / CELL_PULSE).astype(np.int64)
         around = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
         return PathCells(np.unique(_codes((passed[:, None, :] + around[None, :, :]).reshape(-1, 2))))

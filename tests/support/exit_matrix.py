@@ -2,7 +2,7 @@
 
 Every call of a run returns every error code: once, from then on, or with all other calls from then on; at once or after
 it hung; over a fast link and a slow one; in real time. Then the faults end, and the run is resumed until it is done.
-What is promised about it is checked: support.resuming. COUNT cases are chosen by the seed. `--only N` runs one case
+What is promised about it is checked: support.promises. COUNT cases are chosen by the seed. `--only N` runs one case
 again and shows its attempts; `--unscaled` hangs for 3 s, with the patience of a profile that sets none.
 """
 
@@ -26,19 +26,17 @@ from typing import Any
 
 import numpy as np
 from support.controller import ALL_CALLS, FOR_EVER, GUS, Fault, Floats, Lit, VirtualController, build
-from support.forks import Send, fork, results
+from support.forks import Send, cores, fork, results
+from support.promises import Attempt, Verdict, is_stuck, judged
 from support.resuming import (
-    Attempt,
-    Verdict,
     attempt,
     claims_off,
     compiled,
     is_at_rest,
-    is_stuck,
-    judged,
     quick_machine,
     recorded_of,
     request_of,
+    without_guard,
 )
 from support.tally import result, tallied
 
@@ -228,7 +226,7 @@ def main() -> int:
     parser.add_argument("--all", action="store_true", help="run every case, which takes hours")
     parser.add_argument("--only", type=int, help="run this case only, and show its attempts")
     parser.add_argument("--unscaled", action="store_true", help="calls hang for 3 s")
-    parser.add_argument("--workers", type=int, default=4 * len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=4 * cores())
     options = parser.parse_args()
     compiled()
     with tempfile.TemporaryDirectory() as name:
@@ -243,6 +241,7 @@ def main() -> int:
 
         def run(number: int) -> dict[str, Any]:
             locks.LOCK_FOLDER = folder / f"locks of {os.getpid()}"
+            without_guard()
             timing = UNSCALED if options.unscaled else SCALED
             verdict = run_case(cases[number], folder / str(number), library, expected, timing)
             return result(f"case {cases[number]}", verdict)

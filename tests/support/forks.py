@@ -54,6 +54,7 @@ def fork(work: Callable[[Send], None], environment: dict[str, str]) -> Fork:
         return Fork(pid, read)
     try:
         os.close(read)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # Guards of runs that are killed say so.
         os.environ.update(environment)
         work(lambda line: _send(write, line))
     except BaseException:  # noqa: BLE001  (it is sent)
@@ -89,6 +90,11 @@ def results(numbers: list[int], workers: int, run: Callable[[int], dict[str, Any
             if not more:
                 os.waitpid(child.pid, 0)
                 del by_end[end]
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def harness(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:

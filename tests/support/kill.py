@@ -2,7 +2,7 @@
 
 The virtual controller outlives the process, as hardware does: it continues with what is in its FIFO. Each killed run is
 resumed with a random fault in one of the calls, and then until it is done. What is promised about it is checked:
-support.resuming. Each run is a fork of a process that has everything imported; the library is loaded in the fork only,
+support.promises. Each run is a fork of a process that has everything imported; the library is loaded in the fork only,
 since it maps the machine's state when it is loaded. `--only N` runs one case again and shows its attempts.
 """
 
@@ -17,20 +17,18 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from support.controller import GUS, Fault, Floats, VirtualController, build
-from support.forks import Fork, Send, fork, results
+from support.forks import Fork, Send, cores, fork, results
+from support.promises import Attempt, Verdict, is_stuck, judged
 from support.resuming import (
-    Attempt,
-    Verdict,
     attempt,
     compiled,
-    is_stuck,
-    judged,
     quick_machine,
     recorded_of,
     request_of,
@@ -38,13 +36,14 @@ from support.resuming import (
 from support.tally import result, tallied
 
 from gusjob.controllers.journal.reader import RecordedRun
-from gusjob.hardware import locks
+from gusjob.hardware.locks import LOCK_FOLDER
+from gusjob.hardware.outcome import Ending
 
 LATENCY_US = 1000
 SLOTS = (16, 64, 4096)
 CODES = (1, 2, 3, 7, 8, -1, -6, -7, -8)
 HANG_S = 0.3
-RUN_S = 0.65
+RUN_S = 0.75
 """About as long as a run takes."""
 LIMIT_S = 60.0
 """A run that takes longer is killed, and the case has failed."""
@@ -60,6 +59,7 @@ class LastingController:
     folder: Path
     library: Path
     options: str
+    guard_switches_off: bool = False
 
     @property
     def environment(self) -> dict[str, str]:
@@ -72,13 +72,12 @@ class LastingController:
         journal = self.folder / f"{name}.journal"
 
         def work(send: Send) -> None:
-            # Machines of several workers are several controllers, though of one library.
-            locks.LOCK_FOLDER = self.folder / "locks"
             controller = VirtualController(self.library)
             controller.clear_faults()
             send({"mark": controller.lit_count()})
             plant(controller)
-            request = request_of(self.folder, self.library, quick_machine(), journal=journal, resume=resume)
+            machine = quick_machine(guard_switches_off=self.guard_switches_off)
+            request = request_of(self.folder, self.library, machine, journal=journal, resume=resume)
             made, _ = attempt(request, controller, lambda announced_mm: send({"announced_mm": announced_mm}))
             send({"end": made.ending, "message": made.message, "reasons": made.reasons, "claim": made.false_claim})
 
@@ -93,7 +92,7 @@ class LastingController:
                 elif "error" in line:
                     made = replace(made, error=line["error"])
                 else:
-                    made = replace(made, ending=line["end"], message=line["message"], false_claim=line["claim"])
+                    made = replace(made, ending=Ending(line["end"]), message=line["message"], false_claim=line["claim"])
                     made = replace(made, reasons=tuple(line["reasons"]))
         finally:
             child.kill()
@@ -145,10 +144,12 @@ class Case:
     call: int
     newest: bool
     """Whether the journal of a resume that was killed is resumed, or once more the one that it resumed."""
+    guard_switches_off: bool
 
     def __str__(self) -> str:
         where = f"{self.fault.name} {self.value:g} at call {self.call} of the resume after {self.wait_s:g} s"
-        return f"{self.number}: killed after {self.kill_s:.4f} s, {self.slots} slots; {where}"
+        guard = ", its guard switches off" if self.guard_switches_off else ""
+        return f"{self.number}: killed after {self.kill_s:.4f} s, {self.slots} slots{guard}; {where}"
 
 
 def case_of(seed: int, number: int) -> Case:
@@ -171,16 +172,20 @@ def case_of(seed: int, number: int) -> Case:
         value=chance.choice(CODES) if is_code else HANG_S if hangs else 0.0,
         call=chance.choice([chance.randint(1, 30), chance.randint(1, 300)]),
         newest=chance.random() < 0.5,
+        guard_switches_off=chance.random() < 0.25,
     )
 
 
 def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdict:
     """Run a case."""
     folder.mkdir()
+    # A controller is known by its library: each worker has controllers of its own. A guard knows no other folder of
+    # locks than that of all runs.
+    library = Path(shutil.copy(library, folder))
     options = f"speed=1,log=0,latency_us={LATENCY_US},slots={case.slots}"
-    machine = LastingController(folder, library, options)
+    machine = LastingController(folder, library, options, case.guard_switches_off)
     first = machine.run("0", None, lambda _: None, case.kill_s)
-    attempts, journal, stuck = [first], first.journal, ""
+    attempts, journal, stuck, until_s = [first], first.journal, "", time.perf_counter() + LIMIT_S
 
     def plant(controller: VirtualController) -> None:
         if len(attempts) == 1:
@@ -197,11 +202,14 @@ def run_case(case: Case, folder: Path, library: Path, expected: Floats) -> Verdi
                 break
             resume = recorded
         made = machine.run(str(len(attempts)), resume, plant)
+        if made.ending is Ending.BUSY and time.perf_counter() < until_s:
+            time.sleep(0.1)  # The guard of the run that was killed has the controller.
+            continue
         attempts.append(made)
         if made.journal is not None and (made.ending or case.newest or journal is None):
             journal = made.journal
     verdict = judged(expected, machine.lits(), attempts)
-    shutil.rmtree(folder)
+    shutil.rmtree(folder, ignore_errors=True)  # A guard may still write there.
     return replace(verdict, wrong=(*verdict.wrong, stuck)) if stuck else verdict
 
 
@@ -216,13 +224,22 @@ def whole_run(folder: Path, library: Path) -> Floats:
     return expected
 
 
+def forget_locks(folder: Path) -> None:
+    """Remove the lock files that killed runs of jobs in this folder left."""
+    for holder in LOCK_FOLDER.glob("*.holder"):
+        with suppress(OSError):
+            if str(folder) in holder.read_text(encoding="utf-8"):
+                holder.with_suffix(".lock").unlink()
+                holder.unlink()
+
+
 def main() -> int:
     """Kill COUNT runs; the exit code is 1 if a promise was broken."""
     parser = argparse.ArgumentParser(description="Kill runs at random moments and resume them.")
     parser.add_argument("count", type=int, nargs="?", default=200)
     parser.add_argument("seed", type=int, nargs="?", default=5)
     parser.add_argument("--only", type=int, help="run this case only, and show its attempts")
-    parser.add_argument("--workers", type=int, default=2 * len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=2 * cores())
     options = parser.parse_args()
     compiled()
     with tempfile.TemporaryDirectory() as name:
@@ -235,7 +252,9 @@ def main() -> int:
             case = case_of(options.seed, number)
             return result(f"seed {options.seed}, case {case}", run_case(case, folder / str(number), library, expected))
 
-        return tallied(results(numbers, options.workers, run), is_shown=options.only is not None)
+        code = tallied(results(numbers, options.workers, run), is_shown=options.only is not None)
+        forget_locks(folder)
+        return code
 
 
 if __name__ == "__main__":

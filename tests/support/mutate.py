@@ -28,9 +28,18 @@ from typing import Any
 import numpy as np
 from oracles.coverage import PathCells, coverage
 from support.controller import GUS, Fault, Floats, Row, VirtualController, build
-from support.forks import Fork, Send, fork, results
+from support.forks import Fork, Send, cores, fork, results
 from support.journals import bare_lines, with_checksums
-from support.resuming import Attempt, attempt, compiled, is_at_rest, quick_machine, recorded_of, request_of
+from support.promises import Attempt
+from support.resuming import (
+    attempt,
+    compiled,
+    is_at_rest,
+    quick_machine,
+    recorded_of,
+    request_of,
+    without_guard,
+)
 
 from gusjob.controllers.gus.driver import fifo, session
 from gusjob.hardware import locks
@@ -293,6 +302,7 @@ class Base:
 def hurry(folder: Path) -> None:
     """Poll often, and keep the locks to this folder."""
     locks.LOCK_FOLDER = folder / "locks"
+    without_guard()
     fifo.POLL_S = 0.0005
     session._PAUSE_S = 0.002
 
@@ -430,7 +440,7 @@ def main() -> int:
     parser.add_argument("count", type=int, nargs="?", default=2000)
     parser.add_argument("seed", type=int, nargs="?", default=5)
     parser.add_argument("--only", type=int, help="run this mutant only, and show its end")
-    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=cores())
     options = parser.parse_args()
     began = time.perf_counter()
     compiled()

@@ -1,16 +1,16 @@
-"""Runs of one job that are interrupted and resumed until it is done, by run_on, and what is promised about them."""
+"""Runs of one job that are interrupted and resumed until it is done, by run_on on the virtual controller."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from oracles.coverage import Coverage, Gap, coverage
-from support.controller import Floats, State, VirtualController
+from support.controller import State, VirtualController
+from support.promises import Attempt
 from support.tools import stream_of
 
 from gusjob.cli.hardware import _closing_message
@@ -18,6 +18,7 @@ from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.journal.reader import RecordedRun
+from gusjob.hardware.guard import start as guard_start
 from gusjob.hardware.outcome import Ending, RunOutcome
 from gusjob.hardware.request import Refusal, RunOptions, RunRequest, read_recorded_run
 from gusjob.hardware.run import RunPlan, run_on
@@ -85,10 +86,7 @@ JUMP X 0 Y 0
 No two timed calls of a kind have the same target. Where a laser is switched the path turns: its delays are less than a
 pulse there.
 """
-PULSES_PER_MM = 1000
 MACHINE = Machine()
-MOST_RESUMES = 8
-DONE = (Ending.DONE, Ending.NOTHING_LEFT)
 
 
 def quick_machine(**changes: Any) -> Machine:
@@ -104,6 +102,11 @@ def compiled() -> tuple[Stream, Trace]:
     trace, _ = simulate_stream(stream, MACHINE)
     assert trace is not None
     return stream, trace
+
+
+def without_guard() -> None:
+    """Start no guard process from now on: it takes longer to start than a run in virtual time."""
+    guard_start._can_start = lambda: False
 
 
 def request_of(
@@ -134,34 +137,6 @@ def recorded_of(journal: Path) -> RecordedRun | str:
         journal = other[-1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Attempt:
-    """One run or resume.
-
-    `mark`: number of lit stretches before it; `announced_mm`: what its plan said may be marked twice, None without a
-    plan; `ending`: '' if the process was killed; `message`: the closing message; `reasons`: the diagnostics;
-    `false_claim`: what the closing message claims although it is not so.
-    """
-
-    mark: int
-    journal: Path | None
-    announced_mm: float | None = None
-    ending: str = ""
-    message: str = ""
-    reasons: tuple[str, ...] = ()
-    error: str = ""
-    false_claim: str = ""
-
-    @property
-    def is_done(self) -> bool:
-        return self.ending in DONE
-
-    def __str__(self) -> str:
-        what = self.error or self.ending or "killed"
-        plan = "no plan" if self.announced_mm is None else f"announces {self.announced_mm:.3f} mm"
-        return f"{what} ({plan}): {self.message}{''.join(f'; {reason}' for reason in self.reasons)}"
-
-
 def is_at_rest(controller: VirtualController) -> bool:
     """Whether no laser is on and nothing moves."""
     state = controller.state()
@@ -182,8 +157,13 @@ def false_claim(outcome: RunOutcome, before: State, controller: VirtualControlle
     return ""
 
 
-def attempt(request: RunRequest, controller: VirtualController, on_plan: Any = None) -> tuple[Attempt, RunOutcome]:
-    """Run or resume in this process."""
+def attempt(
+    request: RunRequest,
+    controller: VirtualController,
+    on_plan: Callable[[float], None] | None = None,
+    **options: Any,
+) -> tuple[Attempt, RunOutcome]:
+    """Run or resume in this process. `on_plan` takes what the plan announces; `options` are more of run_on."""
     plans, mark, before = list[RunPlan](), controller.lit_count(), controller.state()
 
     def confirm(plan: RunPlan) -> bool:
@@ -192,7 +172,7 @@ def attempt(request: RunRequest, controller: VirtualController, on_plan: Any = N
             on_plan(doubling_mm(plan))
         return True
 
-    outcome = run_on(request, confirm=confirm)
+    outcome = run_on(request, confirm=confirm, **options)
     made = Attempt(
         mark=mark,
         journal=outcome.journal,
@@ -200,6 +180,7 @@ def attempt(request: RunRequest, controller: VirtualController, on_plan: Any = N
         ending=outcome.ending,
         message=str(_closing_message(outcome) or (outcome.refusal and outcome.refusal.localized) or ""),
         reasons=tuple(f"{found.rule.code} {found.message}" for found in outcome.diagnostics),
+        claims_off=claims_off(outcome),
         false_claim=false_claim(outcome, before, controller),
     )
     return made, outcome
@@ -208,74 +189,3 @@ def attempt(request: RunRequest, controller: VirtualController, on_plan: Any = N
 def doubling_mm(plan: RunPlan) -> float:
     """The most that a resume marks twice, as its plan announces it."""
     return float(getattr(plan, "doubling_mm", 0.0))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """What came out of a run and its resumes.
-
-    `wrong`: each broken promise; `over`: the resumes that marked more twice than their own plan announced, though all
-    of them together may not.
-    """
-
-    found: Coverage
-    attempts: tuple[Attempt, ...]
-    wrong: tuple[str, ...]
-    over: tuple[str, ...]
-
-    @property
-    def is_done(self) -> bool:
-        """Whether the last resume said so."""
-        return self.attempts[-1].is_done
-
-    @property
-    def is_whole(self) -> bool:
-        return self.is_done and not self.found.left_out
-
-    @property
-    def doubled_pulse(self) -> float:
-        return float(self.found.doubled.sum())
-
-    @property
-    def announced_pulse(self) -> float:
-        return sum(one.announced_mm or 0.0 for one in self.attempts) * PULSES_PER_MM
-
-
-def is_stuck(attempts: Sequence[Attempt]) -> bool:
-    """Whether more resumes change nothing: the last two failed alike without a plan, or there were enough."""
-    ends = [one.reasons for one in attempts[-2:] if one.reasons and one.announced_mm is None]
-    return len(attempts) > MOST_RESUMES or (len(ends) == 2 and ends[0] == ends[1])
-
-
-def judged(expected: Floats, lits: Floats, attempts: Sequence[Attempt], tolerance_pulse: float = 1.0) -> Verdict:
-    """Check what is promised: nothing left out, doubled no more than announced, nothing outside, no false claim.
-
-    Args:
-        expected: lit stretches of a run that was not interrupted.
-        lits: lit stretches of all attempts.
-        attempts: the run and its resumes.
-        tolerance_pulse: for each piece, and for the doubling of each attempt.
-    """
-    found = coverage(expected, lits, [one.mark for one in attempts[1:]], tolerance_pulse)
-    wrong, over = _listed("outside", found.outside) + _listed("wrong power", found.wrong_power), list[str]()
-    for number, (one, doubled) in enumerate(zip(attempts, found.doubled.tolist(), strict=True)):
-        announced = (one.announced_mm or 0.0) * PULSES_PER_MM
-        if doubled > announced + tolerance_pulse:
-            over.append(f"attempt {number} doubled {doubled:.1f} pulse, announced {announced:.1f}")
-        wrong += [f"attempt {number} claims {one.false_claim}"] if one.false_claim else []
-        wrong += [f"attempt {number} failed: {one.error}"] if one.error else []
-    if attempts[-1].is_done:
-        wrong += _listed("left out", found.left_out)
-    else:
-        wrong.append(f"not done after {len(attempts) - 1} resumes")
-    verdict = Verdict(found=found, attempts=tuple(attempts), wrong=tuple(wrong), over=tuple(over))
-    if verdict.doubled_pulse > verdict.announced_pulse + tolerance_pulse * len(attempts):
-        more = f"doubled {verdict.doubled_pulse:.1f} pulse, announced {verdict.announced_pulse:.1f} in all"
-        verdict = replace(verdict, wrong=(*verdict.wrong, more))
-    return verdict
-
-
-def _listed(what: str, gaps: Sequence[Gap]) -> list[str]:
-    """The first three of them."""
-    more = [f"and {len(gaps) - 3} more pieces, in all {sum(gap.size for gap in gaps):.1f}"] if len(gaps) > 3 else []
-    return [f"{what}: {text}" for text in (*map(str, gaps[:3]), *more)]

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from support.resuming import Verdict
+from support.promises import Verdict
 
 
 def result(case: str, verdict: Verdict) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -44,13 +45,29 @@ def sound_part(data: bytes) -> SoundPart:
     return SoundPart(size=size, crc=crc, count=count, torn=torn, damaged=b"\n" in left[:-1])
 
 
+def is_continued(path: Path) -> bool:
+    """Return whether the last line of a journal says that another run continues it; False if it can't be read."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return False
+    last = data[: sound_part(data).size].rpartition(b"\n")[0].rpartition(b"\n")[2]
+    return b',"resumed":' in last
+
+
 def journal_lines(data: bytes) -> Iterator[dict[str, Any]]:
     """Yield the objects of sound lines, each checked.
+
+    Of a buffered call, which most lines are, only code, row and line are read.
 
     Raises:
         ValueError: a line is not what a run writes.
     """
     for text in data.splitlines():
+        if plain := _BUFFERED.fullmatch(text):
+            code, row, line = map(int, plain.groups())
+            yield {"t": 0.0, "code": code, "row": row, "line": line, "call": "", "args": []}
+            continue
         found = orjson.loads(text)
         if not isinstance(found, dict) or not all(_is_valid(name, value) for name, value in found.items()):
             raise ValueError(text)
@@ -61,6 +78,11 @@ def journal_lines(data: bytes) -> Iterator[dict[str, Any]]:
 
 LARGEST = 2**53
 """Bound of every whole number in a journal."""
+_BUFFERED = re.compile(
+    rb'\{"t":\d{1,12}(?:\.\d{1,12})?,"code":(-?\d{1,9}),"row":(-1|\d{1,15}),"line":(\d{1,15}),"call":"GT_\w{1,60}",'
+    rb'"args":\[[-+.\w,]*\],"crc":\d{1,10}\}'
+)
+"""The line of a buffered call, whose arguments are numbers."""
 _CALL = re.compile(r"GT_[A-Za-z0-9]{1,60}")
 _WHOLE = {"code": -LARGEST, "row": -1, "line": 0, "part": 0, "lead": 0, "broken": 0, "rows": 0, "crc": 0}
 """Fields with a whole number, and its lowest value."""

@@ -233,6 +233,8 @@ def _read_one(path: Path) -> _OneJournal | str:
         data = file.read(len(JOURNAL_START))
         if data == JOURNAL_START:  # Of another file no more is read: a device may have no end.
             data += file.read()
+    if not data:
+        return Phrase("{name} is empty: its run ended before it began; start the job again", name=path.name)
     if not data.startswith(JOURNAL_START):
         return Phrase("{name} is not a journal of gusjob run ({schema})", name=path.name, schema=JOURNAL_SCHEMA)
     if not is_current(data):

@@ -30,7 +30,7 @@ class Journal:
         Raises:
             OSError: the file exists already or can't be written.
         """
-        self._begin(path, path.open("xb", buffering=0), crc=0)
+        self._begin(path, path.open("xb", buffering=0), crc=0, head=head)
         self.append(_body(schema=JOURNAL_SCHEMA, **head))
 
     @classmethod
@@ -45,7 +45,7 @@ class Journal:
         sound = sound_part(file.read())
         file.truncate(sound.size)
         file.seek(sound.size)
-        made._begin(path, file, crc=sound.crc)
+        made._begin(path, file, crc=sound.crc, head={})
         if sound.torn:  # What followed is not known: a resume must not rely on the end of the journal.
             made.append(_body(t=0, cut=True))
         return made
@@ -54,12 +54,12 @@ class Journal:
     def unwritten(cls, error: OSError) -> Journal:
         """Return a journal that can't be written."""
         made = cls.__new__(cls)
-        made._begin(Path(), None, crc=0)
+        made._begin(Path(), None, crc=0, head={})
         made.give_up(error)
         return made
 
-    def _begin(self, path: Path, file: BinaryIO | None, *, crc: int) -> None:
-        self.path, self._file, self._crc = path, file, crc
+    def _begin(self, path: Path, file: BinaryIO | None, *, crc: int, head: dict[str, Any]) -> None:
+        self.path, self._file, self._crc, self.head = path, file, crc, head
         self.write: Callable[[bytes], int] = len if file is None else file.write
         """Writes one line. Raises OSError; call give_up() then."""
         self.lost = ""

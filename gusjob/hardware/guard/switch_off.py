@@ -19,6 +19,7 @@ from gusjob.controllers.gus.driver.library import load_library
 from gusjob.controllers.gus.driver.link import SLOW_FACTOR, BackendError, Link, TakenOver
 from gusjob.controllers.gus.driver.requirements import RUN_CALLS, Outputs
 from gusjob.controllers.gus.driver.shutdown import Shutdown, hung_diagnostics
+from gusjob.controllers.journal.lines import is_continued
 from gusjob.controllers.journal.writer import Journal
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.hardware.locks import HeldLock, RunLock
@@ -81,6 +82,9 @@ def switched_off(orders: Mapping[str, Any], language: str) -> list[str]:
     if held is None:
         return _lines([_nothing_done(Phrase("it is in use by {holder}", holder=lock.holder()))])
     try:
+        if is_continued(Path(given.journal)):
+            # It had the controller before this process got the lock, and has switched it off.
+            return _lines([_nothing_done(Phrase("another run has continued the journal"))])
         return _lines(_supervised(_Switching(given)))
     finally:
         held.release()

@@ -19,6 +19,13 @@ ROWS = [
 END = [b'{"t":0.3,"end":"done","x":0.0,"y":0.0}']
 
 
+def test_an_empty_journal_is_that_of_a_run_that_never_began(tmp_path: Path) -> None:
+    (tmp_path / "a.journal").write_bytes(b"")
+    found = read_journal(tmp_path / "a.journal")
+    assert isinstance(found, str)
+    assert "start the job again" in found
+
+
 def test_a_line_that_was_cut_does_not_count(tmp_path: Path) -> None:
     """Cut after any byte, as by a kill or a power failure: the run is that of the whole lines."""
     path, whole, head = tmp_path / "a.journal", with_checksums([*HEAD, *ROWS, *END]), len(with_checksums(HEAD))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -283,6 +284,9 @@ class Session:
         row, tolerance = first + int(moves[-1]), self.machine.controller.position_tolerance_pulse
         end_x, end_y = float(fifo.calls.x[row]), float(fifo.calls.y[row])
         if max(abs(status.x - end_x), abs(status.y - end_y)) > tolerance:
+            # Calls may have been lost anywhere in the stage.
+            lost = PositionRange(earliest=PathPosition(row=first), latest=PathPosition(row=fifo.stage.sent))
+            self.note_broken(fifo.part.job_range(lost))
             fields = {"x": status.x, "y": status.y, "want_x": end_x, "want_y": end_y}
             raise failure(rules.WRONG_END_POSITION, int(fifo.calls.line[row]), **fields)
 
@@ -329,7 +333,8 @@ class Session:
             faults = shutdown.stop(self.control, abrupt=abrupt or bool(still_on))
         if locate and not faults:
             self._locate(lambda: shutdown.rest_s, cut_outside=cut_outside)
-            self._extend_to_rest()
+        if locate:
+            self._extend_to_rest(is_at_rest=not faults)
         faults = shutdown.laser_off() + faults
         if faults:
             shutdown.reset()
@@ -404,18 +409,20 @@ class Session:
         if self._part is not None:
             self.note_broken(PositionRange.exactly(PathPosition(row=len(self.stream.buffered))))
 
-    def _extend_to_rest(self) -> None:
+    def _extend_to_rest(self, *, is_at_rest: bool) -> None:
         """Extend where the laser went off to the rest position, if a call before it switches the laser on.
 
-        The shutdown switches the laser off again, but it may emit for a short time.
+        The shutdown switches the laser off again, but it may emit for a short time. Without a rest position, the end of
+        what was sent is the limit.
         """
         fifo, part, broken = self._fifo, self._part, self.broken
         if fifo is None or fifo.stage is None or part is None or broken is None or not fifo.stage.may_run:
             return
-        try:
-            found = self._located(fifo.stage, fifo.calls, part, lambda: self.shutdown.off_since_s, cut_outside=False)
-        except BackendError:
-            found = None
+        found = None
+        if is_at_rest:
+            with suppress(BackendError):
+                off_since_s = self.shutdown.off_since_s
+                found = self._located(fifo.stage, fifo.calls, part, lambda: off_since_s, cut_outside=False)
         sent = part.job_position(PathPosition(row=fifo.stage.sent))
         rest = sent if found is None else part.job_range(found).latest
         kinds = self.stream.buffered.kind[broken.earliest.row : rest.row + 1]

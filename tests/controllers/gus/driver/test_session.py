@@ -20,7 +20,9 @@ from support.hardware import (
 from support.tools import MARK, stream_of
 
 from gusjob.config.machine import Interlock, Machine
+from gusjob.controllers.control import Control
 from gusjob.controllers.gus.driver.requirements import outputs_of
+from gusjob.controllers.gus.path_position import PathPosition, PositionRange
 from gusjob.i18n.phrases import localized
 
 pytestmark = needs_controller
@@ -121,6 +123,31 @@ def test_a_wrong_end_position_is_reported(gus: Bench) -> None:
     ran = gus.run(stream_of(MARK + "LINE X 5\n"), gus.machine(Machine()))
     assert ran.codes == ["GJ909"]
     assert "X 5050" in ran.faults[0].message
+
+
+def test_a_stage_with_a_wrong_end_is_run_again_as_a_whole(gus: Bench) -> None:
+    """Calls may have been lost anywhere in it, so that nobody knows what of it was marked."""
+    text = (
+        MARK
+        + "LASER POWER 40\nLASER ON\nLINE X 5\nLASER OFF\nLASER DELAY ON 20us OFF 30us\nDWELL 900\n"
+        + "LASER ON\nLINE X 9\nLASER OFF\n"
+    )
+    stream, machine = stream_of(text), gus.machine(Machine())
+    second = [call.at for call in stream.calls if call.name == "GT_CrdClear"][1]
+
+    def tick(control: Control) -> None:
+        if control.status.row >= second:
+            gus.controller.option("pos_error", 50)
+
+    fresh(gus, poll_us=3_000)
+    ran = gus.run(stream, machine, tick=tick)
+    assert ran.codes == ["GJ909"]
+    end = PathPosition(row=len(stream.buffered))
+    assert ran.session.broken == PositionRange(earliest=PathPosition(row=second), latest=end)
+    gus.controller.option("pos_error", 0)
+    again, position = gus.resumed(stream, machine, ran.journal)
+    assert again.faults == []
+    assert position == PathPosition(row=second)
 
 
 def test_the_end_is_wrong_in_y_alone(gus: Bench) -> None:
