@@ -2,37 +2,131 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Buffered, Stream
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream
 from gusjob.controllers.gus.path_position import PathPosition, PositionRange, TimedPath
 from gusjob.controllers.gus.ranges import CHANNELS
-from gusjob.kinematics.arrays import Bools
+from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.kinematics.units import US_PER_MS
 
 _SLACK_PULSE = 4.0
 """Length that rounding may add: of the positions at both ends, and of the point where the run continues."""
+_PASSES = 5
+"""Number of passes in which a length is adjusted to the rows that it passes."""
 
 
 def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
-    """Move a position back by the path from rest to the begin of the emission, so that this path is not left out.
+    """Move a position back so far that a run that begins there from rest leaves out no emission from it on.
 
-    Level delay and first pulse killer delay the emission after the laser is switched on (M 二.6, 二.7). A position at
-    which the laser is off does not change, and no position is moved back beyond a switch of the laser.
+    Level delay and first pulse killer delay the emission after the laser is switched on, and extend it after it is
+    switched off (M 二.6, 二.7). The result is the position itself where neither matters.
     """
+    found = [position]
+    for channel in CHANNELS:
+        switches = _Switches.of(stream, channel)
+        found += [_before_on(stream, switches, position), _before_tail(stream, switches, position)]
+    return min(found, key=lambda one: one.key)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Switches:
+    """The switches of one channel: the rows from which each one acts, ascending, and whether it switches on, (k,)."""
+
+    channel: int
+    row: Indices
+    on: Bools
+
+    @classmethod
+    def of(cls, stream: Stream, channel: int) -> _Switches:
+        calls = stream.buffered
+        at = np.flatnonzero((calls.channel == channel) & (calls.kind >= Buffered.ON) & (calls.kind <= Buffered.OFF))
+        immediate = [c for c in stream.calls if c.name == "GT_SetHSIOOpt" and c.args[-1] == channel]
+        row = np.concatenate([[0], at + 1, np.array([call.at for call in immediate], dtype=np.int64)])
+        on = np.concatenate([[False], calls.kind[at] == Buffered.ON, [call.args[0] == 1 for call in immediate]])
+        order = np.argsort(row, kind="stable")
+        return cls(channel=channel, row=row[order], on=on[order].astype(np.bool_))
+
+    def before(self, row: int) -> int:
+        """Return the number of the last switch that acts at a row."""
+        return int(np.searchsorted(self.row, row, side="right")) - 1
+
+
+def _before_on(stream: Stream, switches: _Switches, position: PathPosition) -> PathPosition:
+    """Move a position in a mark back by the path from rest to the begin of the emission."""
     calls, row = stream.buffered, position.row
-    on = [channel for channel in CHANNELS if row < len(calls) and is_on(stream, channel)[row]]
-    lag_ms = max((_lags_ms(stream, row, channel)[0] for channel in on), default=0.0)
-    moves = np.flatnonzero(calls.kind[: row + 1] < Buffered.DELAY)
-    if lag_ms <= 0 or not len(moves):
+    last = switches.before(row)
+    lag_ms = _lags_ms(stream, row, switches.channel)[0]
+    if row >= len(calls) or not switches.on[last] or lag_ms <= 0:
         return position
-    switches = np.flatnonzero((calls.kind[:row] == Buffered.ON) | (calls.kind[:row] == Buffered.OFF))
-    stages = [call.at for call in stream.calls if call.name == "GT_CrdClear" and call.at <= row]
-    first = max([0, *stages, *(switches[-1:] + 1).tolist()])
-    acc, vel = float(calls.acc[moves[-1]]), float(calls.vel[moves[-1]])
-    length_pulse = min(acc * lag_ms**2 / 2, vel * lag_ms)
-    return TimedPath.of(calls, (0.0, 0.0)).rewind_along(position, length_pulse, first)
+
+    def length_pulse(acc: float, vel: float) -> float:
+        return min(acc * lag_ms**2 / 2, vel * lag_ms)
+
+    return _moved_back(calls, position, int(switches.row[last]), length_pulse)
+
+
+def _before_tail(stream: Stream, switches: _Switches, position: PathPosition) -> PathPosition:
+    """Move a position near the end of a mark back, so that the emission after its end is as long as in the job.
+
+    It is as long as the head moves in the delay: the run must have the job's velocity where the laser is switched off.
+    """
+    calls, path = stream.buffered, TimedPath.of(stream.buffered, (0.0, 0.0))
+    lag_ms = _longest_lags_ms(stream, switches.channel)[1]
+    last = switches.before(position.row)
+    number = last if last > 0 and not switches.on[last] else last + 1
+    if lag_ms <= 0 or number >= len(switches.row) or switches.on[number]:
+        return position
+    end = int(switches.row[number]) - 1  # The row of the switch.
+    moves = np.flatnonzero(calls.kind[: max(end, 0)] < Buffered.DELAY)
+    if not len(moves):
+        return position
+    vel = float(calls.vel_end[moves[-1]])
+    boundary = PathPosition(row=end)
+    if position.key < boundary.key:
+        is_near = path.length(position, boundary) <= vel**2 / (2 * float(calls.acc[moves[-1]]))
+    else:
+        fastest = float(calls.vel[end : position.row + 1].max(initial=vel))
+        is_near = path.length(boundary, position) <= fastest * lag_ms
+    if not is_near:
+        return position
+
+    def run_up_pulse(acc: float, _vel: float) -> float:
+        return vel**2 / (2 * acc) + _SLACK_PULSE
+
+    found = _moved_back(calls, boundary, 0, run_up_pulse, least_acc=True)
+    return min(found, position, key=lambda one: one.key)
+
+
+def _moved_back(
+    calls: BufferedCalls,
+    position: PathPosition,
+    first: int,
+    length_pulse: Callable[[float, float], float],
+    *,
+    least_acc: bool = False,
+) -> PathPosition:
+    """Move a position back by a length that depends on acceleration and velocity of the rows that it then passes."""
+    path, found = TimedPath.of(calls, (0.0, 0.0)), position
+    for _ in range(_PASSES):
+        kinds = calls.kind[found.row : position.row + 1]
+        rows = found.row + np.flatnonzero(kinds < Buffered.DELAY)
+        if not len(rows):  # At a dwell: the motion before it.
+            rows = np.flatnonzero(calls.kind[: position.row] < Buffered.DELAY)[-1:]
+        if not len(rows):
+            return found
+        acc = calls.acc[rows].min() if least_acc else calls.acc[rows].max()
+        before, found = (
+            found,
+            path.rewind_along(position, length_pulse(float(acc), float(calls.vel[rows].max())), first),
+        )
+        if found.row == before.row:
+            break
+    return found
 
 
 def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float:
@@ -54,7 +148,7 @@ def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float
         lengths[-1] = end.along_pulse if rows[-1] == end.row else 0.0
     lengths[0] -= begin.along_pulse if rows[0] == begin.row else 0.0
     offs = np.count_nonzero(calls.kind[begin.row : end.row + 1] == Buffered.OFF)
-    tail_ms = max(_lags_ms(stream, len(calls), channel)[1] for channel in CHANNELS)
+    tail_ms = max(_longest_lags_ms(stream, channel)[1] for channel in CHANNELS)
     tails_pulse = offs * tail_ms * float(calls.vel[rows].max(initial=0.0))
     on = np.logical_or.reduce([is_on(stream, channel)[rows] for channel in CHANNELS])
     pulse = float(lengths[on].sum()) + tails_pulse + _SLACK_PULSE
@@ -63,15 +157,16 @@ def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float
 
 def is_on(stream: Stream, channel: int) -> Bools:
     """Return whether the laser of a channel is switched on while each row is run, (n,)."""
-    calls = stream.buffered
-    at = np.flatnonzero((calls.channel == channel) & (calls.kind >= Buffered.ON) & (calls.kind <= Buffered.OFF))
-    immediate = [c for c in stream.calls if c.name == "GT_SetHSIOOpt" and c.args[-1] == channel]
-    rows = np.concatenate([[0], at + 1, np.array([call.at for call in immediate], dtype=np.int64)])
-    values = np.concatenate([[False], calls.kind[at] == Buffered.ON, [call.args[0] == 1 for call in immediate]])
-    order = np.argsort(rows, kind="stable")
-    rows, values = rows[order], values[order].astype(np.bool_)
-    found: Bools = values[np.searchsorted(rows, np.arange(len(calls)), side="right") - 1]
+    switches = _Switches.of(stream, channel)
+    found: Bools = switches.on[np.searchsorted(switches.row, np.arange(len(stream.buffered)), side="right") - 1]
     return found
+
+
+def _longest_lags_ms(stream: Stream, channel: int) -> tuple[float, float]:
+    """Return the longest times of _lags_ms in the whole job."""
+    rows = {call.at for call in stream.calls if call.name in ("GT_SetLevelDelay", "GT_EnaFPK")}
+    lags = [_lags_ms(stream, row, channel) for row in rows]
+    return max((on for on, _ in lags), default=0.0), max((off for _, off in lags), default=0.0)
 
 
 def _lags_ms(stream: Stream, row: int, channel: int) -> tuple[float, float]:

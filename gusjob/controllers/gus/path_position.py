@@ -128,7 +128,7 @@ class TimedPath:
         # From the last timed call that left the FIFO to the first one that is still in it.
         first, last = (int(np.searchsorted(self.timed, taken)) for taken in (low, high))
         numbers = range(max(first - 1, 0), min(last, len(self.timed) - 1) + 1)
-        found = [self._locate_in(number, x, y) for number in numbers]
+        found = [fit for number in numbers for fit in self._locate_in(number, x, y)]
         if not found:
             return PositionRange.exactly(PathPosition(row=high))
         least = min(distance for distance, _ in found)
@@ -141,15 +141,26 @@ class TimedPath:
         fitting = [position for distance, position in found if distance <= least + 0.5]
         return PositionRange(earliest=min(fitting, key=_key), latest=max(fitting, key=_key))
 
-    def _locate_in(self, number: int, x: float, y: float) -> tuple[float, PathPosition]:
-        """Return the distance of a point from a timed call, and the position if the point is on it."""
+    def _locate_in(self, number: int, x: float, y: float) -> list[tuple[float, PathPosition]]:
+        """Return the distance of a point from a timed call, with each position on the call that fits the point."""
         row = int(self.timed[number])
         distance, along, length = self.nearest(number, x, y)
+        begin, end = (distance, PathPosition(row=row)), (distance, PathPosition(row=row + 1))
         if self.calls.kind[row] == Buffered.DELAY:
-            return distance, PathPosition(row=row)
+            return [begin]
         # With a motion that is done, the untimed calls up to the next one are done.
-        done = along >= length - _DONE_PULSE
-        return distance, PathPosition(row=row + 1) if done else PathPosition(row=row, along_pulse=along)
+        is_done, is_begin = along >= length - _DONE_PULSE, along <= _DONE_PULSE
+        if (is_done or is_begin) and self._is_circle(number):
+            return [begin, end]
+        return [end if is_done else (distance, PathPosition(row=row, along_pulse=along))]
+
+    def _is_circle(self, number: int) -> bool:
+        """Return whether a motion ends where it begins, as a full circle does."""
+        row, moves = int(self.timed[number]), self.timed[:number]
+        moves = moves[self.calls.kind[moves] < Buffered.DELAY]
+        x0, y0 = (self.calls.x[moves[-1]], self.calls.y[moves[-1]]) if len(moves) else self.start_pulse
+        is_arc = self.calls.kind[row] != Buffered.LINE
+        return bool(is_arc and math.hypot(self.calls.x[row] - x0, self.calls.y[row] - y0) <= NEAR_PULSE)
 
     def earliest(self, taken: int) -> PathPosition:
         """Return the earliest position of a motion of which that many rows have left the FIFO."""
@@ -184,6 +195,18 @@ class TimedPath:
         """Move a position back along the path."""
         return self._back(position, by_pulse, first, by_time=False)
 
+    def length(self, begin: PathPosition, end: PathPosition) -> float:
+        """Return the length of the path from one position to a later one, pulse."""
+        low, number = (int(np.searchsorted(self.timed, position.row)) for position in (begin, end))
+        high = min(number + 1, len(self.timed))
+        if high <= low:
+            return 0.0
+        lengths = self.lengths(low, high).copy()
+        if number < len(self.timed):
+            lengths[-1] = end.along_pulse if self.timed[number] == end.row else 0.0
+        lengths[0] -= begin.along_pulse if self.timed[low] == begin.row else 0.0
+        return float(lengths.sum())
+
     def lengths(self, low: int, high: int) -> Floats:
         """Return the lengths of the timed calls low..high-1 (indices into `timed`), pulse; dwells have none."""
         begin = low
@@ -196,9 +219,20 @@ class TimedPath:
         return lengths[low - begin :]
 
     def _slowness(self, rows: Indices) -> Floats:
-        """Return the least time for a pulse of each row, ms: a row may begin faster than its own velocity."""
-        before = np.maximum(np.searchsorted(self.timed, rows) - 1, 0)
-        fastest = np.maximum(self.calls.vel[rows], self.calls.vel_end[self.timed[before]])
+        """Return the least time for a pulse of each row, ms.
+
+        A row may begin faster than its own velocity, and so may the next ones if it is too short to slow down in: an
+        end velocity v is v2 - 2 acc s at most after a length s.
+        """
+        low, high = (int(np.searchsorted(self.timed, row)) for row in (rows[0], rows[-1]))
+        begin = 0 if low == 0 else low - 1
+        timed = self.timed[begin : high + 1]
+        lengths = self.lengths(begin, high + 1)
+        slowed = np.concatenate([[0.0], np.cumsum(2 * self.calls.acc[timed] * lengths)])
+        exits = np.maximum.accumulate(self.calls.vel_end[timed] ** 2 + slowed[1:])
+        entries = np.concatenate([[0.0], exits[:-1] - slowed[1:-1]])[low - begin :]
+        entries[0] = max(entries[0], float(self.calls.vel_end[: rows[0]].max(initial=0.0)) ** 2)
+        fastest = np.sqrt(np.maximum(self.calls.vel[rows] ** 2, entries))
         slowness: Floats = 1 / np.where(fastest > 0, fastest, np.inf)
         return slowness
 

@@ -95,8 +95,18 @@ class Journal:
         self.lost, self.write = reason_of(error), len
         with suppress(OSError, ValueError):
             if self._file is not None and not self._is_writing:
-                self._file.seek(-1, os.SEEK_END)
-                self._file.write(b"\0")
+                self._make_incomplete(self._file)
+
+    @staticmethod
+    def _make_incomplete(file: BinaryIO) -> None:
+        """Add a byte that begins a line; if there is no room even for that, write it over the end of the last line."""
+        try:
+            is_written = file.write(b"\0") == 1
+        except OSError:
+            is_written = False
+        if not is_written:
+            file.seek(-1, os.SEEK_END)
+            file.write(b"\0")
 
     def hung_s(self) -> float:
         """Return for how long the line in progress has not been written."""

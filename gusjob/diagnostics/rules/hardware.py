@@ -113,7 +113,8 @@ NO_JOURNAL = rule(
     "GJ915",
     ERROR,
     title="journal can't be written",
-    text="can't write the journal: {reason}; free some disk space, then continue with --from-line",
+    text="can't write the journal: {reason}; free some disk space, then continue with --resume, or with --from-line if "
+    "that is refused",
     why="A run can be resumed only with its journal, so none is started without it.",
 )
 RUN_KILLED = rule(

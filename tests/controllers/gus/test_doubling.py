@@ -85,10 +85,64 @@ def test_a_mark_that_continues_begins_earlier_by_its_on_delay(delay_us: int) -> 
     assert 39_000 - found.along_pulse == pytest.approx(expected)
 
 
-def test_no_position_is_moved_over_a_switch_of_the_laser() -> None:
-    made = stream("LASER DELAY ON 60ms OFF 60ms\nLASER POWER 40\nJUMP X 1\nLASER ON\nLINE X 2\nLASER OFF\nJUMP X 9\n")
+def test_no_mark_is_moved_back_beyond_its_begin_and_no_jump_at_all() -> None:
+    made = stream("LASER DELAY ON 60ms OFF 0us\nLASER POWER 40\nJUMP X 1\nLASER ON\nLINE X 2\nLASER OFF\nJUMP X 9\n")
     jump, mark, last = motions(made)
     assert before_laser_on(made, PathPosition(row=mark, along_pulse=500)) == PathPosition(row=mark)
     for row in (jump, last):
         dark = PathPosition(row=row, along_pulse=500)
         assert before_laser_on(made, dark) == dark
+
+
+def test_the_switch_of_another_channel_does_not_matter() -> None:
+    made = stream(
+        "LASER DELAY ON 5ms OFF 5ms\nLASER POWER 40\nLASER ON\nLINE X 2\nLASER ON CHANNEL 1\nLINE X 40\n"
+        "LASER OFF CHANNEL 1\nLASER OFF\n"
+    )
+    row = motions(made)[1]
+    acc = float(made.buffered.acc[row])
+    found = before_laser_on(made, PathPosition(row=row, along_pulse=5.0))
+    assert found.row == motions(made)[0]
+    assert 2000 - found.along_pulse + 5 == pytest.approx(acc * 25 / 2)
+
+
+def test_a_faster_row_before_it_counts_with_its_own_acceleration() -> None:
+    made = stream(
+        "LASER DELAY ON 3ms OFF 3ms\nLASER POWER 40\nLASER ON\nLINE X 20 ACC 4000\nLINE X 40 ACC 100\nLASER OFF\n"
+    )
+    first, second = motions(made)
+    found = before_laser_on(made, PathPosition(row=second, along_pulse=0.1))
+    assert found.row == first
+    assert 20_000 - found.along_pulse + 0.1 == pytest.approx(float(made.buffered.acc[first]) * 9 / 2)
+
+
+@pytest.mark.parametrize(("along", "is_near"), [(1.0, True), (29.0, True), (31.0, False), (2000.0, False)])
+def test_emission_after_the_end_of_a_mark_that_ends_at_rest(along: float, is_near: bool) -> None:
+    """An off delay of 60 us is 30 pulse at 500 pulse/ms; the run begins again just before the laser is switched off."""
+    made = stream("LASER DELAY ON 0us OFF 60us\nLASER POWER 40\nLASER ON\nLINE X 3\nLASER OFF\nJUMP X 3 Y 9\n")
+    made.buffered.vel_end[:] = 0
+    mark, jump = motions(made)
+    position = PathPosition(row=jump, along_pulse=along)
+    expected = PathPosition(row=mark, along_pulse=3000 - _SLACK_PULSE) if is_near else position
+    assert before_laser_on(made, position) == expected
+
+
+@pytest.mark.parametrize(("row", "along"), [(0, 2500.0), (1, 5.0)])
+def test_emission_after_the_end_of_a_mark_that_ends_in_motion(row: int, along: float) -> None:
+    """The run must have the same velocity where the laser is switched off: v2 / 2 acc before it."""
+    made = stream("LASER DELAY ON 0us OFF 60us\nLASER POWER 40\nLASER ON\nLINE X 3\nLASER OFF\nJUMP X 9\n")
+    rows = motions(made)
+    made.buffered.vel_end[rows[0]], made.buffered.acc[rows[0]] = 40.0, 1.0
+    found = before_laser_on(made, PathPosition(row=rows[row], along_pulse=along))
+    assert found.row == rows[0]
+    assert found.along_pulse == pytest.approx(3000 - 40**2 / 2 - _SLACK_PULSE)
+
+
+def test_doubling_counts_the_longest_off_delay_of_the_job() -> None:
+    made = stream(
+        "LASER DELAY ON 20us OFF 9ms\nLASER POWER 40\nLASER ON\nLINE X 3\nLASER OFF\nJUMP X 3 Y 9\n"
+        "LASER DELAY ON 20us OFF 30us\nLASER ON\nLINE X 5\nLASER OFF\n"
+    )
+    first, jump, _ = motions(made)
+    found = PositionRange(earliest=PathPosition(row=first), latest=PathPosition(row=jump, along_pulse=8000))
+    assert doubling_mm(made, found, MACHINE) * PER_MM == pytest.approx(3000 + 9 * 500 + _SLACK_PULSE)

@@ -110,3 +110,20 @@ def test_rewind_over_several_segments() -> None:
     # A poll that finds the head farther than the rows that had left: the earliest of them.
     assert route.earliest_at(20, 2450.0, 0.0) == at(19)
     assert route.earliest_at(20, 1950.0, 0.0) == at(19, 48)
+
+
+def test_a_velocity_is_carried_over_rows_that_are_too_short_to_slow_down_in() -> None:
+    """From 400 pulse/ms with 10 pulse/ms2: 400, 397.5, ... over rows of 100 pulse whose own velocity is 20."""
+    route, _ = path_of("LINE X 5 VEL 400\n" + "".join(f"LINE X {5 + i / 10} VEL 20\n" for i in range(1, 30)))
+    route.calls.vel_end[0] = 400
+    fastest = [np.sqrt(400**2 - 2 * 10 * 100 * i) for i in range(20)]
+    took_ms = sum(100 / v for v in fastest)
+    found = route.rewind(PathPosition(row=21), took_ms)
+    assert found == at(0, 4998)
+    assert route.rewind(PathPosition(row=21), took_ms - 100 / fastest[0]) == at(1, 0) or found.row == 0
+
+
+def test_a_full_circle_ends_where_it_begins() -> None:
+    route, _ = path_of("LINE X 5\nARC CCW I 2 J 0\nLINE X 9\n")
+    assert route.locate(2, 2, 5000, 0) == PositionRange(earliest=at(1), latest=at(2))
+    assert route.locate(2, 2, 7000, -2000).earliest.row == 1  # type: ignore[union-attr]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.controller import needs_controller
@@ -105,12 +107,25 @@ def test_a_journal_that_was_given_up_is_incomplete(tmp_path: Path) -> None:
     made.mark(off=True)
     made.close()
     found = sound_part(made.path.read_bytes())
-    assert (found.count, found.torn, found.damaged) == (1, True, False)
+    assert (found.count, found.torn, found.damaged) == (2, True, False)
     # A writer that adds lines first records that something is missing.
     mark_resumed(made.path, tmp_path / "b.journal")
     found = sound_part(made.path.read_bytes())
-    assert (found.count, found.torn) == (3, False)
-    assert [list(line)[1] for line in journal_lines(made.path.read_bytes())] == ["job", "cut", "resumed"]
+    assert (found.count, found.torn) == (4, False)
+    assert [list(line)[1] for line in journal_lines(made.path.read_bytes())] == ["job", "part", "cut", "resumed"]
+
+
+def test_a_journal_without_room_for_a_byte_loses_the_end_of_its_last_line(tmp_path: Path) -> None:
+    class Full(io.BytesIO):
+        def write(self, line: Any) -> int:
+            if self.tell() == len(self.getvalue()):
+                raise OSError(28, "No space left on device")
+            return super().write(line)
+
+    file = Full(b'{"schema"}\n{"t":0}\n')
+    file.seek(0, 2)
+    Journal._make_incomplete(file)
+    assert file.getvalue() == b'{"schema"}\n{"t":0}\0'
 
 
 def test_a_line_that_is_written_in_part_is_an_error(tmp_path: Path) -> None:

@@ -151,6 +151,8 @@ class Fifo:
             return
         # Before the call: a process that is killed in it leaves no other trace.
         self.link.journal.mark(starting=True)
+        if self.link.journal.lost:
+            raise self.link.journal_failure(call.line)
         self.stage.may_run, self.stage.start_s = True, time.perf_counter()
         code, _ = self.link.call(call.name, *call.args, line=call.line)
         if code:
@@ -182,10 +184,12 @@ class Fifo:
         return status
 
     def _stage_of(self, row: int) -> FifoStage:
-        """Return the stage of a row; a listing may fill a FIFO that it never cleared."""
+        """Return the stage of a row. A FIFO that a listing does not clear may hold calls of an earlier run."""
         crd, fifo = int(self.calls.crd[row]), int(self.calls.fifo[row])
         if self.stage is None or (self.stage.crd, self.stage.fifo) != (crd, fifo):
-            return self.begin(crd, fifo, row, int(self.calls.line[row]))
+            line = int(self.calls.line[row])
+            self.link.checked("GT_CrdClear", float(crd), float(fifo), line=line)
+            return self.begin(crd, fifo, row, line)
         return self.stage
 
     # Sending.

@@ -29,13 +29,15 @@ def recorded_range(recorded: RecordedRun, stream: Stream) -> PositionRange | Non
         return None
     remainder = recorded_remainder(stream, part)
     is_cut = recorded.off and recorded.off_ms is None
-    if part.is_over and not is_cut and _is_at_end(remainder.stream.buffered, part):
-        row = part.sent
-    elif not part.started:
-        row = part.first  # What was sent before this stage had ended before it was cleared.
-    else:
+    if part.is_over and _is_at_end(remainder.stream.buffered, part):
+        end = PathPosition(row=part.sent)
+        path = TimedPath.of(remainder.stream.buffered, remainder.start_pulse)
+        earliest = _polled(part, path) if is_cut else end
+        return remainder.job_range(PositionRange(earliest=earliest, latest=end)).until(_marked_to(part))
+    if part.started or recorded.torn:
         return None
-    position = remainder.job_position(PathPosition(row=row))
+    # What was sent before this stage had ended before the stage was cleared.
+    position = remainder.job_position(PathPosition(row=part.first))
     return PositionRange.exactly(position).until(_marked_to(part))
 
 
@@ -59,7 +61,9 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     (space,) = session.link.checked("GT_CrdSpace", crd, 0.0, fifo)
     x, y = session.position(int(crd))
     queued = (part.slots or FIFO_SLOTS) - int(space)
-    if queued == 0 and (segment == 0 or segment < part.segment):
+    timed = np.flatnonzero(calls.kind[part.first : part.sent] <= Buffered.DELAY)
+    # In its only motion no call may have ended yet.
+    if queued == 0 and (segment < part.segment or (segment == 0 and len(timed) > 1)):
         raise _unknown(part, Phrase("it was restarted since then"))
     if part.segment <= part.sent - part.first < segment - 2:
         raise _unknown(
@@ -71,6 +75,10 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     if located is None:
         why = Phrase("the head is at X {x} Y {y} pulse, not on the path", x=f"{x:.0f}", y=f"{y:.0f}")
         raise _unknown(part, why)
+    if queued == 0 and not session.was_moving and not recorded.off and len(timed):
+        last_row = part.first + int(timed[-1])
+        if located.latest.row > last_row:  # It ran to the end of what was sent, which a circle passes twice.
+            located = PositionRange.exactly(located.latest)
     # Something that is not recorded stopped the motion, and perhaps the laser before it.
     is_cut = queued > 0 and not session.was_moving and not recorded.off
     earliest = _earliest(session, recorded, path, located, is_cut=is_cut)
@@ -104,15 +112,21 @@ def _earliest(
     """
     part = recorded.part
     assert part is not None
-    begin, poll = PathPosition(row=part.first), part.poll
-    if poll is not None:
-        polled = max(poll.sent - ((part.slots or FIFO_SLOTS) - poll.space), part.first)
-        begin = max(begin, path.earliest_at(polled, poll.x, poll.y), key=lambda position: position.key)
+    begin = _polled(part, path)
     off_ms = recorded.off_ms if recorded.off else session.off_ms
     if is_cut or off_ms is None or (recorded.off and session.was_moving):
         return begin
     rewound = path.rewind(located.earliest, off_ms, part.first)
     return max(begin, rewound, key=lambda position: position.key)
+
+
+def _polled(part: RecordedPart, path: TimedPath) -> PathPosition:
+    """Return the earliest position that the last poll without a fault allows."""
+    begin, poll = PathPosition(row=part.first), part.poll
+    if poll is None:
+        return begin
+    polled = max(poll.sent - ((part.slots or FIFO_SLOTS) - poll.space), part.first)
+    return max(begin, path.earliest_at(polled, poll.x, poll.y), key=lambda position: position.key)
 
 
 def recorded_remainder(stream: Stream, part: RecordedPart) -> Remainder:

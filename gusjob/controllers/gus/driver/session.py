@@ -50,6 +50,8 @@ INITIAL_SETTINGS = (
 )
 """The state of each laser when a job begins: what the job does not set is off."""
 _RESUME = Phrase("continue with --resume")
+_RESET_TRIES = 2
+"""Number of attempts at a reset that the controller does not support."""
 _PAUSE_S = 0.05
 """Interval between checks of laser and interlock during a pause."""
 
@@ -75,6 +77,8 @@ class Session:
     harmless_off: str = ""
     """What the off call did that was made before the ABI was confirmed; '' if none was made."""
     warnings: list[Diagnostic] = field(default_factory=list)
+    supported: set[str] = field(default_factory=set)
+    """The calls that reset a setting and were accepted."""
     marked_to: PathPosition = JOB_START
     """What earlier parts of the job's run may have marked ends here."""
     broken: PositionRange | None = None
@@ -136,8 +140,15 @@ class Session:
         """
         name = setting.call
         is_there = name in self.link.library.functions
-        code = self.link.call(name, *setting.values, float(channel))[0] if is_there else NOT_SUPPORTED
-        if code not in (0, NOT_SUPPORTED) or (code and self._uses(setting, channel)):
+        code = NOT_SUPPORTED
+        for _ in range(_RESET_TRIES if is_there else 0):
+            code, _ = self.link.call(name, *setting.values, float(channel))
+            if code != NOT_SUPPORTED:
+                break
+        if code == 0:
+            self.supported.add(name)
+        # A controller that supports it for one channel does so for the other.
+        if code not in (0, NOT_SUPPORTED) or (code and (name in self.supported or self._uses(setting, channel))):
             raise call_failure(name, code, 0)
         if code:
             fields = {"call": name, "channel": channel}
