@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,7 +111,7 @@ class TimedPath:
         px, py = segments.points(np.array([at]), np.array([along / length if length > 0 else 0.0]))
         return math.hypot(x - float(px[0]), y - float(py[0])), along, length
 
-    def locate(self, low: int, high: int, x: float, y: float) -> PositionRange | None:
+    def locate(self, low: int, high: int, x: float, y: float, *, sent: int = sys.maxsize) -> PositionRange | None:
         """Find the position of the motion.
 
         The row in progress may have left the FIFO already or not (no manual says): x, y decides. Where several rows fit
@@ -121,6 +122,7 @@ class TimedPath:
             high: at most this many rows have left the FIFO.
             x: reported position, pulse.
             y: reported position, pulse.
+            sent: at most this many rows were sent.
 
         Returns:
             The range, or None if x, y is not on the path there.
@@ -128,7 +130,10 @@ class TimedPath:
         # From the last timed call that left the FIFO to the first one that is still in it.
         first, last = (int(np.searchsorted(self.timed, taken)) for taken in (low, high))
         numbers = range(max(first - 1, 0), min(last, len(self.timed) - 1) + 1)
-        found = [fit for number in numbers for fit in self._locate_in(number, x, y)]
+        # The next timed call after those that were sent can't have begun.
+        after = self.timed[np.searchsorted(self.timed, sent) :]
+        limit = int(after[0]) if len(after) else len(self.calls)
+        found = [fit for number in numbers for fit in self._locate_in(number, x, y) if fit[1].row <= limit]
         if not found:
             return PositionRange.exactly(PathPosition(row=high))
         least = min(distance for distance, _ in found)

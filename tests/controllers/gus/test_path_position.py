@@ -126,4 +126,5 @@ def test_a_velocity_is_carried_over_rows_that_are_too_short_to_slow_down_in() ->
 def test_a_full_circle_ends_where_it_begins() -> None:
     route, _ = path_of("LINE X 5\nARC CCW I 2 J 0\nLINE X 9\n")
     assert route.locate(2, 2, 5000, 0) == PositionRange(earliest=at(1), latest=at(2))
+    assert route.locate(1, 1, 5000, 0, sent=1) == PositionRange.exactly(at(1))  # It was not sent.
     assert route.locate(2, 2, 7000, -2000).earliest.row == 1  # type: ignore[union-attr]

@@ -71,7 +71,7 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
         )
     path = TimedPath.of(calls, remainder.start_pulse)
     taken = max(part.sent - queued, part.first)
-    located = path.locate(taken, min(taken + 1, len(calls)), x, y)
+    located = path.locate(taken, min(taken + 1, len(calls)), x, y, sent=part.sent + 1)
     if located is None:
         why = Phrase("the head is at X {x} Y {y} pulse, not on the path", x=f"{x:.0f}", y=f"{y:.0f}")
         raise _unknown(part, why)

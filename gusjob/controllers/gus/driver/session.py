@@ -407,7 +407,7 @@ class Session:
         (space,) = self.link.checked("GT_CrdSpace", float(stage.crd), 0.0, float(stage.fifo))
         # A buffered call that was not answered may have been taken.
         taken = max(stage.sent - (stage.size - int(space)), stage.first)
-        found = path.locate(min(before, taken), min(taken + 1, len(calls)), x, y)
+        found = path.locate(min(before, taken), min(taken + 1, len(calls)), x, y, sent=stage.sent + 1)
         if found is None:
             return None
         lit = path.earliest_at(good.taken, good.x, good.y) if good else JOB_START
