@@ -101,13 +101,14 @@ def command(
             localized(Phrase("--resume and --from-line both set where the run begins: leave out one."))
         )
     from gusjob.cli.hardware import recorded_run
+    from gusjob.controllers.journal.lines import path_of
     from gusjob.hardware.request import RunMode, RunOptions
 
     recorded = recorded_run(resume) if resume is not None else None
     if path is None:
         if recorded is None:
             raise click.UsageError(localized(_NO_FILE))
-        path = Path(recorded.head["job"])
+        path = path_of(recorded.head["job"])
     options = RunOptions(
         library=library or "",
         abi=Abi(abi) if abi else None,

@@ -14,7 +14,7 @@ from gusjob.controllers.gus.model import simulate_stream
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
 from gusjob.controllers.gus.remainder import remainder_from
 from gusjob.diagnostics.model import Span, has_errors
-from gusjob.hardware.request import Refusal, RunRequest
+from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.i18n.phrases import Phrase, printable
 from gusjob.simulate import Trace
 
@@ -34,6 +34,8 @@ def begin_range(request: RunRequest) -> PositionRange | Refusal | None:
         return PositionRange.exactly(JOB_START)
     recorded, subject = options.resume, str(options.resume.path)
     if (recorded_options := str(recorded.head.get("options", ""))) != options.mode.option:
+        if recorded_options == RunMode.FRAME.option:
+            return Refusal(reason=Phrase("this is the journal of a frame, which is not continued"), subject=subject)
         again = Phrase("give {options} again", options=printable(recorded_options))
         how = again if recorded_options else Phrase("leave out --no-laser")
         return Refusal(reason=Phrase("this is the journal of another kind of run: {how}", how=how), subject=subject)

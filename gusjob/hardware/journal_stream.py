@@ -14,7 +14,7 @@ from gusjob.controllers.gus.path_position import PathPosition
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.gus.remainder import as_centre_arc, point_pulse
 from gusjob.controllers.journal import JOURNAL_SCHEMA, is_current
-from gusjob.controllers.journal.lines import sound_part
+from gusjob.controllers.journal.lines import path_of, sound_part
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.frontend import Source, read_listing
@@ -78,7 +78,7 @@ def journal_stream(source: Source) -> tuple[Stream | None, list[Diagnostic]]:
 def _job_name(source: Source) -> str:
     """Return the job's name: the lines are the job's."""
     head = orjson.loads(source.data[: source.data.find(b"\n")])
-    return str(head.get("job", source.name))
+    return str(path_of(head["job"])) if "job" in head else source.name
 
 
 class _CallCollector:

@@ -17,6 +17,7 @@ from gusjob.controllers.gus.driver.resume import find_range
 from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
 from gusjob.controllers.gus.remainder import Remainder, remainder_from, whole_job
+from gusjob.controllers.journal.lines import path_text
 from gusjob.controllers.journal.writer import Journal, mark_resumed
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic
@@ -169,15 +170,16 @@ def _open_journal(prepared: PreparedRun, begin: PositionRange | None) -> Journal
     journal = options.journal or path.with_name(f"{path.stem}.{now:%Y%m%d-%H%M%S-%f}.journal")
     head = {
         "gusjob": __version__,
-        "job": str(path.resolve()),
+        "job": path_text(path.resolve()),
         "calls": fingerprint(request.stream),
         "rows": len(request.stream.buffered),
-        "library": prepared.library.path,
+        "library": path_text(Path(prepared.library.path)),
         "abi": prepared.library.abi,
         "started": now.isoformat(),
         "options": options.mode.option,
         "begin": None if begin is None else [*begin.earliest.key, *begin.latest.key],
-        "resumes": str(options.resume.path.resolve()) if options.resume else None,
+        "resumes": path_text(options.resume.path.resolve()) if options.resume else None,
+        "resumes_started": options.resume.head.get("started", "") if options.resume else "",
     }
     try:
         return Journal(journal, head)
@@ -218,7 +220,7 @@ def _take_over(prepared: PreparedRun, journal: Journal) -> Refusal | None:
         return None
     path = request.options.resume.path
     try:
-        mark_resumed(path, journal.path)
+        mark_resumed(path, journal.path, journal.head["started"])
     except OSError as error:
         reason = Phrase("can't write to the journal that is continued: {reason}", reason=reason_of(error))
         return Refusal(reason=reason, subject=str(path))

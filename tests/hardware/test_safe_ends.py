@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -231,7 +233,7 @@ def test_a_journal_that_can_not_be_written_to_is_not_continued(
     asked = request(gus, tmp_path, "second", interrupted(gus, tmp_path))
     made = len(gus.controller.calls())
 
-    def fail(_path: Path, _by: Path) -> None:
+    def fail(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("gusjob.hardware.run.mark_resumed", fail)
@@ -269,3 +271,41 @@ def test_a_killed_run_is_resumed_if_no_other_one_used_the_controller(gus: Bench,
     journal = interrupted(gus, tmp_path, "GT_GetCrdPos", 30)  # In motion.
     as_if_killed(journal)
     assert run(gus, tmp_path, "second", journal)[0].is_done
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
+def test_names_that_are_not_text(gus: Bench, tmp_path: Path) -> None:
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff"))
+    folder.mkdir()
+    journal = interrupted(gus, folder, "GT_GetCrdPos", 30)
+    gus.controller.fault(Fault.RETURN, "GT_AxisOn", 1, 1, 1)
+    failed, _ = run(gus, folder, "second\udcfe", journal)
+    assert failed.journal is not None
+    gus.controller.clear_faults()
+    assert run(gus, folder, "last", failed.journal)[0].is_done
+
+
+def test_a_chain_that_was_moved_is_read_from_its_own_folder(gus: Bench, tmp_path: Path) -> None:
+    """Where it was there may be another chain of the same names."""
+    old, new, moved = (tmp_path / name for name in ("old", "new", "moved"))
+    for folder in (old, new):
+        folder.mkdir()
+        journal = interrupted(gus, folder, "GT_GetCrdPos", 30 if folder is old else 60)
+        as_if_killed(journal)
+        gus.controller.fault(Fault.RETURN, "GT_Open", 1, FOR_EVER, -6)
+        assert run(gus, folder, "second", journal)[0].ending is Ending.FAILED
+        gus.controller.clear_faults()
+        if folder is old:
+            old.rename(moved)
+    new.rename(old)  # The second chain is now where the first one was.
+    first, second = (read_journal(folder / "second.journal") for folder in (moved, old))
+    assert not isinstance(first, str) and not isinstance(second, str)
+    assert first.part is not None and second.part is not None
+    assert first.part.sent == read_sent(moved / "first.journal")
+    assert second.part.sent == read_sent(old / "first.journal")
+    assert first.part.sent != second.part.sent
+
+
+def read_sent(journal: Path) -> int:
+    """Return the number of buffered calls that a journal recorded as taken."""
+    return journal.read_bytes().count(b'"code":0,"row":')

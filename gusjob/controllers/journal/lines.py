@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote_to_bytes
 from zlib import crc32
 
 import orjson
@@ -74,6 +76,25 @@ def journal_lines(data: bytes) -> Iterator[dict[str, Any]]:
         if "call" in found and not {"t", "code", "line", "args"} <= found.keys():
             raise ValueError(text)
         yield found
+
+
+def path_text(path: Path) -> str:
+    """Return a path as text for a journal, which is UTF-8: a name that is not is escaped, marked by a leading NUL."""
+    name = str(path)
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return "\0" + quote(os.fsencode(path))
+    return name
+
+
+def path_of(text: str) -> Path:
+    """Return the path that path_text made a text of.
+
+    Raises:
+        ValueError: it is none.
+    """
+    return Path(os.fsdecode(unquote_to_bytes(text[1:])) if text.startswith("\0") else text)
 
 
 LARGEST = 2**53

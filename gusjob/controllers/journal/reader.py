@@ -12,13 +12,15 @@ from typing import Any
 
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.journal import JOURNAL_SCHEMA, JOURNAL_START, is_current
-from gusjob.controllers.journal.lines import is_number, is_whole, journal_lines, sound_part
+from gusjob.controllers.journal.lines import is_number, is_whole, journal_lines, path_of, sound_part
 from gusjob.i18n.phrases import Phrase
 from gusjob.inputs import open_input
 from gusjob.kinematics.units import MS_PER_S
 
 _CHAIN = 1000
 """Maximum number of journals of runs that resume each other."""
+_HEAD_BYTES = 65536
+"""The first line of a journal is not longer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,13 +114,13 @@ def read_journal(path: Path) -> RecordedRun | str:
         return Phrase("{name}: this run was resumed already: resume {other}", name=path.name, other=other)
     chain = [found]
     while (oldest := chain[-1]).needs_older:
-        older_path = _beside(oldest.path, oldest.head["resumes"])
+        older_path = _linked(oldest.path, oldest.head["resumes"], oldest.head.get("resumes_started", ""))
         if len(chain) > _CHAIN or any(older_path == one.path for one in chain):
             return _damaged(path)
         older = _read_one(older_path)
         if isinstance(older, str):
             return older
-        if Path(older.resumed).name != oldest.path.name:
+        if not older.is_resumed_by(oldest):
             other = _last_of_chain(older_path, older) if older.resumed else older_path
             return Phrase("{name}: this run never began; resume {other} instead", name=path.name, other=other)
         chain.append(older)
@@ -142,12 +144,21 @@ class _OneJournal:
     """Something else may have cut the laser before it was switched off."""
     done: bool = False
     resumed: str = ""
+    resumed_started: str = ""
     calls: int = 0
 
     @property
     def needs_older(self) -> bool:
         """Whether the position is in the journal of the run that this one resumes."""
         return self.head.get("resumes") is not None and self.part is None and self.broken is None and not self.done
+
+    def is_resumed_by(self, other: _OneJournal) -> bool:
+        """Return whether the last line names another journal: by the start of its run, or by its name."""
+        if not self.resumed:
+            return False
+        if self.resumed_started:
+            return self.resumed_started == other.head.get("started")
+        return path_of(self.resumed).name == other.path.name
 
     def add(self, line: dict[str, Any]) -> None:
         """Add a line after the first one. Raises ValueError if a run does not write it there."""
@@ -180,7 +191,7 @@ class _OneJournal:
         elif "end" in line:
             self.done = line["end"] == "done"
         elif "resumed" in line:
-            self.resumed = line["resumed"]
+            self.resumed, self.resumed_started = line["resumed"], line.get("started", "")
 
     def _add_off(self, off_s: float | None) -> None:
         """Note when the laser may have been switched off first."""
@@ -293,7 +304,7 @@ def _last_of_chain(path: Path, journal: _OneJournal) -> Path:
     """Return the journal of the run that resumed a run last."""
     seen = {path}
     while journal.resumed and len(seen) < _CHAIN:
-        path = _beside(path, journal.resumed)
+        path = _linked(path, journal.resumed, journal.resumed_started)
         if path in seen:
             break
         seen.add(path)
@@ -307,10 +318,24 @@ def _last_of_chain(path: Path, journal: _OneJournal) -> Path:
     return path
 
 
-def _beside(path: Path, named: str) -> Path:
-    """Return the journal that another one names; both may have been moved to another folder together."""
-    found = Path(named)
-    return found if found.exists() else path.with_name(found.name)
+def _linked(path: Path, named: str, started: str) -> Path:
+    """Return the journal that another one names, where it was or beside it: both may have been moved together.
+
+    Another journal of that name may be there now: `started` is when the run of the right one started, '' if unknown.
+    """
+    found = path_of(named)
+    candidates = [one for one in (found, path.with_name(found.name)) if one.exists()]
+    right = [one for one in candidates if started and _started(one) == started]
+    return next(iter(right or candidates), found)
+
+
+def _started(path: Path) -> str:
+    """Return when the run of a journal started, '' if that can't be read."""
+    try:
+        with open_input(path) as file:
+            return str(next(journal_lines(file.readline(_HEAD_BYTES))).get("started", ""))
+    except (OSError, ValueError, StopIteration):
+        return ""
 
 
 def _damaged(path: Path, line: int = 0) -> str:

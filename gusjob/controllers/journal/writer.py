@@ -17,7 +17,7 @@ from zlib import crc32
 import orjson
 
 from gusjob.controllers.journal import JOURNAL_SCHEMA
-from gusjob.controllers.journal.lines import sound_part
+from gusjob.controllers.journal.lines import path_text, sound_part
 from gusjob.i18n.phrases import reason_of
 
 
@@ -134,15 +134,20 @@ class Journal:
             self._file.close()
 
 
-def mark_resumed(path: Path, by: Path) -> None:
+def mark_resumed(path: Path, by: Path, started: str = "") -> None:
     """Record in a journal that another run continues it, so that the rest is not run twice.
+
+    Args:
+        path: the journal.
+        by: the journal of the other run.
+        started: when that run started, as its head says.
 
     Raises:
         OSError: the journal can't be written.
     """
     journal = Journal.reopen(path)
     try:
-        journal.append(_body(t=0, resumed=str(by.resolve())))
+        journal.append(_body(t=0, resumed=path_text(by.resolve()), started=started))
     finally:
         journal.close()
 

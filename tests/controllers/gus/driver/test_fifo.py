@@ -200,3 +200,19 @@ def test_a_fifo_without_room_is_a_wrong_library(gus: Bench) -> None:
     gus.controller.fault(Fault.RETURN, "GT_CrdSpace", 1, 1, 0)  # It finds 0.
     ran = gus.run(stream_of(MARK + "LINE X 5\n"), gus.machine(Machine()))
     assert ran.codes == ["GJ903"]
+
+
+def test_a_fifo_that_a_listing_does_not_clear_is_empty_all_the_same(gus: Bench) -> None:
+    """An earlier run, which was stopped, left calls in it: they must not be run as part of the listing."""
+    fresh(gus, poll_us=3_000)
+    head = SYSTEM_2.replace("GT_CrdClear(2,1)\n", "")
+    gus.controller.library.GT_Open(0, 1)
+    machine = gus.machine(Machine())
+    gus.controller.fault(Fault.RETURN, "GT_CrdStart", 1, 1, 1)
+    left = gus.run(listed(SYSTEM_2 + zigzag(20) + END_2), machine)
+    assert left.codes == ["GJ904"]
+    assert gus.controller.state().queued > 20
+    gus.controller.clear_faults()
+    ran = gus.run(listed(head + "GT_LnXY(2,0,700,50,10,0,1)\n" + END_2), machine)
+    assert ran.faults == []
+    assert gus.controller.rows()[:, Row.Y1].tolist() == [700]

@@ -12,10 +12,12 @@ from support.hardware import (
     EVERYTHING,
     LONG,
     MARK_FIRST,
+    SYSTEM_2,
     Bench,
     BenchRun,
     RequestAt,
     fresh,
+    listed,
     recorded,
 )
 from support.journals import bare_lines, with_checksums
@@ -164,3 +166,25 @@ def test_a_controller_that_did_something_else_in_the_meantime_is_an_error(gus: B
     assert gus.run(stream_of(MARK + "LINE X 5\n"), machine).faults == []
     again, place = gus.resumed(stream, machine, killed)
     assert (place, again.codes) == (None, ["GJ914"])
+
+
+@pytest.mark.parametrize("freed", [0, 1])
+@pytest.mark.parametrize("counts_all", [0, 1])
+def test_a_stage_of_one_motion_is_resumed(gus: Bench, freed: int, counts_all: int) -> None:
+    """In its motion no call of it may have ended, and none may be in the FIFO."""
+    text = SYSTEM_2.replace("GT_BufLaserPrfCmd(2,40,1,0)\nGT_BufLaserOn(2,1,0)\n", "GT_LaserPrfCmd(40,0)\n")
+    text = text.replace("GT_CrdClear", "GT_SetHSIOOpt(1,0)\nGT_CrdClear")
+    stream = listed(text + "GT_LnXY(2,40000,0,50,10,0,1)\nGT_CrdStart(2,2)\nGT_CrdStatus(2,run,segment,1)\n")
+    machine = gus.machine(Machine())
+    fresh(gus, poll_us=3_000, slot_freed_at_start=freed, segment_counts_all=counts_all)
+
+    def tick(control: Control) -> None:
+        if control.status.phase is Phase.RUNNING and control.status.x_pulse >= 9000 and not control.stop:
+            control.request_stop("test", abrupt=True)
+
+    killed = as_if_killed(gus.run(stream, machine, tick=tick))
+    again, position = gus.resumed(stream, machine, killed)
+    assert again.faults == []
+    assert position is not None
+    assert 0 <= position.along_pulse < 12_000
+    assert gus.controller.rows()[-1, Row.X1] == 40_000
