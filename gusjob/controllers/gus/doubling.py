@@ -28,13 +28,13 @@ def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
     """
     found = [position]
     for channel in CHANNELS:
-        switches = _Switches.of(stream, channel)
+        switches = _ChannelSwitches.of(stream, channel)
         found += [_before_on(stream, switches, position), _before_tail(stream, switches, position)]
     return min(found, key=lambda one: one.key)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Switches:
+class _ChannelSwitches:
     """The switches of one channel: the rows from which each one acts, ascending, and whether it switches on, (k,)."""
 
     channel: int
@@ -42,7 +42,7 @@ class _Switches:
     on: Bools
 
     @classmethod
-    def of(cls, stream: Stream, channel: int) -> _Switches:
+    def of(cls, stream: Stream, channel: int) -> _ChannelSwitches:
         calls = stream.buffered
         at = np.flatnonzero((calls.channel == channel) & (calls.kind >= Buffered.ON) & (calls.kind <= Buffered.OFF))
         immediate = [c for c in stream.calls if c.name == "GT_SetHSIOOpt" and c.args[-1] == channel]
@@ -56,7 +56,7 @@ class _Switches:
         return int(np.searchsorted(self.row, row, side="right")) - 1
 
 
-def _before_on(stream: Stream, switches: _Switches, position: PathPosition) -> PathPosition:
+def _before_on(stream: Stream, switches: _ChannelSwitches, position: PathPosition) -> PathPosition:
     """Move a position in a mark back by the path from rest to the begin of the emission."""
     calls, row = stream.buffered, position.row
     last = switches.before(row)
@@ -70,7 +70,7 @@ def _before_on(stream: Stream, switches: _Switches, position: PathPosition) -> P
     return _moved_back(calls, position, int(switches.row[last]), length_pulse)
 
 
-def _before_tail(stream: Stream, switches: _Switches, position: PathPosition) -> PathPosition:
+def _before_tail(stream: Stream, switches: _ChannelSwitches, position: PathPosition) -> PathPosition:
     """Move a position near the end of a mark back, so that the emission after its end is as long as in the job.
 
     It is as long as the head moves in the delay: the run must have the job's velocity where the laser is switched off.
@@ -157,7 +157,7 @@ def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float
 
 def is_on(stream: Stream, channel: int) -> Bools:
     """Return whether the laser of a channel is switched on while each row is run, (n,)."""
-    switches = _Switches.of(stream, channel)
+    switches = _ChannelSwitches.of(stream, channel)
     found: Bools = switches.on[np.searchsorted(switches.row, np.arange(len(stream.buffered)), side="right") - 1]
     return found
 
