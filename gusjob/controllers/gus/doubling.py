@@ -26,11 +26,10 @@ def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
     Level delay and first pulse killer delay the emission after the laser is switched on, and extend it after it is
     switched off (M 二.6, 二.7). The result is the position itself where neither matters.
     """
-    found = [position]
-    for channel in CHANNELS:
-        switches = _ChannelSwitches.of(stream, channel)
-        found += [_before_on(stream, switches, position), _before_tail(stream, switches, position)]
-    return min(found, key=lambda one: one.key)
+    switches = [_ChannelSwitches.of(stream, channel) for channel in CHANNELS]
+    # The emission that is extended must have begun before, too.
+    found = min((_before_tail(stream, one, position) for one in switches), key=lambda one: one.key)
+    return min((_before_on(stream, one, found) for one in switches), key=lambda one: one.key)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
