@@ -75,10 +75,8 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     if located is None:
         why = Phrase("the head is at X {x} Y {y} pulse, not on the path", x=f"{x:.0f}", y=f"{y:.0f}")
         raise _unknown(part, why)
-    if queued == 0 and not session.was_moving and not recorded.off and len(timed):
-        last_row = part.first + int(timed[-1])
-        if located.latest.row > last_row:  # It ran to the end of what was sent, which a circle passes twice.
-            located = PositionRange.exactly(located.latest)
+    if queued == 0 and not session.was_moving and not recorded.off:
+        located = _at_end_of_sent(path, part, located)
     # Something that is not recorded stopped the motion, and perhaps the laser before it.
     is_cut = queued > 0 and not session.was_moving and not recorded.off
     earliest = _earliest(session, recorded, path, located, is_cut=is_cut)
@@ -87,6 +85,18 @@ def find_range(session: Session, recorded: RecordedRun) -> PositionRange:
     found = remainder.job_range(PositionRange(earliest=earliest, latest=located.latest)).until(_marked_to(part))
     session.note_broken(found)
     return found
+
+
+def _at_end_of_sent(path: TimedPath, part: RecordedPart, located: PositionRange) -> PositionRange:
+    """Narrow a range down to the end of what was sent, if it has that: a FIFO that is empty was run to its end.
+
+    The end of a full circle is its begin as well. A call that was sent, but not recorded, may have been run after it.
+    """
+    ended = path.timed[(path.timed >= part.first) & (path.timed < part.sent)]
+    after = path.timed[path.timed >= part.sent]
+    next_row = int(after[0]) if len(after) else len(path.calls)
+    is_end = len(ended) > 0 and int(ended[-1]) < located.latest.row <= next_row
+    return PositionRange.exactly(located.latest) if is_end else located
 
 
 def _is_at_end(calls: BufferedCalls, part: RecordedPart) -> bool:
