@@ -324,7 +324,7 @@ def _linked(path: Path, named: str, started: str) -> Path:
     Another journal of that name may be there now: `started` is when the run of the right one started, '' if unknown.
     """
     found = path_of(named)
-    candidates = [one for one in (found, path.with_name(found.name)) if one.exists()]
+    candidates = [one for one in (found, path.parent / found.name) if one.is_file()]
     right = [one for one in candidates if started and _started(one) == started]
     return next(iter(right or candidates), found)
 
