@@ -145,7 +145,6 @@ class _OneJournal:
     done: bool = False
     resumed: str = ""
     resumed_started: str = ""
-    calls: int = 0
 
     @property
     def needs_older(self) -> bool:
@@ -165,7 +164,6 @@ class _OneJournal:
         if self.resumed:
             raise ValueError(line)
         if "call" in line:
-            self.calls += 1
             self._add_call(line)
         elif "part" in line:
             self.part = RecordedPart(
