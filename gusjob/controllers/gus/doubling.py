@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream
+from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream, Value
 from gusjob.controllers.gus.path_position import PathPosition, PositionRange, TimedPath
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.kinematics.arrays import Bools, Indices
@@ -16,6 +16,8 @@ from gusjob.kinematics.units import US_PER_MS
 
 _SLACK_PULSE = 4.0
 """Length that rounding may add: of the positions at both ends, and of the point where the run continues."""
+_OFF_LAG = {"GT_SetLevelDelay": 0, "GT_EnaFPK": 2}
+"""Index of the argument that extends the emission after the laser is switched off, us (M 二.6, 二.7)."""
 _PASSES = 5
 """Number of passes in which a length is adjusted to the rows that it passes."""
 
@@ -75,7 +77,7 @@ def _before_tail(stream: Stream, switches: _ChannelSwitches, position: PathPosit
     It is as long as the head moves in the delay: the run must have the job's velocity where the laser is switched off.
     """
     calls, path = stream.buffered, TimedPath.of(stream.buffered, (0.0, 0.0))
-    lag_ms = _longest_lags_ms(stream, switches.channel)[1]
+    lag_ms = _longest_off_lag_ms(stream, switches.channel)
     last = switches.before(position.row)
     number = last if last > 0 and not switches.on[last] else last + 1
     if lag_ms <= 0 or number >= len(switches.row) or switches.on[number]:
@@ -84,15 +86,11 @@ def _before_tail(stream: Stream, switches: _ChannelSwitches, position: PathPosit
     moves = np.flatnonzero(calls.kind[: max(end, 0)] < Buffered.DELAY)
     if not len(moves):
         return position
-    vel = float(calls.vel_end[moves[-1]])
-    boundary = PathPosition(row=end)
-    if position.key < boundary.key:
-        is_near = path.length(position, boundary) <= vel**2 / (2 * float(calls.acc[moves[-1]]))
-    else:
+    vel, boundary = float(calls.vel_end[moves[-1]]), PathPosition(row=end)
+    if position.key >= boundary.key:
         fastest = float(calls.vel[end : position.row + 1].max(initial=vel))
-        is_near = path.length(boundary, position) <= fastest * lag_ms
-    if not is_near:
-        return position
+        if path.between(boundary, position)[1].sum() > fastest * lag_ms:
+            return position
 
     def run_up_pulse(acc: float, _vel: float) -> float:
         return vel**2 / (2 * acc) + _SLACK_PULSE
@@ -138,16 +136,11 @@ def doubling_mm(stream: Stream, found: PositionRange, machine: Machine) -> float
     """
     calls, path = stream.buffered, TimedPath.of(stream.buffered, (0.0, 0.0))
     begin, end = before_laser_on(stream, found.earliest), found.latest
-    low, number = (int(np.searchsorted(path.timed, row)) for row in (begin.row, end.row))
-    high = min(number + 1, len(path.timed))
-    if end.key <= begin.key or high <= low:
+    rows, lengths = path.between(begin, end)
+    if not len(rows):
         return 0.0
-    rows, lengths = path.timed[low:high], path.lengths(low, high).copy()
-    if number < len(path.timed):
-        lengths[-1] = end.along_pulse if rows[-1] == end.row else 0.0
-    lengths[0] -= begin.along_pulse if rows[0] == begin.row else 0.0
     offs = np.count_nonzero(calls.kind[begin.row : end.row + 1] == Buffered.OFF)
-    tail_ms = max(_longest_lags_ms(stream, channel)[1] for channel in CHANNELS)
+    tail_ms = max(_longest_off_lag_ms(stream, channel) for channel in CHANNELS)
     tails_pulse = offs * tail_ms * float(calls.vel[rows].max(initial=0.0))
     on = np.logical_or.reduce([is_on(stream, channel)[rows] for channel in CHANNELS])
     pulse = float(lengths[on].sum()) + tails_pulse + _SLACK_PULSE
@@ -161,11 +154,13 @@ def is_on(stream: Stream, channel: int) -> Bools:
     return found
 
 
-def _longest_lags_ms(stream: Stream, channel: int) -> tuple[float, float]:
-    """Return the longest times of _lags_ms in the whole job."""
-    rows = {call.at for call in stream.calls if call.name in ("GT_SetLevelDelay", "GT_EnaFPK")}
-    lags = [_lags_ms(stream, row, channel) for row in rows]
-    return max((on for on, _ in lags), default=0.0), max((off for _, off in lags), default=0.0)
+def _longest_off_lag_ms(stream: Stream, channel: int) -> float:
+    """Return a limit of the time for which emission lasts after the laser is switched off, in the whole job."""
+    longest = dict.fromkeys(_OFF_LAG, 0.0)
+    for call in stream.calls:
+        if call.name in _OFF_LAG and call.args[-1] == channel:
+            longest[call.name] = max(longest[call.name], _microseconds(call.args[_OFF_LAG[call.name]]))
+    return sum(longest.values()) / US_PER_MS
 
 
 def _lags_ms(stream: Stream, row: int, channel: int) -> tuple[float, float]:
@@ -182,3 +177,8 @@ def _lags_ms(stream: Stream, row: int, channel: int) -> tuple[float, float]:
         elif call.name == "GT_DisFPK":
             killer = (0.0, 0.0)
     return (levels[0] + killer[0]) / US_PER_MS, (levels[1] + killer[1]) / US_PER_MS
+
+
+def _microseconds(value: Value) -> float:
+    assert isinstance(value, float)
+    return value

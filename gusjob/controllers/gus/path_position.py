@@ -200,17 +200,17 @@ class TimedPath:
         """Move a position back along the path."""
         return self._back(position, by_pulse, first, by_time=False)
 
-    def length(self, begin: PathPosition, end: PathPosition) -> float:
-        """Return the length of the path from one position to a later one, pulse."""
+    def between(self, begin: PathPosition, end: PathPosition) -> tuple[Indices, Floats]:
+        """Return the timed rows between a position and a later one, and the length of each between them, pulse."""
         low, number = (int(np.searchsorted(self.timed, position.row)) for position in (begin, end))
         high = min(number + 1, len(self.timed))
-        if high <= low:
-            return 0.0
-        lengths = self.lengths(low, high).copy()
+        if end.key <= begin.key or high <= low:
+            return self.timed[:0], np.empty(0)
+        rows, lengths = self.timed[low:high], self.lengths(low, high).copy()
         if number < len(self.timed):
-            lengths[-1] = end.along_pulse if self.timed[number] == end.row else 0.0
-        lengths[0] -= begin.along_pulse if self.timed[low] == begin.row else 0.0
-        return float(lengths.sum())
+            lengths[-1] = end.along_pulse if rows[-1] == end.row else 0.0
+        lengths[0] -= begin.along_pulse if rows[0] == begin.row else 0.0
+        return rows, lengths
 
     def lengths(self, low: int, high: int) -> Floats:
         """Return the lengths of the timed calls low..high-1 (indices into `timed`), pulse; dwells have none."""
@@ -226,8 +226,8 @@ class TimedPath:
     def _slowness(self, rows: Indices) -> Floats:
         """Return the least time for a pulse of each row, ms.
 
-        A row may begin faster than its own velocity, and so may the next ones if it is too short to slow down in: an
-        end velocity v is v2 - 2 acc s at most after a length s.
+        A row may begin faster than its own velocity, and so may the next ones if it is too short to slow down in: from
+        an end velocity v the square of the velocity is v**2 - 2 * acc * s after a length s.
         """
         low, high = (int(np.searchsorted(self.timed, row)) for row in (rows[0], rows[-1]))
         begin = 0 if low == 0 else low - 1

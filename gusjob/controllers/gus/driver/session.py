@@ -410,10 +410,10 @@ class Session:
         found = path.locate(min(before, taken), min(taken + 1, len(calls)), x, y, sent=stage.sent + 1)
         if found is None:
             return None
-        lit = path.earliest_at(good.taken, good.x, good.y) if good else JOB_START
+        polled = path.earliest_at(good.taken, good.x, good.y) if good else JOB_START
         begin = PathPosition(row=stage.first)
         rewound = path.rewind(found.earliest, late_ms, stage.first)
-        return PositionRange(earliest=rewound, latest=found.latest).not_before(lit).not_before(begin)
+        return PositionRange(earliest=rewound, latest=found.latest).not_before(polled).not_before(begin)
 
     def note_end(self) -> None:
         """Record that the whole job was done, although the run failed after it."""
