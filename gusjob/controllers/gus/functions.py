@@ -89,7 +89,10 @@ def _arg(text: str) -> FunctionArg:
 
 
 GSN_PREFIX = "GTN_"
-"""Prefix of the GSN library's functions (sister, GSN) in place of GT_. A `short core` leads their arguments."""
+"""Prefix of the GSN library's functions (sister, GSN). It stands in place of GT_, and `short core` comes first.
+
+GTN_Open and GTN_Close take no core.
+"""
 
 GSN_SAME_FORM = frozenset(
     {
@@ -113,5 +116,6 @@ GSN_SAME_FORM = frozenset(
 )
 """Calls of calls.SIGNATURES whose GTN_ function takes `core`, then M's arguments (sister, GSN).
 
-Only the delays of GTN_SetLevelDelay differ in type: unsigned long. GSN has no function for the other calls.
+Only the delays of GTN_SetLevelDelay differ in type: unsigned long. The public header has no function for the other
+calls.
 """
