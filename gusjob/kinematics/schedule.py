@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, running_sum
-from gusjob.kinematics.trapezoids import Trapezoids, reached_ends, trapezoids
+from gusjob.kinematics.trapezoids import Trapezoids, even_velocity, reached_ends, trapezoids
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,15 @@ def reachable_ends(
 
 
 def schedule(
-    *, length: Floats, vel: Floats, acc: Floats, vel_end: Floats, dwell: Bools, dwell_ms: Floats, stage_first: Indices
+    *,
+    length: Floats,
+    vel: Floats,
+    acc: Floats,
+    vel_end: Floats,
+    dwell: Bools,
+    dwell_ms: Floats,
+    stage_first: Indices,
+    even_time_ms: Floats | None = None,
 ) -> Schedule:
     """Schedule segments and dwells.
 
@@ -93,11 +101,15 @@ def schedule(
         dwell: Which rows are dwells, (m,).
         dwell_ms: Duration of the dwells, (m,) ms; not read for a motion.
         stage_first: Number of each stage's first segment, and m, (s+1,).
+        even_time_ms: Least time at constant velocity, (m,) ms; None: there is none.
     """
     end = reachable_ends(length, vel, acc, vel_end, dwell, stage_first)
     start = np.concatenate([[0.0], end[:-1]]) if len(end) else end
     start[starts_at_rest(dwell, stage_first)] = 0.0
-    profile = trapezoids(length, start, np.where(dwell, 1.0, vel), end, np.where(dwell, 1.0, acc))
+    vel, acc = np.where(dwell, 1.0, vel), np.where(dwell, 1.0, acc)
+    if even_time_ms is not None:
+        vel = even_velocity(length, start, vel, end, acc, even_time_ms)
+    profile = trapezoids(length, start, vel, end, acc)
     duration = np.where(dwell, dwell_ms, profile.duration_ms)
     return Schedule(
         profile=profile,

@@ -73,6 +73,29 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
     return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
 
 
+def even_velocity(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats, even_time_ms: Floats) -> Floats:
+    """Lower the velocity of each segment so far that it is constant for at least a given time, if that is possible.
+
+    With the velocity v, rise and fall take (2*v^2 - start^2 - end^2) / (2*acc) of the length; v*even_time must be left.
+    The velocity is not lowered below start or end: then it is constant for as long as the length allows. A segment that
+    starts above its velocity keeps it.
+
+    Args:
+        length, start, vel, end, acc: As for trapezoids, (n,).
+        even_time_ms: Least time at constant velocity, (n,) ms; 0: no limit.
+
+    Returns:
+        Highest velocities, (n,) pulse/ms.
+    """
+    top2 = acc * length + (start * start + end * end) / 2
+    half = acc * even_time_ms / 2
+    # The root of v^2 + acc*even_time*v = top2, without cancellation.
+    with np.errstate(invalid="ignore"):
+        even = top2 / (half + np.sqrt(half * half + top2))
+    lowered = np.minimum(vel, np.maximum(even, np.maximum(start, end)))
+    return np.where((even_time_ms > 0) & (start <= vel), lowered, vel)
+
+
 def reached_ends(length: Floats, vel: Floats, given: Floats, acc: Floats, breaks: Bools) -> Floats:
     """Compute the end velocity that each segment really reaches, in order.
 

@@ -48,7 +48,7 @@ class Beam:
     scanner: Scanner | None
 
     def position(self, stage: Indices, time: Floats) -> tuple[Floats, Floats]:
-        """Compute positions in the coordinate system.
+        """Compute positions on the machine.
 
         A stage's command stays at its end after the stage, and the beam rests at its start before.
 

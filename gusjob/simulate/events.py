@@ -94,9 +94,10 @@ class StageEvents:
 class MotionEvents:
     """Segments and dwells of all stages in order, (m,).
 
-    A dwell has a segment of no length, and `dwell_ms`; `vel`, `acc`, `vel_end` are not read there. `line`: source line.
-    `call`: index of the call in its stream. `run_kind`: purpose of each jump (RunKind) where the planner states it,
-    else None.
+    Positions are of the machine, whatever the origin of a coordinate system. A dwell has a segment of no length, and
+    `dwell_ms`; `vel`, `acc`, `vel_end` are not read there. `line`: source line. `call`: index of the call in its
+    stream. `run_kind`: purpose of each jump (RunKind) where the planner states it, else None. `even_time_ms`: least
+    time of each at constant velocity; None: none has one.
     """
 
     segments: Segments
@@ -108,6 +109,7 @@ class MotionEvents:
     line: npt.NDArray[np.int32]
     call: Indices
     run_kind: npt.NDArray[np.int8] | None = None
+    even_time_ms: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.dwell)

@@ -72,7 +72,7 @@ class Motion:
         return distance_run(schedule.profile, segment, since)
 
     def position(self, segment: Indices, time: Floats) -> tuple[Floats, Floats]:
-        """Planned position in the coordinate system, (x, y), (k,) pulse."""
+        """Planned position of the machine, (x, y), (k,) pulse."""
         if not len(self):
             return np.zeros(len(time)), np.zeros(len(time))
         length = self.segments.length[segment]
@@ -80,7 +80,10 @@ class Motion:
         return self.segments.points(segment, share)
 
     def axis_positions(self, stage: int, x: Floats, y: Floats) -> list[Floats]:
-        """Positions of the four axes of distance follow; an axis outside the coordinate system is at 0."""
+        """Positions of the four axes of distance follow; an axis outside the coordinate system is at 0.
+
+        They are positions of the machine: the axes know no origin of a coordinate system.
+        """
         axes = [np.zeros(len(x)) for _ in range(4)]
         for axis, values in zip(self.axes[stage], (x, y), strict=True):
             if axis < 4:
@@ -100,6 +103,7 @@ def motion_of(events: Events) -> Motion:
             dwell=motion.dwell,
             dwell_ms=motion.dwell_ms,
             stage_first=events.stage_first,
+            even_time_ms=motion.even_time_ms,
         ),
         segments=motion.segments,
         axes=tuple(stage.axes for stage in events.stages),

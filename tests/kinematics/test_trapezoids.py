@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gusjob.kinematics.arrays import running_sum
-from gusjob.kinematics.trapezoids import corner_velocity, look_ahead, reached_ends, trapezoids
+from gusjob.kinematics.trapezoids import corner_velocity, even_velocity, look_ahead, reached_ends, trapezoids
 
 A = np.array
 
@@ -133,3 +133,22 @@ def test_running_sum_is_exact_to_one_rounding() -> None:
         assert abs(sums[n] - exact) <= 2 * math.ulp(exact)
     assert running_sum(np.zeros(3)).tolist() == [0, 0, 0, 0]
     assert running_sum(np.empty(0)).tolist() == [0]
+
+
+def test_least_time_at_constant_velocity() -> None:
+    """At 1 pulse/ms2: from rest to rest, from 6 to 2 pulse/ms, one that has to stay at its start, and no least time."""
+    length, start = np.array([1000.0, 100.0, 20.0, 1000.0]), np.array([0.0, 6.0, 6.0, 0.0])
+    vel, end, acc = np.full(4, 50.0), np.array([0.0, 2.0, 2.0, 0.0]), np.ones(4)
+    even_time = np.array([50.0, 10.0, 10.0, 0.0])
+    lowered = even_velocity(length, start, vel, end, acc, even_time)
+    # v*v - (start^2 + end^2)/2 + v*even_time = length: v*v + 50*v = 1000; v*v + 10*v = 120.
+    assert lowered == pytest.approx([np.sqrt(1625) - 25, np.sqrt(145) - 5, 6, 50])
+    found = trapezoids(length, start, lowered, end, acc)
+    # The third takes 16 pulse to slow down from 6 to 2 pulse/ms: 4 pulse are left.
+    assert found.cruise_ms == pytest.approx([50, 10, 4 / 6, 0])
+    assert found.rise_ms == pytest.approx([lowered[0], lowered[1] - 6, 0, np.sqrt(1000)])
+
+
+def test_a_segment_that_starts_too_fast_slows_down_to_its_velocity_whatever_the_least_time() -> None:
+    one = np.ones(1)
+    assert even_velocity(100 * one, 6 * one, 4 * one, 0 * one, one, 30 * one).tolist() == [4]

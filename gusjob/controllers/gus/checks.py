@@ -18,14 +18,20 @@ from gusjob.simulate.events import Events, MotionEvents
 _ARC_TOLERANCE_PULSE = 3.0
 
 
-def velocity_diagnostics(path: str, motion: MotionEvents, too_fast: Bools) -> list[Diagnostic]:
-    """Report the segments, (m,), whose velocity the controller limits."""
+def limit_diagnostics(path: str, motion: MotionEvents, too_fast: Bools, too_strong: Bools) -> list[Diagnostic]:
+    """Report the segments, (m,), whose velocity or acceleration the controller limits (sister)."""
     reporter = segment_reporter(path, motion)
     reporter.add(
         rules.QUESTIONABLE_CALL,
         too_fast,
         call=Phrase("the segment's velocity"),
         reason=Phrase("it is above synVelMax of GT_SetCrdPrm, which limits it"),
+    )
+    reporter.add(
+        rules.QUESTIONABLE_CALL,
+        too_strong,
+        call=Phrase("the segment's acceleration"),
+        reason=Phrase("it is above synAccMax of GT_SetCrdPrm, which limits it"),
     )
     return reporter.done()
 

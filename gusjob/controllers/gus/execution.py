@@ -11,12 +11,26 @@ from gusjob.kinematics.arrays import Indices
 from gusjob.simulate.events import ImmediateAction, LaserState
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CrdSettings:
+    """What GT_SetCrdPrm sets (sister).
+
+    `axes`: the axes (from 0) that X and Y drive. `vel_max`, `acc_max`: limits of all segments. `even_time_ms`: least
+    time of a segment at constant velocity. `origin_pulse`: position of the origin on the machine.
+    """
+
+    axes: tuple[int, int] = (0, 1)
+    vel_max_pulse_per_ms: float = float("inf")
+    acc_max_pulse_per_ms2: float = float("inf")
+    even_time_ms: float = 0.0
+    origin_pulse: tuple[float, float] = (0.0, 0.0)
+
+
 @dataclass(slots=True, kw_only=True)
 class StageRun:
     """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
 
-    `waiting`: how many of the first parts are in the FIFO before the start. `axes`: the axes (from 0) that X and Y
-    drive.
+    `waiting`: how many of the first parts are in the FIFO before the start. `settings`: of its coordinate system.
     """
 
     crd: int
@@ -26,8 +40,7 @@ class StageRun:
     lasers: tuple[LaserState, LaserState]
     at_rest: list[ImmediateAction]
     moving: list[ImmediateAction] = field(default_factory=list)
-    vel_max_pulse_per_ms: float = float("inf")
-    axes: tuple[int, int] = (0, 1)
+    settings: CrdSettings = CrdSettings()
     waiting: int = 0
 
     @property

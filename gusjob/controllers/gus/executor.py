@@ -19,7 +19,7 @@ from gusjob.controllers.gus.arguments import (
     range_error,
 )
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
-from gusjob.controllers.gus.execution import Execution, StageRun
+from gusjob.controllers.gus.execution import CrdSettings, Execution, StageRun
 from gusjob.controllers.gus.ranges import (
     DIMENSION,
     DISTANCE_LIMIT,
@@ -72,7 +72,8 @@ class _CallExecutor:
     stages: list[StageRun] = field(default_factory=list)
     actions: list[ImmediateAction] = field(default_factory=list)
     readings: list[tuple[int, int, int]] = field(default_factory=list)
-    crd_parameters: dict[int, Value] = field(default_factory=dict)
+    systems: dict[int, CrdSettings] = field(default_factory=dict)
+    """Settings of each coordinate system that GT_SetCrdPrm has set up."""
 
     # Reporting.
 
@@ -269,7 +270,20 @@ class _CallExecutor:
                 if isinstance(value, float) and (reason := range_error(allowed, name, value)):
                     self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
                     return
-        self.crd_parameters[crd] = parameters
+            self.systems[crd] = _crd_settings(parameters, self.position())
+        else:
+            self.systems[crd] = CrdSettings()  # A struct whose fields the listing does not give.
+
+    def position(self) -> tuple[float, float]:
+        """Return where the last motion so far ends, pulse on the machine; 0, 0 before any motion."""
+        calls = self.stream.buffered
+        for stage in reversed(self.stages):
+            rows = stage.rows
+            moves = rows[calls.kind[rows] < Buffered.DELAY]
+            if len(moves):
+                x, y = stage.settings.origin_pulse
+                return float(calls.x[moves[-1]]) + x, float(calls.y[moves[-1]]) + y
+        return 0.0, 0.0
 
     def clear(self, call: Call) -> None:
         crd, fifo = int(self.number(call, 0)), int(self.number(call, 1))
@@ -305,8 +319,7 @@ class _CallExecutor:
             waiting=len(parts),
             lasers=(self.lasers[0], self.lasers[1]),
             at_rest=self.actions,
-            vel_max_pulse_per_ms=_vel_max(self.crd_parameters.get(crd)),
-            axes=_axes(self.crd_parameters.get(crd)),
+            settings=self.systems.get(crd, CrdSettings()),
         )
         self.actions = []
         self.stages.append(self.running)
@@ -346,7 +359,7 @@ class _CallExecutor:
             count = sum(map(len, parts))
             if count:
                 self.diagnostic(rules.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
-        if len(calls) and not self.crd_parameters:
+        if len(calls) and not self.systems:
             self.diagnostic(rules.ASSUMED_CRD, int(calls.line[0]))
         return Execution(
             stages=tuple(self.stages),
@@ -358,20 +371,37 @@ class _CallExecutor:
         )
 
 
-def _vel_max(parameters: Value | None) -> float:
-    """Read synVelMax of a TCrdPrm that is known: the controller limits the path velocity to it."""
-    if isinstance(parameters, tuple) and isinstance(parameters[2], float) and parameters[2] > 0:
-        return parameters[2]
-    return float("inf")
+def _crd_settings(parameters: tuple[Value, ...], position: tuple[float, float]) -> CrdSettings:
+    """Read a TCrdPrm. `position`: of the machine now, which is the origin unless the program gives one (sister)."""
+    _, profile, vel_max, acc_max, even_time, sets_origin, origin = parameters
+    axes = _axes(profile)
+    return CrdSettings(
+        axes=axes,
+        vel_max_pulse_per_ms=_limit(vel_max),
+        acc_max_pulse_per_ms2=_limit(acc_max),
+        even_time_ms=_number(even_time),
+        origin_pulse=_origin(origin, axes) if _number(sets_origin) else position,
+    )
 
 
-def _axes(parameters: Value | None) -> tuple[int, int]:
+def _number(value: Value) -> float:
+    return value if isinstance(value, float) else 0.0
+
+
+def _limit(value: Value) -> float:
+    """Read synVelMax or synAccMax; without one there is no limit."""
+    return _number(value) if _number(value) > 0 else float("inf")
+
+
+def _axes(profile: Value) -> tuple[int, int]:
     """Read which axes (from 0) X and Y drive: profile[k] names the dimension of axis k+1."""
-    if isinstance(parameters, tuple) and isinstance(parameters[1], tuple):
-        profile = list(parameters[1])
-        if 1.0 in profile and 2.0 in profile:
-            return profile.index(1.0), profile.index(2.0)
-    return 0, 1
+    found = list(profile) if isinstance(profile, tuple) else []
+    return (found.index(1.0), found.index(2.0)) if 1.0 in found and 2.0 in found else (0, 1)
+
+
+def _origin(origin: Value, axes: tuple[int, int]) -> tuple[float, float]:
+    """Read originPos: like profile it has an element for each axis (its order is not documented)."""
+    return (_number(origin[axes[0]]), _number(origin[axes[1]])) if isinstance(origin, tuple) else (0.0, 0.0)
 
 
 _HANDLERS: dict[str, Callable[[_CallExecutor, Call], None]] = {

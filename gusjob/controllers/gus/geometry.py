@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
-from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments, arcs_by_either, segments
 
 
 def call_segments(
-    calls: BufferedCalls, row: Indices, dwell: Bools, start: tuple[float, float] = (0.0, 0.0)
+    calls: BufferedCalls,
+    row: Indices,
+    dwell: Bools,
+    start: tuple[float, float] = (0.0, 0.0),
+    origin: tuple[Floats, Floats] | None = None,
 ) -> Segments:
     """Make the segments of consecutive motions and dwells from the coordinates of their calls.
 
@@ -19,8 +23,11 @@ def call_segments(
         row: Rows of the motions and dwells, (m,).
         dwell: Which of them are dwells, (m,); a dwell stays where it is.
         start: Where the first one starts, pulse.
+        origin: The origin of each one's coordinate system on the machine, x and y, (m,) pulse; None: all at 0.
     """
     x1, y1 = calls.x[row], calls.y[row]
+    if origin is not None:
+        x1, y1 = x1 + origin[0], y1 + origin[1]
     if dwell.any():
         at = np.maximum.accumulate(np.where(dwell, -1, np.arange(len(row))))
         x1, y1 = np.where(at >= 0, x1[at], start[0]), np.where(at >= 0, y1[at], start[1])

@@ -6,8 +6,8 @@ import numpy as np
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream
-from gusjob.controllers.gus.checks import carrier_diagnostics, listing_diagnostics, velocity_diagnostics
-from gusjob.controllers.gus.execution import Execution
+from gusjob.controllers.gus.checks import carrier_diagnostics, limit_diagnostics, listing_diagnostics
+from gusjob.controllers.gus.execution import CrdSettings, Execution
 from gusjob.controllers.gus.executor import execute
 from gusjob.controllers.gus.geometry import call_segments
 from gusjob.diagnostics.model import Diagnostic
@@ -79,7 +79,7 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
                 lasers=stage.lasers,
                 at_rest=tuple(stage.at_rest),
                 moving=tuple(stage.moving),
-                axes=stage.axes,
+                axes=stage.settings.axes,
             )
             for stage in stages
         ),
@@ -98,11 +98,16 @@ def _motion(
     """Make the motions and dwells that run, from their rows and stages, (m,)."""
     calls = stream.buffered
     dwell = calls.kind[row] == Buffered.DELAY
-    vel_max = np.array([s.vel_max_pulse_per_ms for s in execution.stages] or [np.inf])
+    settings = [s.settings for s in execution.stages] or [CrdSettings()]
+    vel_max = np.array([s.vel_max_pulse_per_ms for s in settings])[stage]
+    acc_max = np.array([s.acc_max_pulse_per_ms2 for s in settings])[stage]
+    even_time = np.array([s.even_time_ms for s in settings])
+    origin = np.array([s.origin_pulse for s in settings])
     motion = MotionEvents(
-        segments=call_segments(calls, row, dwell),
-        vel=np.where(dwell, 1.0, np.minimum(calls.vel[row], vel_max[stage])),
-        acc=calls.acc[row],
+        segments=call_segments(calls, row, dwell, origin=tuple(origin[stage].T) if origin.any() else None),
+        vel=np.where(dwell, 1.0, np.minimum(calls.vel[row], vel_max)),
+        acc=np.minimum(calls.acc[row], acc_max),
+        even_time_ms=even_time[stage] if even_time.any() else None,
         vel_end=np.where(dwell, 0.0, calls.vel_end[row]),
         dwell=dwell,
         dwell_ms=calls.p[row],
@@ -110,8 +115,9 @@ def _motion(
         call=row,
         run_kind=None if stream.intent is None else stream.intent.run[row],
     )
-    too_fast = ~dwell & (calls.vel[row] > vel_max[stage] * (1 + 1e-9))
-    return motion, velocity_diagnostics(stream.name, motion, too_fast)
+    too_fast = ~dwell & (calls.vel[row] > vel_max * (1 + 1e-9))
+    too_strong = ~dwell & (calls.acc[row] > acc_max * (1 + 1e-9))
+    return motion, limit_diagnostics(stream.name, motion, too_fast, too_strong)
 
 
 def _switch(
