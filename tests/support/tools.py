@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gusjob.config.machine import Machine
@@ -88,9 +89,38 @@ def run_listing(text: str, machine: Machine = MACHINE) -> Ran:
     source, _ = check_text(text.encode(), "test.gts")
     assert source is not None
     stream, read_diagnostics = read_listing(source)
+    ran = run_stream(stream, machine)
+    return Ran(ran.report, [*read_diagnostics, *ran.diagnostics])
+
+
+def run_stream(stream: Stream, machine: Machine = MACHINE) -> Ran:
+    """Interpret calls that are not a planner's."""
     trace, diagnostics = simulate_stream(stream, machine, is_listing=True)
     assert trace is not None
-    return Ran(make_report(trace, machine), [*read_diagnostics, *diagnostics])
+    return Ran(make_report(trace, machine), diagnostics)
+
+
+_RECORDED = re.compile(r"(?:\[([0-9.]+)\] )?(.*)")
+_READING = re.compile(r"GT_CrdStatus\((\d),(\d+),(\d+),(\d)\)")
+
+
+def recorded_stream(text: str) -> Stream:
+    """Calls as a recorder writes them: [12.5] GT_LnXY(...); AT_REST(1) where the motion has ended."""
+    times, lines, readings = dict[int, float](), list[str](), dict[int, tuple[float, ...]]()
+    for number, line in enumerate(text.splitlines(), start=1):
+        found = _RECORDED.fullmatch(line)
+        assert found is not None
+        times[number] = float(found[1] or "nan")
+        if reading := _READING.fullmatch(found[2]):
+            readings[number] = tuple(map(float, reading.groups()))
+        lines.append(re.sub(r"AT_REST\((\d)\)", r"GT_CrdStatus(\1,run,segment,0)", found[2]))
+        lines[-1] = _READING.sub(r"GT_CrdStatus(\1,run,segment,\4)", lines[-1])
+    source, _ = check_text("\n".join(lines).encode(), "test.gts")
+    assert source is not None
+    stream, diagnostics = read_listing(source)
+    assert [d.message for d in diagnostics] == []
+    calls = (replace(c, time_ms=times[c.line], args=readings.get(c.line, c.args)) for c in stream.calls)
+    return replace(stream, calls=tuple(calls))
 
 
 def run_job(text: str, machine: Machine = MACHINE) -> Ran:

@@ -115,7 +115,7 @@ def _step(call: Call) -> str:
         case "GT_CrdStart":
             return f"    RUN(crd_start({call.line}, {', '.join(texts)}));\n"
         case "GT_CrdStatus":
-            return f"    RUN(crd_wait({call.line}, {texts[0]}, {texts[-1]}));\n"
+            return f"    RUN(crd_wait({call.line}, {texts[0]}, {texts[-1]}));\n" if call.waits else ""
         case _:
             return _statement(call, texts)
 

@@ -5,6 +5,7 @@ Buffered calls are columns, all others objects. The effect of a call is defined 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
@@ -299,12 +300,21 @@ Value = float | str | tuple["Value", ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Call:
-    """One call that is not buffered. `at`: number of buffered calls before it; `line`: source line."""
+    """One call that is not buffered. `at`: number of buffered calls before it; `line`: source line.
+
+    `time_ms`: time of the call on the recorder's clock; NaN in a listing without times.
+    """
 
     name: str
     args: tuple[Value, ...]
     at: int
     line: int
+    time_ms: float = math.nan
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for the end of the motion: a GT_CrdStatus, unless it was recorded with what it read."""
+        return self.name == "GT_CrdStatus" and isinstance(self.args[1], str)
 
 
 def crd_start(crd: int, fifo: int, *, at: int, line: int) -> Call:

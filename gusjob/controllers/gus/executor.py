@@ -339,8 +339,8 @@ class _CallExecutor:
                 self.switch[channel] = bool(calls.kind[switched[-1]] == Buffered.ON)
 
     def wait(self, call: Call) -> None:
-        """GT_CrdStatus: the host program has waited for the end of the motion."""
-        if self.running is None or self.running.crd != int(self.number(call, 0)):
+        """GT_CrdStatus: the host program has waited for the end of the motion. A mere reading has no effect."""
+        if not call.waits or self.running is None or self.running.crd != int(self.number(call, 0)):
             return
         rows, calls = self.running.rows, self.stream.buffered
         for channel in (0, 1):

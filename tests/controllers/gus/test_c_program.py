@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.tools import MARK, ROOT, stream_in, stream_of
+from support.tools import MARK, ROOT, recorded_stream, stream_in, stream_of
 
 from gusjob.controllers.gus.c_program import c_program
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Stream
@@ -498,3 +498,9 @@ def test_long_paths_are_cut_into_tables(build: Build, monkeypatch: pytest.Monkey
 
 def test_pieces_end_with_a_line_end() -> None:
     assert all(piece.endswith("\n") for piece in c_program(stream_of(JOB)))
+
+
+def test_a_status_that_was_recorded_with_what_it_read_is_left_out() -> None:
+    text = "GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,1,0,0)\nGT_LaserPrfCmd(20,0)\n"
+    program = "".join(c_program(recorded_stream(text + "AT_REST(1)\nGT_LaserPrfCmd(10,0)\n")))
+    assert re.findall(r"RUN\(crd_wait\((\d+), 1", program) == ["5"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from support.tools import run_listing
+from support.tools import recorded_stream, run_listing, run_stream
 
 HEAD = """GT_SetAxisMode(7,1)
 GT_LaserPowerMode(0,100,0,0)
@@ -36,6 +36,13 @@ def test_buffered_calls_join_the_running_stage() -> None:
     again = run_listing(text + "GT_CrdStatus(1,run,segment,0)\n" + more + "GT_CrdStart(1,0)\n")
     assert again.column("stage") == [1, 2]
     assert again.column("ch0_power_ms") == pytest.approx([0, 30 * 2025])
+
+
+def test_a_status_that_was_recorded_with_what_it_read_does_not_wait() -> None:
+    text = HEAD + LINE + "GT_CrdStart(1,0)\nGT_CrdStatus(1,1,0,0)\nGT_LnXY(1,0,0,50,2,0,0)\n"
+    assert run_stream(recorded_stream(text)).column("stage") == [1, 1]
+    waited = text + "AT_REST(1)\nGT_CrdStatus(1,0,2,0)\nGT_LnXY(1,9000,0,50,2,0,0)\nGT_CrdStart(1,0)\n"
+    assert run_stream(recorded_stream(waited)).column("stage") == [1, 1, 2]
 
 
 def test_the_mode_does_not_change_while_moving() -> None:

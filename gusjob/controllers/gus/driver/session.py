@@ -279,7 +279,8 @@ class Session:
                 if fifo.stage is None or not fifo.stage.started:
                     fifo.start(call)
             case "GT_CrdStatus":
-                self._wait(fifo)
+                if call.waits:
+                    self._wait(fifo)
             case _:
                 self.link.checked(call.name, *call.args, line=call.line)
 
