@@ -234,7 +234,7 @@ def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Re
         return Parsed(**common, source=source, content=stream, origin=Origin.JOURNAL, diagnostics=tuple(found))
     suppressions = NO_SUPPRESSIONS.added(source.name, source.data, top=True)
     if is_listing(source):
-        calls, found = read_listing(source)
+        calls, found = read_listing(source, profile.machine.controller.abi)
         parsed = Parsed(**common, source=source, content=calls, origin=Origin.LISTING, suppressions=suppressions)
         return _with_diagnostics(parsed, found)
     job, found = read_job(source, profile.machine)

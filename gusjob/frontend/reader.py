@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from gusjob.config.machine import Machine
+from gusjob.config.machine import Abi, Machine
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, has_errors
@@ -14,25 +13,17 @@ from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
 from gusjob.frontend.parse.keyword_case import lower_case_note
 from gusjob.frontend.resolve.resolver import resolve
-from gusjob.frontend.source import Source
+from gusjob.frontend.source import Source, is_listing_text
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job
 
 if TYPE_CHECKING:
     from gusjob.controllers.gus.calls import Stream
 
-_JOB_SUFFIXES = {".job"}
-_LISTING_SUFFIXES = {".gts", ".c", ".cc", ".cpp", ".h"}
-
 
 def is_listing(source: Source) -> bool:
     """Whether a text is a listing of calls: by its file's suffix, else by its content."""
-    suffix = PurePath(source.name).suffix.lower()
-    if suffix in _JOB_SUFFIXES | _LISTING_SUFFIXES:
-        return suffix in _LISTING_SUFFIXES
-    from gusjob.frontend.listing.listing_reader import looks_like_listing
-
-    return looks_like_listing(source.data)
+    return is_listing_text(source.name, source.data)
 
 
 def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
@@ -74,17 +65,24 @@ def _expand(text: JobText, machine: Machine) -> tuple[ExpandedJob, list[Diagnost
     return replace(expanded, complete=not has_errors([*text.diagnostics, *diagnostics])), diagnostics
 
 
-def read_listing(source: Source) -> tuple[Stream, list[Diagnostic]]:
+def read_listing(source: Source, abi: Abi | None = None) -> tuple[Stream, list[Diagnostic]]:
     """Read the calls of a listing.
+
+    Args:
+        source: The text.
+        abi: ABI of the library that the calls are for; None if it is not known.
 
     Returns:
         The calls, and all diagnostics of the text. With errors the stream has only what could be read.
     """
     from gusjob.frontend.listing import listing_reader
 
-    stream, found = listing_reader.read_listing(source)
+    stream, found = listing_reader.read_listing(source, abi)
     if not len(stream.buffered) and not stream.calls and not found:
         found = [Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": Phrase("GT_ calls")})]
+    if source.encoding:
+        fields = {"encoding": source.encoding}
+        found = [Diagnostic(rule=rules.RECODED, span=d.NOWHERE, fields=fields), *found]
     return stream, [_with_path(diagnostic, source.name) for diagnostic in found]
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 
@@ -15,6 +16,13 @@ from gusjob.inputs import open_input
 from gusjob.kinematics.arrays import Indices
 
 MAX_FILE_MB = 1000
+_JOB_SUFFIXES = {".job"}
+_LISTING_SUFFIXES = {".gts", ".c", ".cc", ".cpp", ".cxx", ".h", ".hpp", ".cs"}
+_LISTING_CALL = re.compile(rb"\bGTN?_[A-Za-z]+\s*\(")
+_SEARCHED_BYTES = 200_000
+_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_OTHER_ENCODING = "GB18030"
+"""Encoding of a listing that is not UTF-8: its superset of GB2312 and GBK is what Chinese Windows writes."""
 
 
 @dataclass(slots=True)
@@ -25,11 +33,13 @@ class Source:
         name: What messages call it.
         data: UTF-8 bytes without BOM, lines ended by LF.
         path: The file it was read from, None for none.
+        encoding: The encoding of a listing that is not UTF-8, else ''.
     """
 
     name: str
     data: bytes
     path: Path | None = None
+    encoding: str = ""
     _ends: Indices | None = field(default=None, repr=False)
     """Positions of line ends; computed when the first line is looked up."""
 
@@ -72,10 +82,13 @@ def shown_name(path: Path) -> str:
 
 
 def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source | None, list[Diagnostic]]:
-    """Check that bytes are text: UTF-8 with or without BOM, no NUL."""
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return None, [_diagnostic(rules.NOT_TEXT, name, reason=Phrase("it looks like UTF-16; save it as UTF-8"))]
+    """Check that bytes are text without NUL: UTF-8 with or without BOM; a listing may be UTF-16 or GB18030, too."""
+    data, encoding = data.removeprefix(b"\xef\xbb\xbf"), ""
+    if data[:2] in _UTF16_MARKS:
+        decoded = _decoded(data, "utf-16", name)
+        if decoded is None:
+            return None, [_diagnostic(rules.NOT_TEXT, name, reason=Phrase("it looks like UTF-16; save it as UTF-8"))]
+        data, encoding = decoded, "UTF-16"
     nul = data.find(b"\0")
     if nul >= 0:
         line = data.count(b"\n", 0, nul) + 1
@@ -83,10 +96,29 @@ def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source
     try:
         data.decode("utf-8") if not data.isascii() else None
     except UnicodeDecodeError as error:
+        if (decoded := _decoded(data, _OTHER_ENCODING, name)) is not None:
+            return Source(name=name, data=decoded, path=path, encoding=_OTHER_ENCODING), []
         line = data.count(b"\n", 0, error.start) + 1
         reason = Phrase("byte {byte} in line {line}", byte=f"0x{data[error.start]:02x}", line=line)
         return None, [_diagnostic(rules.NOT_TEXT, name, line, reason=reason)]
-    return Source(name=name, data=data, path=path), []
+    return Source(name=name, data=data, path=path, encoding=encoding), []
+
+
+def is_listing_text(name: str, data: bytes) -> bool:
+    """Whether a text is a listing of calls: by its file's suffix, else by its content."""
+    suffix = PurePath(name).suffix.lower()
+    if suffix in _JOB_SUFFIXES | _LISTING_SUFFIXES:
+        return suffix in _LISTING_SUFFIXES
+    return _LISTING_CALL.search(data[:_SEARCHED_BYTES]) is not None
+
+
+def _decoded(data: bytes, encoding: str, name: str) -> bytes | None:
+    """Decode a listing to UTF-8; None for another text, or another encoding."""
+    try:
+        decoded = data.decode(encoding).encode()
+    except UnicodeDecodeError:
+        return None
+    return decoded if is_listing_text(name, decoded) else None
 
 
 def _diagnostic(rule: d.Rule, name: str, line: int = 1, **fields: object) -> Diagnostic:

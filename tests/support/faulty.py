@@ -11,15 +11,13 @@ from gusjob.config.profile import read_profile
 from gusjob.controllers.gus.lower import compile_job
 from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.diagnostics.model import Diagnostic, Rule, has_errors
-from gusjob.frontend import check_text, read_job, read_listing
+from gusjob.frontend import check_text, is_listing, read_job, read_listing
 from gusjob.lint import check
 from gusjob.pipeline import Checked, examine, examine_file, load
 
 BAD = ROOT / "tests" / "bad"
 COMMENTS = ("GJ144", "GJ145")
 """Rules of comments, which need all other diagnostics."""
-LISTINGS = ("GJ7", "GJ111", "GJ112", "GJ113", "GJ114", "GJ115", "GJ116")
-"""Rules of calls, or their prefixes."""
 
 
 def diagnostics_of_text(text: str, rule: Rule) -> list[Diagnostic]:
@@ -31,7 +29,7 @@ def diagnostics_of_text(text: str, rule: Rule) -> list[Diagnostic]:
         loaded = load(Path("example.job"), None, data=text.encode())
         assert isinstance(loaded, Checked)
         return list(examine(loaded).diagnostics)
-    if rule.code.startswith(LISTINGS):
+    if is_listing(source):
         stream, diagnostics = read_listing(source)
         return [*diagnostics, *find_diagnostics(stream, machine)]
     job, diagnostics = read_job(source, machine)

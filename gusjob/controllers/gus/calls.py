@@ -278,11 +278,6 @@ HOST_CALLS: dict[str, Signature] = {
 }
 """Calls of a host program, besides those of a job (sister)."""
 
-IGNORED_CALLS = frozenset(
-    (HOST_CALLS.keys() | {"GT_GetVersion", "GT_CrdData", "GT_GetCrdVel", "GT_GetSts", "GT_ZeroPos"}) - {"GT_Stop"}
-)
-"""Calls of the basic manual that a listing may contain and that have no effect on laser or path."""
-
 CRD_FIELDS: tuple[tuple[str, CType, int, Range | None], ...] = (
     ("dimension", CType.SHORT, 1, ranges.DIMENSION),
     ("profile", CType.SHORT, 8, ranges.SHORT),

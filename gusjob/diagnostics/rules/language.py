@@ -91,10 +91,9 @@ CALL_SYNTAX = rule(
     "GJ111",
     ERROR,
     title="call can't be read",
-    text="this is not a GT_ call, an array or a comment: {found}",
-    why="gusjob reads a listing call by call. It does not know what loops and conditions of a C program do to the "
-    "calls.",
-    bad="for (;;) GT_CrdStart(1,0);\n",
+    text="this is not a GT_ call, an assignment, a declaration or a comment: {found}",
+    why="What can't be read could change the calls.",
+    bad="GT_CrdClear(1,0);\nMOVE GT_CrdStart(1,0);\n",
     good="GT_CrdClear(1,0);\nGT_CrdStart(1,0);\n",
 )
 CALL_UNKNOWN = rule(
@@ -112,8 +111,8 @@ CALL_ARGUMENTS = rule(
     title="wrong number of arguments",
     text="{call} takes {wanted} arguments ({names}), not {found}",
     why="If an argument is missing, those after it are read as others: a FIFO number becomes a channel number.",
-    bad="GT_BufLaserOff(1,0)\n",
-    good="GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
+    bad="GT_BufLaserPrfCmd(1)\n",
+    good="GT_BufLaserPrfCmd(1,50,0,0)\nGT_CrdStart(1,0)\n",
     section="四.2",
 )
 CALL_VALUE = rule(
@@ -142,6 +141,45 @@ CALL_IGNORED = rule(
     why="The report does not show the effect of ignored calls.",
     bad="GT_AxisOn(1)\nGT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
     good="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
+)
+CONTROL_FLOW = rule(
+    "GJ117",
+    ERROR,
+    title="control flow in a listing",
+    text="'{word}' decides which calls are made: cut the calls out, or run the program with `gusjob record`",
+    why="gusjob reads a listing call by call, from the first to the last. Only checks of return codes that leave after "
+    "an error are passed over.",
+    bad="while (parts > 0) GT_CrdStart(1,0);\n",
+    good="GT_CrdClear(1,0);\nGT_CrdStart(1,0);\n",
+)
+UNKNOWN_C_FUNCTION = rule(
+    "GJ118",
+    WARNING,
+    title="function is not read",
+    text="gusjob does not know what {call} does: GT_ calls in it are not read",
+    why="A function of the program can make calls that the report does not show. `gusjob record` sees them.",
+    bad="StartPosition();\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
+    good="GT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
+)
+WHOLE_PROGRAM = rule(
+    "GJ119",
+    ERROR,
+    title="whole program",
+    text="this is a whole program ({kind}), not a list of calls: run it with `gusjob record`, or cut the calls out",
+    why="Which calls a program makes is known when it runs. `gusjob record` runs it without hardware and writes the "
+    "calls down.",
+    bad="int main(void) {\n    GT_CrdClear(1,0);\n    GT_CrdStart(1,0);\n}\n",
+    good="GT_CrdClear(1,0);\nGT_CrdStart(1,0);\n",
+)
+NO_MODEL = rule(
+    "GJ120",
+    ERROR,
+    title="call can't be simulated",
+    text="{call} can't be simulated: {reason}",
+    why="The report would not show what the call does to the laser or the path.",
+    bad="GT_LnXYZ(1,100,0,5,50,1,0,0)\nGT_CrdStart(1,0)\n",
+    good="GT_LnXY(1,100,0,50,1,0,0)\nGT_CrdStart(1,0)\n",
+    section="sister",
 )
 UNKNOWN_NAME = rule(
     "GJ121",
@@ -363,4 +401,82 @@ UNUSED_SUPPRESSION = rule(
     why="A comment that is no longer needed would hide the next diagnostic of the same rule.",
     bad="DWELL 5 ; allow GJ404: it only warms up\n",
     good="DWELL 5\n",
+)
+ERROR_CHECKS = rule(
+    "GJ146",
+    NOTE,
+    title="checks of return codes",
+    text="checks of return codes that are passed over, as if every call worked: {count}",
+    why="The simulation says which calls the controller would refuse.",
+    bad="rtn = GT_CrdClear(1,0);\nif (rtn) return rtn;\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
+    good="rtn = GT_CrdClear(1,0);\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
+)
+RECODED = rule(
+    "GJ147",
+    NOTE,
+    title="other encoding",
+    text="the file is not UTF-8; it is read as {encoding}",
+    why="Only comments and texts should hold such characters: calls are the same in both.",
+    good="GT_CrdClear(1,0)\nGT_CrdStart(1,0)\n",
+)
+LEADING_CARD = rule(
+    "GJ148",
+    NOTE,
+    title="calls for a card",
+    text="the calls are read as those of a library for several cards (abi gts-multi), card {card}",
+    why="Such calls have the number of the card before all other arguments. `abi` in the machine profile says which "
+    "library it is.",
+    bad="GT_CrdClear(0,1,0)\nGT_BufDelay(0,1,10,0)\nGT_CrdStart(0,1,0)\n",
+    good="GT_CrdClear(1,0)\nGT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
+    section="sister",
+)
+EITHER_ABI = rule(
+    "GJ149",
+    ERROR,
+    title="with or without a card number",
+    text="all calls can be read with and without a leading card number: set abi under [controller] in the machine "
+    "profile",
+    why="Read the wrong way, each argument would be taken for another.",
+    bad="GT_LnXY(1,1,20000,30,5,1,0)\n",
+    good="GT_CrdClear(1,0)\nGT_LnXY(1,1,20000,30,5,0,0)\nGT_CrdStart(1,0)\n",
+    section="sister",
+)
+SEVERAL_CARDS = rule(
+    "GJ150",
+    ERROR,
+    title="calls for several cards",
+    text="the calls are for several cards or cores: {cards}; write those of each into a file of its own",
+    why="Each card is a controller of its own, with its own lasers and axes.",
+    bad="GT_CrdClear(0,1,0)\nGT_CrdClear(1,1,0)\nGT_CrdStart(0,1,0)\n",
+    good="GT_CrdClear(0,1,0)\nGT_BufDelay(0,1,10,0)\nGT_CrdStart(0,1,0)\n",
+    section="sister",
+)
+RECORDED_REFUSALS = rule(
+    "GJ151",
+    NOTE,
+    title="calls without effect when recorded",
+    text="calls that returned a code other than 0 had no effect and are left out: {count}",
+    why="The program called them, and the controller refused.",
+    bad="[0] GT_CrdClear(1,0) = 1\n[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
+    good="[0] GT_CrdClear(1,0) = 0\n[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
+)
+UNKNOWN_FIELD = rule(
+    "GJ152",
+    ERROR,
+    title="unknown field",
+    text="TCrdPrm has no field {field}{hint}",
+    why="What was meant for another field would be lost.",
+    bad="TCrdPrm crd = {0};\ncrd.synVelMx = 500;\nGT_CrdStart(1,0);\n",
+    good="TCrdPrm crd = {0};\ncrd.synVelMax = 500;\nGT_CrdStart(1,0);\n",
+    section="sister",
+)
+OUTPUT_CALL = rule(
+    "GJ153",
+    WARNING,
+    title="output is not simulated",
+    text="{call} sets an output, which the report does not show: if it switches the laser, the report is wrong",
+    why="gusjob simulates the laser channels only.",
+    bad="GT_SetDoBit(12,1,0)\nGT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
+    good="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
+    section="sister",
 )

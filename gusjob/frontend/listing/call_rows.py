@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,33 +14,45 @@ from gusjob.kinematics.arrays import Bools
 COLUMNS = ("crd", "fifo", "channel", "x", "y", "p", "q", "r", "vel", "acc", "vel_end")
 SHORT_COLUMNS = COLUMNS[:3]
 """Columns of arguments that are shorts."""
+LEADING_COLUMN, UNUSED_COLUMN, NAME_COLUMN = range(len(COLUMNS), len(COLUMNS) + 3)
+"""Columns of the leading argument (a card or a core), of numbers that are not used (times, readings), and of the number
+of a call that is passed over."""
 _MAX_SHORT_ARGUMENT = 100
 """No coordinate system, FIFO or channel is above; larger numbers do not fit the columns of a Stream."""
-CALL_OP = 100
-"""Row op of a call that is not buffered; column 0 is its index."""
+CALL_OP, PASSED_OVER_OP = 100, 101
+"""Row ops of a call that is not buffered (column 0 is its index), and of one that is passed over."""
 
 
-def buffered_row(kind: Buffered, signature: Signature, values: list[Value | None]) -> Row:
-    """The row of a buffered call."""
-    columns = (COLUMNS.index(arg.column) for arg in signature.args)
-    numbers = (value if isinstance(value, float) else float("nan") for value in values)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImmediateCall:
+    """A call that is not buffered, before it has its place in a Stream."""
+
+    name: str
+    args: tuple[Value, ...]
+    time_ms: float = float("nan")
+
+
+def buffered_row(kind: Buffered, signature: Signature, values: list[Value]) -> Row:
+    """Make the row of a buffered call from its first arguments; the others are 0."""
+    columns = [COLUMNS.index(arg.column) for arg in signature.args]
+    numbers = [value if isinstance(value, float) else float("nan") for value in values]
     return Row(op=kind, values=dict(zip(columns, numbers, strict=True)))
 
 
 def call_row(index: int) -> Row:
-    """The row of a call that is not buffered."""
+    """Make the row of a call that is not buffered."""
     return Row(op=CALL_OP, values={0: float(index)})
 
 
 def not_short(rows: Rows, name: str) -> Bools:
-    """Buffered calls whose coordinate system, FIFO or channel can't be a C short, (n,)."""
+    """Find buffered calls whose coordinate system, FIFO or channel can't be a C short, (n,)."""
     values = rows.column(COLUMNS.index(name))
     odd = (np.abs(values) > _MAX_SHORT_ARGUMENT) | (values != np.floor(values))
     return np.asarray((rows.op != CALL_OP) & ~np.isnan(values) & odd)
 
 
-def stream_of(name: str, rows: Rows, calls: list[tuple[str, tuple[Value, ...]]]) -> Stream:
-    """The stream of some rows. `calls`: name and arguments of those that are not buffered."""
+def stream_of(name: str, rows: Rows, calls: list[ImmediateCall]) -> Stream:
+    """Make the stream of some rows. `calls`: those that are not buffered."""
     is_call = rows.op == CALL_OP
     keep = ~is_call
     before = np.cumsum(keep)
@@ -54,8 +67,10 @@ def stream_of(name: str, rows: Rows, calls: list[tuple[str, tuple[Value, ...]]])
         **{column: cut(column, np.int8) for column in SHORT_COLUMNS},
         **{column: cut(column, np.float64) for column in COLUMNS[len(SHORT_COLUMNS) :]},
     )
-    others = [
-        Call(name=calls[int(index[i])][0], args=calls[int(index[i])][1], at=int(before[i]), line=int(rows.line[i]))
-        for i in np.flatnonzero(is_call).tolist()
-    ]
+    others = []
+    for i in np.flatnonzero(is_call).tolist():
+        made = calls[int(index[i])]
+        others.append(
+            Call(name=made.name, args=made.args, at=int(before[i]), line=int(rows.line[i]), time_ms=made.time_ms)
+        )
     return Stream(name=name, buffered=buffered, calls=tuple(others))

@@ -448,7 +448,6 @@ def test_many_stages_are_cut_into_functions(build: Build) -> None:
 @pytest.mark.parametrize(
     ("calls", "message"),
     [
-        ("GT_SetCrdPrm(1,crdPrm)", "line 1: GT_SetCrdPrm: the fields of crdPrm are not given"),
         ("GT_LnXY(1,2.5,0,1,1,0,0)", "line 1: GT_LnXY: x is 2.5, it must be whole and in "),
         ("GT_LnXY(3,2,0,1,1,0,0)", "line 1: GT_LnXY: crd is 3, it must be whole and in [1, 2]"),
         ("GT_SetLevelDelay(70000,0,0)", "line 1: GT_SetLevelDelay: highLevelDelay is 70000, it must be whole and in "),

@@ -1,0 +1,96 @@
+"""The text of a C program without what is no code: comments blanked, strings and octal numbers marked.
+
+All replacements keep the length, so lines and columns stay those of the source.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+_NOT_CODE = re.compile(
+    r"//[^\n]*"  # To the end of its line, whatever it holds.
+    r"|/\*.*?(?:\*/|\Z)"
+    r'|"(?:\\.|[^"\\\n])*"?'
+    r"|'(?:\\.|[^'\\\n])*'?",
+    re.DOTALL,
+)
+_NEEDS_CLEANING = re.compile(rb"/\*|[\"'\\]|(?<![0-9A-Za-z_.])0[0-9]")
+_ZEROS = re.compile(r"(?<![0-9A-Za-z_.])0+(?=0(?![0-9.xX]))")
+_OCTAL = re.compile(r"(?<![0-9A-Za-z_.])0(?=[0-9]+(?![0-9.eE]))")
+OCTAL_MARK = "⓪"
+"""Stands for the leading zero of an octal number, so that no line with one has the shape of a line without."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CleanText:
+    """A text without comments that end before their line does, and places where compilers differ.
+
+    Attributes:
+        data: The text in UTF-8. Comments that begin with // are left as they are.
+        unfinished_comment: Position in the text of a comment that never ends, or -1.
+        continued_lines: Numbers of lines whose // comment ends with a backslash, from 1.
+    """
+
+    data: bytes
+    unfinished_comment: int = -1
+    continued_lines: tuple[int, ...] = ()
+
+
+def clean_text(data: bytes) -> CleanText:
+    """Blank comments within lines, hide the content of strings and mark octal numbers.
+
+    A comment mark inside a string or inside another comment is none, as in C.
+    """
+    if not _NEEDS_CLEANING.search(data):
+        return CleanText(data=data)
+    text = data.decode("utf-8")
+    unfinished = -1
+    continued: list[int] = []
+
+    def blanked(match: re.Match[str]) -> str:
+        nonlocal unfinished
+        found = match[0]
+        if found.startswith("//"):
+            if found.rstrip("\r ").endswith("\\"):
+                continued.append(text.count("\n", 0, match.start()) + 1)
+            return found
+        if found.startswith("/*"):
+            if len(found) < 4 or not found.endswith("*/"):
+                unfinished = match.start()
+            return re.sub(r"[^\n]", " ", found)
+        return found[0] + re.sub(r"[^\n]", "_", found[1:-1]) + found[-1] if len(found) > 1 else found
+
+    text = _NOT_CODE.sub(blanked, text)
+    # 00 is 0 in C as well. Any other whole number with a leading zero is octal.
+    text = _OCTAL.sub(OCTAL_MARK, _ZEROS.sub(lambda m: " " * len(m[0]), text))
+    return CleanText(data=text.encode(), unfinished_comment=unfinished, continued_lines=tuple(continued))
+
+
+_FUNCTION = re.compile(
+    r"^[^\S\n]*(?!(?:if|else|while|for|switch|do|return)\b)[A-Za-z_][\w:<>,*&\s.]*?[\s*&][*&]?"
+    r"(?!(?:if|while|for|switch|return)\b)[A-Za-z_~][\w:~]*[^\S\n]*\([^;{}()]*\)\s*(?:const\s*|override\s*|noexcept\s*)*\{",
+    re.MULTILINE,
+)
+_OF_PROGRAMS = re.compile(
+    r"^[^\S\n]*(?:(?:public|private|protected|internal|static|partial|sealed|abstract)\s+)*"
+    r"(?:namespace|using|class|struct\s+\w+\s*\{|interface|template|def|import|function|procedure|Public\s+Class)\b",
+    re.MULTILINE,
+)
+_C_SHARP = re.compile(r"^[^\S\n]*(?:using\s+System|namespace\b)|\[DllImport", re.MULTILINE)
+_LINE_COMMENT = re.compile(r"//[^\n]*")
+_SEARCHED = 2_000_000
+"""Characters in which signs of a whole program are looked for."""
+
+
+def program_kind(data: bytes) -> tuple[str, int] | None:
+    """Find out whether a clean text is a whole program.
+
+    Returns:
+        "C#" or "C", and the line with the first sign of it; None for straight-line code.
+    """
+    text = _LINE_COMMENT.sub(lambda m: " " * len(m[0]), data[:_SEARCHED].decode("utf-8", "replace"))
+    signs = [m.start() for m in (_FUNCTION.search(text), _OF_PROGRAMS.search(text)) if m is not None]
+    if not signs:
+        return None
+    return ("C#" if _C_SHARP.search(text) else "C"), text.count("\n", 0, min(signs)) + 1
