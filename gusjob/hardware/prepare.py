@@ -8,7 +8,7 @@ from pathlib import Path
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.driver.library import Library, load_library
-from gusjob.controllers.gus.driver.requirements import check_single_fifo, needed_calls
+from gusjob.controllers.gus.driver.requirements import check_stream, needed_calls
 from gusjob.controllers.gus.dry_run import frame, without_laser
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Diagnostic, has_errors
@@ -50,7 +50,7 @@ def prepare(request: RunRequest) -> PreparedRun | RunOutcome:
         if trace is None or has_errors(simulated):
             return RunOutcome(ending=Ending.INVALID, diagnostics=tuple(found))
         request = replace(request, stream=stream, trace=trace)
-    if faults := check_single_fifo(request.stream):
+    if faults := check_stream(request.stream):
         return RunOutcome(ending=Ending.INVALID, diagnostics=(*found, *request.located(faults)))
     library, faults = load_library(library_path, abi, controller.card, needed_calls(request.stream, machine))
     if library is None:

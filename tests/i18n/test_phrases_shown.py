@@ -39,12 +39,13 @@ from gusjob.cli.progress_lines import plain_line
 from gusjob.cli.run_display import STOP_KEYS
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Phase
+from gusjob.controllers.gus.calls import Call
 from gusjob.controllers.gus.driver import inspection
 from gusjob.controllers.gus.driver.fifo import Interrupted
 from gusjob.controllers.gus.driver.inspection import inspect_library
 from gusjob.controllers.gus.driver.library import _load_error
 from gusjob.controllers.gus.driver.link import MEANINGS, meaning
-from gusjob.controllers.gus.driver.requirements import check_single_fifo
+from gusjob.controllers.gus.driver.requirements import check_stream
 from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.gus.driver.shutdown import _laser_diagnostic, _motion_diagnostic
 from gusjob.controllers.journal.reader import read_journal
@@ -440,7 +441,8 @@ def test_panel_and_lines(phase: Phase) -> None:
 def test_errors_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     stream.buffered.crd[-1] = 2
-    diagnostics = [*check_single_fifo(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
+    stream = replace(stream, calls=(*stream.calls, Call(name="GT_Reset", args=(), at=0, line=1)))
+    diagnostics = [*check_stream(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
     diagnostics += [_laser_diagnostic(0, code, powered) for code in MEANINGS for powered in (False, True)]
     monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
     for diagnostic in diagnostics:

@@ -119,6 +119,7 @@ static short still(short crd)
 
 short GT_Open(short channel, short param) PLAIN("GT_Open", 2, channel, param)
 short GT_Close(void) PLAIN("GT_Close", 0, 0)
+short GT_Reset(void) PLAIN("GT_Reset", 0, 0)
 short GT_ClrSts(short axis, short count) PLAIN("GT_ClrSts", 2, axis, count)
 short GT_AxisOn(short axis) PLAIN("GT_AxisOn", 1, axis)
 
@@ -217,6 +218,8 @@ short GT_SetCrdPrm(short crd, TCrdPrm *pCrdPrm)
     return end(code);
 }
 
+short GT_SetCrdStopDec(short crd, double smooth, double abrupt) PLAIN("GT_SetCrdStopDec", 3, crd, smooth, abrupt)
+
 short GT_CrdClear(short crd, short fifo)
 {
     double values[] = {crd, fifo};
@@ -263,6 +266,8 @@ short GT_GetCrdPos(short crd, double *pPos)
 
 short GT_LnXY(short crd, long x, long y, double vel, double acc, double velEnd, short fifo)
     PUT("GT_LnXY", 7, crd, (double)x, (double)y, vel, acc, velEnd, fifo)
+short GT_LnXYG0(short crd, long x, long y, double vel, double acc, short fifo)
+    PUT("GT_LnXYG0", 6, crd, (double)x, (double)y, vel, acc, fifo)
 short GT_ArcXYC(short crd, long x, long y, double xc, double yc, short dir, double vel, double acc, double velEnd,
                 short fifo)
     PUT("GT_ArcXYC", 10, crd, (double)x, (double)y, xc, yc, dir, vel, acc, velEnd, fifo)
@@ -275,3 +280,8 @@ short GT_BufLaserPrfCmd(short crd, double power, short fifo, short channel)
     PUT("GT_BufLaserPrfCmd", 4, crd, power, fifo, channel)
 short GT_BufLaserPrfFollow(short crd, double ratio, long low, long high, short fifo, short channel)
     PUT("GT_BufLaserPrfFollow", 6, crd, ratio, (double)low, (double)high, fifo, channel)
+short GT_BufLaserFollowRatio(short crd, double ratio, double low, double high, short fifo, short channel)
+    PUT("GT_BufLaserFollowRatio", 6, crd, ratio, low, high, fifo, channel)
+short GT_BufLaserFollowOff(short crd, short fifo, short channel) PUT("GT_BufLaserFollowOff", 3, crd, fifo, channel)
+short GT_BufLaserFollowMode(short crd, short source, short fifo, short channel, double power)
+    PUT("GT_BufLaserFollowMode", 5, crd, source, fifo, channel, power)

@@ -21,6 +21,7 @@ short GT_Close(void);
 short GT_LoadConfig(char *pFile);
 short GT_ClrSts(short axis, short count);
 short GT_AxisOn(short axis);
+short GT_Reset(void);
 short GT_Stop(long mask, long option);
 
 short GT_SetAxisMode(short axis, short mode);
@@ -39,6 +40,7 @@ short GT_SetLaserDisMode(short mode, short source, long *pPos, double *pScale, s
 short GT_SetLaserDisRatio(double *pRatio, double minPower, double maxPower, short channel);
 
 short GT_SetCrdPrm(short crd, TCrdPrm *pCrdPrm);
+short GT_SetCrdStopDec(short crd, double decSmoothStop, double decAbruptStop);
 short GT_CrdClear(short crd, short fifo);
 short GT_CrdSpace(short crd, long *pSpace, short fifo);
 short GT_CrdStart(short mask, short option);
@@ -46,6 +48,7 @@ short GT_CrdStatus(short crd, short *pRun, long *pSegment, short fifo);
 short GT_GetCrdPos(short crd, double *pPos);
 
 short GT_LnXY(short crd, long x, long y, double synVel, double synAcc, double velEnd, short fifo);
+short GT_LnXYG0(short crd, long x, long y, double synVel, double synAcc, short fifo);
 short GT_ArcXYC(short crd, long x, long y, double xCenter, double yCenter, short circleDir, double synVel,
                 double synAcc, double velEnd, short fifo);
 short GT_ArcXYR(short crd, long x, long y, double radius, short circleDir, double synVel, double synAcc,
@@ -55,6 +58,9 @@ short GT_BufLaserOn(short crd, short fifo, short channel);
 short GT_BufLaserOff(short crd, short fifo, short channel);
 short GT_BufLaserPrfCmd(short crd, double laserPower, short fifo, short channel);
 short GT_BufLaserPrfFollow(short crd, double ratio, long minPower, long maxPower, short fifo, short channel);
+short GT_BufLaserFollowRatio(short crd, double ratio, double minPower, double maxPower, short fifo, short channel);
+short GT_BufLaserFollowOff(short crd, short fifo, short channel);
+short GT_BufLaserFollowMode(short crd, short source, short fifo, short channel, double startPower);
 
 #ifdef __cplusplus
 }

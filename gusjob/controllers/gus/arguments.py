@@ -7,7 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Arg, ArgKind, Buffered, BufferedCalls, Call, Signature
+from gusjob.controllers.gus.calls import (
+    BUFFERED,
+    FOLLOW_KINDS,
+    SIGNATURES,
+    Arg,
+    ArgKind,
+    Buffered,
+    BufferedCalls,
+    Call,
+    Signature,
+)
 from gusjob.controllers.gus.ranges import FOLLOW, POWER, Membership, PowerMode, Range
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
@@ -60,10 +70,10 @@ class ArgumentChecker:
             for arg in signature.args:
                 if arg.range is not None:
                     self._check(rows, at, signature, arg, arg.range, bad)
-            if kind in (Buffered.POWER, Buffered.FOLLOW):
+            if kind in (Buffered.POWER, *FOLLOW_KINDS):
                 for channel, mode in enumerate(self.modes):
                     mine = at[self.calls.channel[rows[at]] == channel]
-                    allowed = POWER[mode] if kind == Buffered.POWER else FOLLOW[mode]
+                    allowed = FOLLOW[mode] if kind == Buffered.FOLLOW else POWER[mode]
                     self._check_power(rows, mine, signature, allowed, bad)
         return rows[~bad] if bad.any() else rows
 
@@ -72,7 +82,7 @@ class ArgumentChecker:
         for arg in signature.args:
             if arg.range is None:
                 self._check(rows, at, signature, arg, allowed, bad)
-        if signature.buffered is Buffered.FOLLOW:
+        if signature.buffered in FOLLOW_KINDS:
             upside_down = at[~(self.calls.r[rows[at]] > self.calls.q[rows[at]]) & ~bad[at]]
             reason = Phrase("maxPower must be above minPower")
             self._report(rules.REFUSED, rows[upside_down], lambda _: _refused(signature, reason))

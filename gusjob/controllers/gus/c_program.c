@@ -58,11 +58,15 @@ int gusjob_run(void);
 extern volatile sig_atomic_t gusjob_stop;
 volatile sig_atomic_t gusjob_stop = 0;
 
-enum { LnXY, ArcXYC, ArcXYR, BufDelay, BufLaserOn, BufLaserOff, BufLaserPrfCmd, BufLaserPrfFollow };
+enum {
+    LnXY, LnXYG0, ArcXYC, ArcXYR, BufDelay, BufLaserOn, BufLaserOff, BufLaserPrfCmd, BufLaserPrfFollow,
+    BufLaserFollowRatio, BufLaserFollowOff, BufLaserFollowMode
+};
 static const char *const NAMES[] = {
-    "LnXY", "ArcXYC", "ArcXYR", "BufDelay", "BufLaserOn", "BufLaserOff", "BufLaserPrfCmd", "BufLaserPrfFollow"};
-static const int ARGUMENTS[] = {7, 10, 9, 3, 3, 3, 4, 6};
-static const int FIFO_AT[] = {6, 9, 8, 2, 1, 1, 2, 4};
+    "LnXY", "LnXYG0", "ArcXYC", "ArcXYR", "BufDelay", "BufLaserOn", "BufLaserOff", "BufLaserPrfCmd",
+    "BufLaserPrfFollow", "BufLaserFollowRatio", "BufLaserFollowOff", "BufLaserFollowMode"};
+static const int ARGUMENTS[] = {7, 6, 10, 9, 3, 3, 3, 4, 6, 6, 3, 5};
+static const int FIFO_AT[] = {6, 5, 9, 8, 2, 1, 1, 2, 4, 4, 1, 2};
 
 /* A buffered call: line of the job, number of the call, arguments in the vendor's order. */
 typedef struct {
@@ -311,6 +315,10 @@ static short make_call(const Row *row)
     case LnXY:
         return GT_LnXY((short)a[0], (long)a[1], (long)a[2], a[3], a[4], a[5], (short)a[6]);
 #endif
+#ifdef GUSJOB_LnXYG0
+    case LnXYG0:
+        return GT_LnXYG0((short)a[0], (long)a[1], (long)a[2], a[3], a[4], (short)a[5]);
+#endif
 #ifdef GUSJOB_ArcXYC
     case ArcXYC:
         return GT_ArcXYC((short)a[0], (long)a[1], (long)a[2], a[3], a[4], (short)a[5], a[6], a[7], a[8], (short)a[9]);
@@ -338,6 +346,18 @@ static short make_call(const Row *row)
 #ifdef GUSJOB_BufLaserPrfFollow
     case BufLaserPrfFollow:
         return GT_BufLaserPrfFollow((short)a[0], a[1], (long)a[2], (long)a[3], (short)a[4], (short)a[5]);
+#endif
+#ifdef GUSJOB_BufLaserFollowRatio
+    case BufLaserFollowRatio:
+        return GT_BufLaserFollowRatio((short)a[0], a[1], a[2], a[3], (short)a[4], (short)a[5]);
+#endif
+#ifdef GUSJOB_BufLaserFollowOff
+    case BufLaserFollowOff:
+        return GT_BufLaserFollowOff((short)a[0], (short)a[1], (short)a[2]);
+#endif
+#ifdef GUSJOB_BufLaserFollowMode
+    case BufLaserFollowMode:
+        return GT_BufLaserFollowMode((short)a[0], (short)a[1], (short)a[2], (short)a[3], a[4]);
 #endif
     default:
         return 7;

@@ -24,13 +24,24 @@ class Buffered(IntEnum):
     """The buffered calls. Those up to DELAY take time."""
 
     LINE = 0
-    ARC_CENTRE = 1
-    ARC_RADIUS = 2
-    DELAY = 3
-    ON = 4
-    OFF = 5
-    POWER = 6
-    FOLLOW = 7
+    LINE_TO_REST = 1
+    ARC_CENTRE = 2
+    ARC_RADIUS = 3
+    DELAY = 4
+    ON = 5
+    OFF = 6
+    POWER = 7
+    FOLLOW = 8
+    FOLLOW_REAL = 9
+    """A follow whose limits need not be whole."""
+    FOLLOW_OFF = 10
+    FOLLOW_SOURCE = 11
+
+
+POWER_KINDS = (Buffered.POWER, Buffered.FOLLOW, Buffered.FOLLOW_REAL, Buffered.FOLLOW_OFF)
+"""The buffered calls after which another power is in force."""
+FOLLOW_KINDS = (Buffered.FOLLOW, Buffered.FOLLOW_REAL)
+"""The buffered calls that start to follow the velocity."""
 
 
 class ArgKind(IntEnum):
@@ -129,6 +140,16 @@ _DIR = _whole("dir", ranges.ARC_DIRECTION, "r")
 _SIGNATURES = (
     Signature(name="GT_LnXY", args=(*_TO, *_SPEED), buffered=Buffered.LINE, section="四.3"),
     Signature(
+        name="GT_LnXYG0",
+        args=(
+            *_TO,
+            _real("synVel", ranges.VELOCITY, "vel"),
+            _real("synAcc", ranges.ACCELERATION, "acc"),
+            _FIFO,
+        ),
+        buffered=Buffered.LINE_TO_REST,
+    ),
+    Signature(
         name="GT_ArcXYC",
         args=(
             *_TO,
@@ -169,6 +190,24 @@ _SIGNATURES = (
         ),
         buffered=Buffered.FOLLOW,
         section="四.2",
+    ),
+    Signature(
+        name="GT_BufLaserFollowRatio",
+        args=(
+            _CRD,
+            _real("ratio", ranges.FOLLOW_RATIO, "p"),
+            _real("minPower", None, "q"),
+            _real("maxPower", None, "r"),
+            _FIFO,
+            _CH,
+        ),
+        buffered=Buffered.FOLLOW_REAL,
+    ),
+    Signature(name="GT_BufLaserFollowOff", args=(_CRD, _FIFO, _CH), buffered=Buffered.FOLLOW_OFF),
+    Signature(
+        name="GT_BufLaserFollowMode",
+        args=(_CRD, _whole("source", ranges.FOLLOW_SOURCE, "p"), _FIFO, _CH, _real("startPower", None, "q")),
+        buffered=Buffered.FOLLOW_SOURCE,
     ),
     Signature(
         name="GT_SetAxisMode",
@@ -244,12 +283,22 @@ _SIGNATURES = (
         section="五.2",
     ),
     Signature(name="GT_SetCrdPrm", args=(_CRD, Arg(name="pCrdPrm", kind=ArgKind.STRUCT, c=CType.CRD_PARAMETERS))),
+    Signature(
+        name="GT_SetCrdStopDec",
+        args=(
+            _CRD,
+            _real("decSmoothStop", ranges.ACCELERATION),
+            _real("decAbruptStop", ranges.ACCELERATION),
+        ),
+    ),
     Signature(name="GT_CrdClear", args=(_CRD, _FIFO), section="四.3"),
     Signature(name="GT_CrdStart", args=(_whole("mask"), _whole("option")), section="四.3"),
     Signature(
         name="GT_CrdStatus",
         args=(_CRD, _found("pRun", CType.SHORT), _found("pSegment", CType.LONG), _FIFO),
     ),
+    Signature(name="GT_Stop", args=(_whole("mask", c=CType.LONG), _whole("option", c=CType.LONG))),
+    Signature(name="GT_Reset", args=()),
 )
 
 SIGNATURES: dict[str, Signature] = {s.name: s for s in _SIGNATURES}
@@ -265,18 +314,18 @@ HOST_CALLS: dict[str, Signature] = {
     for s in (
         Signature(name="GT_Open", args=(_whole("channel"), _whole("param"))),
         Signature(name="GT_Close", args=()),
-        Signature(name="GT_Reset", args=()),
+        SIGNATURES["GT_Reset"],
         Signature(name="GT_LoadConfig", args=(Arg(name="pFile", kind=ArgKind.WHOLE, c=CType.TEXT),)),
         Signature(name="GT_ClrSts", args=(_AXIS, _COUNT)),
         Signature(name="GT_AxisOn", args=(_AXIS,)),
         Signature(name="GT_AxisOff", args=(_AXIS,)),
         Signature(name="GT_GetDi", args=(_whole("diType"), _found("pValue", CType.LONG))),
-        Signature(name="GT_Stop", args=(_whole("mask", c=CType.LONG), _whole("option", c=CType.LONG))),
+        SIGNATURES["GT_Stop"],
         Signature(name="GT_CrdSpace", args=(_CRD, _found("pSpace", CType.LONG), _FIFO)),
         Signature(name="GT_GetCrdPos", args=(_CRD, _found("pPos", CType.DOUBLE, 8))),
     )
 }
-"""Calls of a host program, besides those of a job (sister)."""
+"""Calls of a host program, besides those that every job needs (sister)."""
 
 CRD_FIELDS: tuple[tuple[str, CType, int, Range | None], ...] = (
     ("dimension", CType.SHORT, 1, ranges.DIMENSION),
@@ -322,7 +371,7 @@ class BufferedCalls:
     """Buffered calls, (n,) each; unused entries are 0.
 
     x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and
-    its direction; a delay's ms; a power; a follow's ratio, min, max.
+    its direction; a delay's ms; a power; a follow's ratio, min, max; a follow's source and start power.
     """
 
     kind: npt.NDArray[np.uint8]

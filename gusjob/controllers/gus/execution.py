@@ -54,7 +54,8 @@ class Execution:
     """Everything that the controller does with a stream.
 
     `at_end`: immediate actions after the last stage. `lasers`: state after it. `readings`: (line, channel, value) of
-    each reading of a switch. `channels`: those that any call names.
+    each reading of a switch. `channels`: those that any call names. `is_known`: whether the stream determines what
+    runs: no call stops a stage at an unknown time.
     """
 
     stages: tuple[StageRun, ...]
@@ -62,4 +63,5 @@ class Execution:
     lasers: tuple[LaserState, LaserState]
     readings: tuple[tuple[int, int, int], ...]
     channels: tuple[int, ...]
+    is_known: bool
     diagnostics: tuple[Diagnostic, ...]

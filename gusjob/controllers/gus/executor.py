@@ -72,6 +72,8 @@ class _CallExecutor:
     stages: list[StageRun] = field(default_factory=list)
     actions: list[ImmediateAction] = field(default_factory=list)
     readings: list[tuple[int, int, int]] = field(default_factory=list)
+    is_known: bool = True
+    """Whether the listing determines what runs."""
     systems: dict[int, CrdSettings] = field(default_factory=dict)
     """Settings of each coordinate system that GT_SetCrdPrm has set up."""
 
@@ -93,6 +95,7 @@ class _CallExecutor:
         modes = (self.lasers[0].power_mode, self.lasers[1].power_mode)
         checker = ArgumentChecker(calls=calls, modes=modes, collector=self.collector)
         rows = checker.accepted(np.arange(first, last))
+        self.check_sources(rows)
         keys = calls.crd[rows].astype(np.int64) * 2 + calls.fifo[rows]
         lasers = calls.kind[rows] >= Buffered.ON
         self.named.update(np.unique(calls.channel[rows][lasers]).tolist())
@@ -109,6 +112,18 @@ class _CallExecutor:
                     self.running.parts.append(part)
             else:
                 self.queues.setdefault((crd, fifo), []).append(part)
+
+    def check_sources(self, rows: Indices) -> None:
+        """Report what of GT_BufLaserFollowMode is not simulated (sister)."""
+        calls = self.stream.buffered
+        at = rows[calls.kind[rows] == Buffered.FOLLOW_SOURCE]
+        for bad, reason in (
+            (calls.p[at] == 1, Phrase("source 1 is the measured velocity; the simulation follows the planned one")),
+            (calls.q[at] != 0, Phrase("startPower is not documented; it is not simulated")),
+        ):
+            for row in at[bad].tolist():
+                name = BUFFERED[Buffered.FOLLOW_SOURCE].name
+                self.diagnostic(rules.QUESTIONABLE_CALL, int(calls.line[row]), call=name, reason=reason)
 
     # Calls that are not buffered.
 
@@ -290,8 +305,11 @@ class _CallExecutor:
         if self.running is not None and self.running.crd == crd:
             self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
             return
-        dropped = sum(map(len, self.queues.pop((crd, fifo), [])))
-        if dropped:
+        self.drop(call, self.queues.pop((crd, fifo), []))
+
+    def drop(self, call: Call, parts: list[Indices]) -> None:
+        """Report buffered calls that a call removes from their FIFO."""
+        if dropped := sum(map(len, parts)):
             reason = Phrase("{count} buffered calls are cleared and never run", count=dropped)
             self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
 
@@ -352,6 +370,39 @@ class _CallExecutor:
                 self.switch[channel] = bool(calls.kind[mine[-1]] == Buffered.ON)
         self.running = None
 
+    def stop(self, call: Call) -> None:
+        """GT_Stop: bits 8 and 9 of the mask are coordinate systems 1 and 2, bits 0 to 7 axes (sister).
+
+        At rest it has no effect.
+        """
+        if self.running is not None and int(self.number(call, 0)):
+            self.refuse_to_guess(call, self.running)
+
+    def reset(self, call: Call) -> None:
+        """GT_Reset: the state at power-up (sister). Where the axes are does not change."""
+        if self.running is not None:
+            self.refuse_to_guess(call, self.running)
+            return
+        buffered = [part for parts in self.queues.values() for part in parts]
+        self.drop(call, buffered)
+        if self.systems or self.lasers != [LaserState(), LaserState()] or any((*self.switch, *self.axis_ever)):
+            reason = Phrase("the switch goes off; modes, limits, delays and coordinate systems set before are lost")
+            self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
+        for channel in (0, 1):
+            self.act(ImmediateAction(channel=channel, on=False, line=call.line))
+            self.act(ImmediateAction(channel=channel, power=float("nan"), line=call.line))
+        self.lasers, self.switch = [LaserState(), LaserState()], [False, False]
+        self.axis_called, self.axis_ever = [False, False], [False, False]
+        self.systems, self.queues = {}, {}
+
+    def refuse_to_guess(self, call: Call, stage: StageRun) -> None:
+        """Report a call that stops a stage at a moment that the listing does not give."""
+        self.is_known = False
+        self.diagnostic(rules.UNKNOWN_STOP, call.line, call=call.name, crd=stage.crd)
+
+    def passed_over(self, call: Call) -> None:
+        """Nothing that the simulation shows depends on the call."""
+
     def finish(self) -> Execution:
         """End the last stage; report calls that are never started."""
         calls = self.stream.buffered
@@ -367,6 +418,7 @@ class _CallExecutor:
             lasers=(self.lasers[0], self.lasers[1]),
             readings=tuple(self.readings),
             channels=tuple(sorted(self.named)),
+            is_known=self.is_known,
             diagnostics=tuple(self.collector.finish(rules.NOT_LISTED)),
         )
 
@@ -423,6 +475,9 @@ _HANDLERS: dict[str, Callable[[_CallExecutor, Call], None]] = {
     "GT_CrdClear": _CallExecutor.clear,
     "GT_CrdStart": _CallExecutor.start,
     "GT_CrdStatus": _CallExecutor.wait,
+    "GT_SetCrdStopDec": _CallExecutor.passed_over,
+    "GT_Stop": _CallExecutor.stop,
+    "GT_Reset": _CallExecutor.reset,
 }
 
 assert _HANDLERS.keys() == SIGNATURES.keys() - {s.name for s in BUFFERED.values()}

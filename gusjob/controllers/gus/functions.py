@@ -97,21 +97,28 @@ GTN_Open and GTN_Close take no core.
 GSN_SAME_FORM = frozenset(
     {
         "GT_LnXY",
+        "GT_LnXYG0",
         "GT_ArcXYC",
         "GT_ArcXYR",
         "GT_BufDelay",
         "GT_BufLaserOn",
         "GT_BufLaserOff",
         "GT_BufLaserPrfCmd",
+        "GT_BufLaserFollowRatio",
+        "GT_BufLaserFollowMode",
+        "GT_BufLaserFollowOff",
         "GT_LaserPowerMode",
         "GT_LaserPrfCmd",
         "GT_LaserOutFrq",
         "GT_SetPulseWidth",
         "GT_SetLevelDelay",
         "GT_SetCrdPrm",
+        "GT_SetCrdStopDec",
         "GT_CrdClear",
         "GT_CrdStart",
         "GT_CrdStatus",
+        "GT_Stop",
+        "GT_Reset",
     }
 )
 """Calls of calls.SIGNATURES whose GTN_ function takes `core`, then M's arguments (sister, GSN).

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream
+from gusjob.controllers.gus.calls import FOLLOW_KINDS, POWER_KINDS, Buffered, BufferedCalls, Stream
 from gusjob.controllers.gus.checks import carrier_diagnostics, limit_diagnostics, listing_diagnostics
 from gusjob.controllers.gus.execution import CrdSettings, Execution
 from gusjob.controllers.gus.executor import execute
 from gusjob.controllers.gus.geometry import call_segments
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.kinematics.arrays import Indices
+from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.simulate import Trace, simulate
 from gusjob.simulate.events import ChannelEvents, Events, LaserSwitchEvents, MotionEvents, PowerEvents, StageEvents
 
@@ -28,9 +29,11 @@ def simulate_stream(
         coarse: Only the diagnostics are of interest: sample power at fewer ticks.
 
     Returns:
-        The trace, or None if the run is too long to be simulated; and the diagnostics.
+        The trace, or None if the run is too long to be simulated or not known; and the diagnostics.
     """
     execution = execute(stream, has_scanner=machine.scanner is not None)
+    if not execution.is_known:
+        return None, list(execution.diagnostics)
     events, diagnostics = events_of(stream, execution)
     trace, found = simulate(events, machine, is_listing=is_listing, coarse=coarse)
     diagnostics += found
@@ -139,14 +142,24 @@ def _switch(
 def _power(
     calls: BufferedCalls, rows: Indices, stage_of_row: Indices, segment_of_row: Indices, channel: int
 ) -> PowerEvents:
-    kind = calls.kind[rows]
-    mine = np.flatnonzero(((kind == Buffered.POWER) | (kind == Buffered.FOLLOW)) & (calls.channel[rows] == channel))
+    mine = np.flatnonzero(np.isin(calls.kind[rows], POWER_KINDS) & (calls.channel[rows] == channel))
+    mine = mine[_changes_power(calls.kind[rows[mine]])]
     row = rows[mine]
-    follow = calls.kind[row] == Buffered.FOLLOW
+    kind = calls.kind[row]
+    follow = np.isin(kind, FOLLOW_KINDS)
+    # What power is in force after the end of a follow is not documented: none that a call has set.
+    direct = np.where(kind == Buffered.FOLLOW_OFF, np.nan, calls.p[row])
     return PowerEvents(
         stage=stage_of_row[mine],
         segment=segment_of_row[mine],
-        low=np.where(follow, calls.q[row], calls.p[row]),
+        low=np.where(follow, calls.q[row], direct),
         ratio=np.where(follow, calls.p[row], 0.0),
         high=np.where(follow, calls.r[row], np.inf),
     )
+
+
+def _changes_power(kind: npt.NDArray[np.uint8]) -> Bools:
+    """Find the power calls of a channel that change its power, (e,): a follow ends only after one has begun."""
+    ends = kind == Buffered.FOLLOW_OFF
+    last = np.maximum.accumulate(np.where(ends, -1, np.arange(len(kind))))
+    return np.asarray(~ends | ((last >= 0) & np.isin(kind[last], FOLLOW_KINDS)))

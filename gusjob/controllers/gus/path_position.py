@@ -164,7 +164,7 @@ class TimedPath:
         row, moves = int(self.timed[number]), self.timed[:number]
         moves = moves[self.calls.kind[moves] < Buffered.DELAY]
         x0, y0 = (self.calls.x[moves[-1]], self.calls.y[moves[-1]]) if len(moves) else self.start_pulse
-        is_arc = self.calls.kind[row] != Buffered.LINE
+        is_arc = self.calls.kind[row] in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS)
         return bool(is_arc and math.hypot(self.calls.x[row] - x0, self.calls.y[row] - y0) <= NEAR_PULSE)
 
     def earliest(self, taken: int) -> PathPosition:

@@ -273,6 +273,15 @@ FOLLOW_RATIO = Range(
     section="四.2",
     note="M: must be positive; power units per pulse/ms",
 )
+FOLLOW_SOURCE = Range(
+    name="follow source",
+    unit="",
+    low=0,
+    high=1,
+    whole=True,
+    section="sister",
+    note="0 planned velocity, 1 measured velocity, which gusjob does not simulate",
+)
 
 # Laser: distance follow (M 五.2). M prints no ranges for the limits; a limit is a power.
 DISTANCE_LIMIT_PCT = Range(name="distance follow limits, duty", unit="%", low=0, high=100, section="五.2")

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
+from gusjob.controllers.gus.calls import POWER_KINDS, SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
 from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import reachable_ends
 
-CRD_CALLS = ("GT_SetCrdPrm", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus")
+CRD_CALLS = ("GT_SetCrdPrm", "GT_SetCrdStopDec", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus", "GT_Stop", "GT_Reset")
 """Immediate calls of the coordinate system; all others are calls of a laser."""
 _IMMEDIATE_EFFECTS = ("GT_SetHSIOOpt", "GT_LaserPrfCmd", "GT_GetHSIOOpt")
 """Laser calls that are no settings: switch and power are rebuilt as buffered calls."""
@@ -76,7 +76,7 @@ def whole_job(stream: Stream, head_pulse: tuple[float, float] | None) -> Remaind
         return Remainder(stream=stream)
     first = int(timed[0])
     emits = any(_switch_state(stream, first, channel).on for channel in CHANNELS)
-    if stream.buffered.kind[first] == Buffered.LINE and not emits:
+    if stream.buffered.kind[first] <= Buffered.LINE_TO_REST and not emits:
         return Remainder(stream=stream)
     return remainder_from(stream, JOB_START, head_pulse)
 
@@ -108,6 +108,8 @@ def remainder_from(stream: Stream, position: PathPosition, head_pulse: tuple[flo
         lead.add(Buffered.LINE, x=start[0], y=start[1], vel=vel, acc=acc)
     for channel in CHANNELS:
         state = _switch_state(stream, row, channel)
+        if state.source is not None:
+            lead.rows.append(calls.pick(np.array([state.source])))
         if isinstance(state.power, int):
             lead.rows.append(calls.pick(np.array([state.power])))
         elif state.power is not None:
@@ -165,10 +167,14 @@ class _LeadIn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SwitchState:
-    """A channel's state before a row. `power`: the row that set it, a power that was set immediately, or None."""
+    """A channel's state before a row. `power`: the row that set it, a power that was set immediately, or None.
+
+    `source`: the row that set the source of a follow, or None.
+    """
 
     on: bool
     power: int | float | None
+    source: int | None
 
 
 def _switch_state(stream: Stream, row: int, channel: int) -> _SwitchState:
@@ -177,7 +183,7 @@ def _switch_state(stream: Stream, row: int, channel: int) -> _SwitchState:
     mine = (calls.channel[:row] == channel) & (calls.kind[:row] >= Buffered.ON)
     at = np.flatnonzero(mine)
     switches = at[calls.kind[at] <= Buffered.OFF]
-    powers = at[calls.kind[at] >= Buffered.POWER]
+    powers, sources = at[np.isin(calls.kind[at], POWER_KINDS)], at[calls.kind[at] == Buffered.FOLLOW_SOURCE]
     switch = (int(switches[-1]) + 1, calls.kind[switches[-1]] == Buffered.ON) if len(switches) else (-1, False)
     power: tuple[int, int | float | None] = (int(powers[-1]) + 1, int(powers[-1])) if len(powers) else (-1, None)
     mode: float | None = None
@@ -194,18 +200,19 @@ def _switch_state(stream: Stream, row: int, channel: int) -> _SwitchState:
             if call.args[0] != mode and call.at >= power[0]:
                 power = (call.at, None)
             mode = call.args[0]
-    return _SwitchState(on=bool(switch[1]), power=power[1])
+    source = int(sources[-1]) if len(sources) else None
+    return _SwitchState(on=bool(switch[1]), power=power[1], source=source)
 
 
 def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int) -> Iterator[Call]:
     """Yield the immediate calls: settings in force, the coordinate system, and the calls after the row."""
     settings = dict[tuple[str, object], Call]()
-    built: Call | None = None
+    built = dict[str, Call]()
     for call in stream.calls:
         if call.at > row:
             continue
-        if call.name == "GT_SetCrdPrm" and call.args[0] == crd:
-            built = call
+        if call.name in ("GT_SetCrdPrm", "GT_SetCrdStopDec") and call.args[0] == crd:
+            built[call.name] = call
         elif call.name not in (*CRD_CALLS, *_IMMEDIATE_EFFECTS):
             # An axis belongs to a channel: 7 is channel 0, 8 is channel 1 (M 二.2).
             channel = call.args[0] if call.name == "GT_SetAxisMode" else call.args[-1]
@@ -214,7 +221,7 @@ def _calls(stream: Stream, row: int, shift: int, line: int, crd: int, fifo: int)
             settings[call.name, channel] = call
     order = list(SIGNATURES)
     settings = dict(sorted(settings.items(), key=lambda item: order.index(item[0][0])))
-    for call in (*settings.values(), *([built] if built else [])):
+    for call in (*settings.values(), *built.values()):
         yield replace(call, at=0)
     yield Call(name="GT_CrdClear", args=(float(crd), float(fifo)), at=0, line=line)
     after = [replace(call, at=call.at + shift) for call in stream.calls if call.at > row]

@@ -155,3 +155,10 @@ NOT_RESET = rule(
     "reset; this job does not use the setting",
     why="A delay or a follow mode that is still in force changes every mark.",
 )
+NOT_IN_RUN = rule(
+    "GJ921",
+    ERROR,
+    title="call that a run on hardware does not make",
+    text="{call} can't be part of a run on hardware: leave it out; gusjob stops and sets up the controller itself",
+    why="After such a call gusjob no longer knows the state of the laser and the rest of the path.",
+)

@@ -159,3 +159,13 @@ FIFO_FULL = rule(
     "lost, unless the program starts the motion and sends it again",
     why="A program that ignores a full FIFO, or treats it as an error, loses the rest of the path.",
 )
+UNKNOWN_STOP = rule(
+    "GJ725",
+    ERROR,
+    title="stop at an unknown time",
+    text="{call} stops coordinate system {crd} while it moves, and this listing does not say when: "
+    "what runs then is not known",
+    why="What is marked depends on how far the motion has come at the stop.",
+    bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_Stop(256,0)\n",
+    good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\nGT_Stop(256,0)\n",
+)

@@ -51,7 +51,19 @@ LINE X 1 Y 2
 LASER OFF CHANNEL 1
 """
 )
-"""Every buffered call, three stages, two channels."""
+"""Every buffered call that a job can make, three stages, two channels."""
+
+OTHERS = """GT_Reset()
+GT_SetCrdStopDec(1,2.5,100)
+GT_LnXYG0(1,1000,-2000,50.5,2,0)
+GT_BufLaserFollowMode(1,0,0,0,0.5)
+GT_BufLaserFollowRatio(1,0.1,2.5,97.5,0,0)
+GT_BufLaserFollowOff(1,0,0)
+GT_CrdStart(1,0)
+GT_CrdStatus(1,run,segment,0)
+GT_Stop(256,256)
+"""
+"""Calls of listings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,11 +185,12 @@ def test_makes_the_calls_of_the_listing(path: Path, build: Build) -> None:
 
 @needs_cc
 def test_makes_every_call_there_is(build: Build) -> None:
-    stream = stream_of(JOB)
-    assert set(stream.buffered.kind.tolist()) == set(BUFFERED)
-    ran = run(build(stream))
-    assert (ran.status, ran.told) == (0, "")
-    assert job_calls(ran) == wanted(stream, "01")
+    job, others = stream_of(JOB), calls_in(OTHERS)
+    assert {*job.buffered.kind.tolist(), *others.buffered.kind.tolist()} == set(BUFFERED)
+    for stream, channels in ((job, "01"), (others, "0")):
+        ran = run(build(stream))
+        assert (ran.status, ran.told) == (0, "")
+        assert job_calls(ran) == wanted(stream, channels)
 
 
 @needs_cc

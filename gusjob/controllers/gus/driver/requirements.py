@@ -59,6 +59,20 @@ def needed_calls(stream: Stream, machine: Machine) -> set[str]:
     return names | ({"GT_GetDi"} if machine.controller.interlock else set())
 
 
+_NOT_IN_RUN = ("GT_Reset", "GT_Stop")
+"""Calls of a program that controls its run itself: a run has its own stop, and needs the state that it set up."""
+
+
+def check_stream(stream: Stream) -> list[Diagnostic]:
+    """Refuse a stream that a run on hardware can't send."""
+    refused = [
+        Diagnostic(rule=rules.NOT_IN_RUN, span=Span(line=call.line), fields={"call": call.name})
+        for call in stream.calls
+        if call.name in _NOT_IN_RUN
+    ]
+    return [*check_single_fifo(stream), *refused[:1]]
+
+
 def check_single_fifo(stream: Stream) -> list[Diagnostic]:
     """Refuse a stream that fills more than one FIFO: the order in which they run is not known."""
     calls = stream.buffered
