@@ -27,6 +27,7 @@ from gusjob.frontend.listing.c_variables import (
     converted,
     crd_field_type,
     crd_struct,
+    sets_it,
     unknown,
 )
 from gusjob.frontend.parse.grammar import subtrees, tokens
@@ -107,6 +108,8 @@ class CEvaluator:
                 self._enumeration(item)
             case "check":
                 self._check(item)
+            case "wait":
+                self._wait(item)
             case "statement":
                 self._statement(subtrees(item)[0])
             case _:
@@ -305,6 +308,37 @@ class CEvaluator:
             self.report(rules.CONTROL_FLOW, keyword, word="if")
             return
         self.checks += 1
+
+    def _wait(self, item: Tree[Token]) -> None:
+        """Read a loop that ends with the motion as one question for the status: the program has waited."""
+        keyword, parts = tokens(item)[0], subtrees(item)
+        is_do = keyword.type == "DO"
+        condition, body = (parts[-1], parts[:-1]) if is_do else (parts[0], parts[1:])
+        asked = [t for t in map(_question, body) if t is not None]
+        run = _run_name(asked[0]) if len(asked) == 1 else None
+        harmless = all(_question(t) is not None or _is_harmless(t) for t in body)
+        if run is None or not harmless or _has_effect(condition) or not self._waits_for(condition, run, is_do):
+            self.report(rules.CONTROL_FLOW, keyword, word=str(keyword))
+            return
+        for part in body:
+            self._statement(part)
+
+    def _waits_for(self, condition: Tree[Token], run: str, is_do: bool) -> bool:
+        """Whether a loop goes on while `run` is 1 and ends when it is 0, and is not left out."""
+        variables = self.variables
+        before = variables.get(run)
+        outcomes = []
+        for value in (1.0, 0.0):
+            variables.values[run] = CNumber(value=value)
+            outcomes.append(self.expression(condition))
+        variables.values[run] = before
+        goes_on, ends = outcomes
+        if not (isinstance(goes_on, CNumber) and goes_on.value and isinstance(ends, CNumber) and not ends.value):
+            return False
+        if is_do or (isinstance(before, UnknownValue) and before.reason == sets_it("GT_CrdStatus")):
+            return True
+        entered = self.expression(condition)
+        return isinstance(entered, CNumber) and entered.value != 0
 
     # Expressions.
 
@@ -681,6 +715,28 @@ def _without_void(tree: Tree[Token]) -> Tree[Token]:
     return tree
 
 
+def _question(tree: Tree[Token]) -> Tree[Token] | None:
+    """Return the call of a statement that asks for the status: GT_CrdStatus(...), rtn = GT_CrdStatus(...)."""
+    tree = _without_void(tree)
+    if tree.data == "assign" and subtrees(tree)[0].data == "name" and tokens(tree)[0] == "=":
+        tree = subtrees(tree)[1]
+    return tree if tree.data == "call" and called_name(tree) == "GT_CrdStatus" else None
+
+
+def _run_name(call: Tree[Token]) -> str | None:
+    """Return the variable that tells whether the motion runs: the first that GT_CrdStatus sets."""
+    given = [_given_name(arg) for arg in subtrees(call)[1:] if arg.data in ("address", "by_reference")]
+    return given[0] if len(given) == 2 else None
+
+
+def _is_harmless(tree: Tree[Token]) -> bool:
+    """Whether a statement only reports or lets time pass."""
+    tree = _without_void(tree)
+    if tree.data != "call":
+        return _is_output(tree) and not _has_effect(tree)
+    return str(called_name(tree)) in HARMLESS_FUNCTIONS and not any(map(_has_effect, subtrees(tree)[1:]))
+
+
 def _is_output(tree: Tree[Token]) -> bool:
     """Whether an expression is the output of C++: std::cout << a << b."""
     while tree.data == "binary" and tokens(tree)[0] == "<<":
@@ -724,12 +780,7 @@ def _only_leaves(reactions: Sequence[Tree[Token]]) -> bool:
     left = [r for r in reactions if r.children]
     if any(isinstance(r.children[0], Token) for r in left[-1:]):
         return True
-    found = [_without_void(subtrees(r)[0]) for r in left]
-    return bool(found) and all(
-        (r.data == "call" and str(called_name(r)) in HARMLESS_FUNCTIONS and not any(map(_has_effect, subtrees(r)[1:])))
-        or _is_output(r)
-        for r in found
-    )
+    return bool(left) and all(_is_harmless(subtrees(r)[0]) for r in left)
 
 
 def _given_name(arg: Tree[Token]) -> str | None:

@@ -59,6 +59,11 @@ def unknown(reason: str) -> UnknownValue:
     return UnknownValue(reason=reason)
 
 
+def sets_it(function: str) -> str:
+    """Return why the variable that a call sets is not known."""
+    return Phrase("{function}() sets it", function=function)
+
+
 def crd_struct(values: CValue) -> CStruct:
     """Make a TCrdPrm with one value in all of its fields."""
     fields: dict[str, CValue] = {}

@@ -12,7 +12,8 @@ _NOT_CODE = re.compile(
     r"//[^\n]*"  # To the end of its line, whatever it holds.
     r"|/\*.*?(?:\*/|\Z)"
     r'|"(?:\\.|[^"\\\n])*"?'
-    r"|'(?:\\.|[^'\\\n])*'?",
+    r"|'(?:\\.|[^'\\\n])*'?"
+    r"|(?<=[\s,;(){}])\\[ \t\r]*\n",  # A line that goes on; inside of a word it is left, and not read.
     re.DOTALL,
 )
 _NEEDS_CLEANING = re.compile(rb"/\*|[\"'\\]|(?<![0-9A-Za-z_.])0[0-9]")
@@ -55,6 +56,9 @@ def clean_text(data: bytes) -> CleanText:
             if found.rstrip("\r ").endswith("\\"):
                 continued.append(text.count("\n", 0, match.start()) + 1)
             return found
+        if found.startswith("\\"):
+            of_directive = text[text.rfind("\n", 0, match.start()) + 1 : match.start()].lstrip().startswith("#")
+            return found if of_directive else " " + found[1:]
         if found.startswith("/*"):
             if len(found) < 4 or not found.endswith("*/"):
                 unfinished = match.start()

@@ -26,7 +26,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span, has_errors
 from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro, first_token, is_library_name
 from gusjob.frontend.listing.c_numbers import CNumber
-from gusjob.frontend.listing.c_variables import CArray, CStruct, CValue, UnknownValue, plain, why_unknown
+from gusjob.frontend.listing.c_variables import CArray, CStruct, CValue, UnknownValue, plain, sets_it, why_unknown
 from gusjob.frontend.listing.call_rows import (
     CALL_OP,
     COLUMNS,
@@ -86,6 +86,8 @@ _TYPE_WORDS = re.compile(
 )
 _CODE = re.compile(r"GTN?_|[;={}#\[\]\\\"]|[A-Za-z_]\w*\s*\(|\+\+|--")
 """Characters that most code has, but no comment of the manual."""
+_HEADER = re.compile(r"\s*#\s*include\s*(?:<[^<>]*>|\"[^\"]*\.h(?:h|pp|xx)?\")", re.IGNORECASE)
+"""An #include of a header, which has no calls."""
 _STARTS_ALONE = re.compile(r"\s*[^\W_]")
 """How a text begins that can't go on with a statement before it."""
 _LEADING_RANGE = (0.0, 15.0)
@@ -184,6 +186,9 @@ class _ListingReader:
     """Last line of the last statement that was refused as control flow."""
     has_conditional_text: bool = False
     first_check: int = 0
+    left: Span | None = None
+    """The first statement that ends the program."""
+    goes_on_after_leaving: bool = False
     named_by_templates: set[str] = field(default_factory=set)
     unterminated: bool = False
     """The last statement has no semicolon."""
@@ -206,6 +211,9 @@ class _ListingReader:
             self.report(rules.CALL_SYNTAX, line, 1, 2, found=found)
         rows = scan(clean.data, semicolon_comments=False, learn=self.learn, parse_line=self.parse_line)
         rows = self.without_joined(join_rows([rows, *self.finish()]))
+        if self.left is not None and (self.goes_on_after_leaving or (rows.line > self.left.line).any()):
+            start = self.left.column
+            self.report(rules.CONTROL_FLOW, self.left.line, start, start + self.left.end_column, word="return")
         self.note_passed_over(rows)
         rows = rows.pick(rows.op != PASSED_OVER_OP)
         self.check_leading(rows)
@@ -431,6 +439,8 @@ class _ListingReader:
             self.evaluator.macros.pop(rest.strip(), None)
         elif word in ("else", "elif", "endif") and self.has_conditional_text:
             pass
+        elif word == "include" and not _HEADER.match(self.source.line(number)):
+            self.report(rules.CALL_SYNTAX, number, 1, len(code) + 1, found=Phrase("a file that may hold calls"))
         elif word not in ("include", "pragma", "region", "endregion", ""):
             self.has_conditional_text = True
             column = code.index("#") + 1
@@ -534,6 +544,12 @@ class _ListingReader:
 
     def item(self, item: Tree[Token]) -> None:
         """Run one item of a line."""
+        if item.data == "leave":
+            token = tokens(item)[0]
+            self.left = self.left or Span(line=self.line_of(token), column=token.column or 1, end_column=len(token))
+            return
+        if self.left is not None:
+            self.goes_on_after_leaving = True
         self.code, self.time_ms = 0.0, math.nan
         checks = self.evaluator.checks
         inner = subtrees(item)[0] if item.data in ("statement", "stamped") else None
@@ -662,7 +678,7 @@ class _ListingReader:
         if arg.kind is ArgKind.POINTER:
             return self.result_argument(signature, tree)
         is_block = arg.kind in (ArgKind.ARRAY, ArgKind.STRUCT)
-        self.misfits += tree.data == ("number" if is_block else "members")
+        self.misfits += tree.data in (("number",) if is_block else ("members", "address", "by_reference"))
         value = self.block_argument(arg, tree) if is_block else self.evaluator.expression(tree)
         found = plain(value)
         fits = isinstance(found, float) if arg.kind in (ArgKind.WHOLE, ArgKind.REAL) else isinstance(found, tuple)
@@ -714,7 +730,7 @@ class _ListingReader:
             fields = {"argument": "pointer", "call": signature.name, "wanted": EXPECTED_ARGUMENT[ArgKind.POINTER]}
             self.report_value(fields, tree, UnknownValue(reason=""))
             return None
-        self.evaluator.variables.lose([name], Phrase("{function}() sets it", function=signature.name))
+        self.evaluator.variables.lose([name], sets_it(signature.name))
         return name
 
     def report_value(self, fields: dict[str, str], tree: Tree[Token], value: CValue) -> None:
