@@ -356,6 +356,9 @@ class CEvaluator:
     def _name(self, tree: Tree[Token]) -> CValue:
         name = str(tokens(tree)[0])
         macro = self.macros.get(name)
+        if is_library_name(name) and name.startswith("GT"):
+            self.report(rules.CALL_SYNTAX, tokens(tree)[0], found=Phrase("{call} without arguments", call=name))
+            return UnknownValue(reason="", is_reported=True)
         if macro is None:
             constant = _CONSTANTS.get(name)
             return self.variables.get(name) if constant is None else CNumber(value=constant)

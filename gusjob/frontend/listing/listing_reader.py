@@ -354,11 +354,16 @@ class _ListingReader:
         except UnexpectedInput as error:
             self.not_code(error, code, number)
             return
+        items = subtrees(tree)
+        unterminated = not code.rstrip().endswith((";", "}"))
+        if items and unterminated and _only_begins(items[-1]) and number - self.first_line < _MAX_JOINED_LINES:
+            self.pending_from = self.first_line
+            return
         self.end_statement(number)
-        for item in subtrees(tree):
+        for item in items:
             self.item(item)
         if code.strip():
-            self.unterminated = not code.rstrip().endswith((";", "}"))
+            self.unterminated = unterminated
 
     def end_statement(self, number: int) -> None:
         """Note that the lines up to this one are read; the first of them was pending."""
@@ -547,6 +552,8 @@ class _ListingReader:
         if item.data == "leave":
             token = tokens(item)[0]
             self.left = self.left or Span(line=self.line_of(token), column=token.column or 1, end_column=len(token))
+            for returned in subtrees(item):
+                self.evaluator.expression(returned)
             return
         if self.left is not None:
             self.goes_on_after_leaving = True
@@ -780,6 +787,17 @@ def _logged_call(item: Tree[Token]) -> _LoggedCall | None:
     if not is_library_name(str(name)):
         return None
     return _LoggedCall(name=name, args=subtrees(tree)[1:], set_name=set_name, time=time)
+
+
+def _only_begins(item: Tree[Token]) -> bool:
+    """Whether an item at the end of a line is a place alone: its assignment, or its call, is on the next line."""
+    inner = subtrees(item)[0] if item.data == "statement" else None
+    while inner is not None and inner.data in ("cast", "assign"):
+        if inner.data == "assign":
+            last = subtrees(inner)[-1]
+            return last.data == "name" and is_library_name(str(tokens(last)[0]))
+        inner = subtrees(inner)[-1]
+    return inner is not None and inner.data in ("name", "index", "member")
 
 
 def _number_token(tree: Tree[Token]) -> Token | None:
