@@ -396,6 +396,10 @@ class CEvaluator:
             return UnknownValue(reason="", is_reported=True)
         if source.data == "new":
             return self._set(target, self._new(source))
+        if source.data not in ("assign", "call"):
+            given = self.addressed(source)
+            self.variables.escaped |= given
+            self.variables.lose(given, Phrase("a pointer to it is kept"))
         value = self.expression(source) if operator == "=" else self._operand(source)
         if operator != "=":
             old = self.expression(target)
@@ -614,20 +618,38 @@ class CEvaluator:
         harmless = name in HARMLESS_FUNCTIONS
         reason = Phrase("{function}() may have changed it", function=name)
         for arg in args:
-            given = _given_name(arg)
-            if given is None or (harmless and arg.data == "name"):
-                continue
-            is_array = isinstance(self.variables.values.get(given), CArray)
-            if arg.data != "name" or is_array:
-                self.variables.escaped.add(given)
-            if arg.data != "name" or is_array or self.has_references:
-                self.variables.lose([given], reason)
+            given = self.addressed(arg) if not harmless or arg.data != "name" else set()
+            self.variables.escaped |= given
+            self.variables.lose(given, reason)
+            if self.has_references and not harmless and arg.data == "name":
+                self.variables.lose([str(tokens(arg)[0])], reason)
         if not harmless:
             self.variables.lose_escaped(reason)
         if name not in self.known_functions and not (wraps and not harmless):
             self.known_functions.add(name)
             self.report(rules.CALL_IGNORED if harmless else rules.UNKNOWN_C_FUNCTION, token, call=name)
         return unknown(Phrase("{function}() gives it", function=name))
+
+    def addressed(self, tree: Tree[Token]) -> set[str]:
+        """Find the variables whose address an expression gives: &x, ref x, an array, a part of one, array + 1."""
+        found = {
+            name for part in tree.iter_subtrees() if (name := _given_name(part)) is not None and part.data != "name"
+        }
+        indexed = [id(subtrees(part)[0]) for part in tree.find_data("index")]
+        for part in tree.find_data("name"):
+            name = str(tokens(part)[0])
+            if isinstance(self.variables.values.get(name), CArray) and id(part) not in indexed:
+                found.add(name)
+        for part in tree.find_data("member"):
+            holder = _given_name(Tree("address", [part]))
+            if id(part) not in indexed and holder is not None and isinstance(self._part(part), CArray):
+                found.add(holder)
+        return found
+
+    def _part(self, member: Tree[Token]) -> CValue | None:
+        """Return the field that an expression names, without any report."""
+        holder = self.variables.values.get(str(_given_name(Tree("address", [member]))))
+        return holder.fields.get(str(tokens(member)[-1])) if isinstance(holder, CStruct) else None
 
     def _memset(self, args: Sequence[Tree[Token]]) -> bool:
         """Run memset(&name, 0, sizeof(name)); False for any other use."""

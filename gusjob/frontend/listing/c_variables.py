@@ -11,6 +11,8 @@ from gusjob.i18n.phrases import Phrase
 
 MAX_ARRAY = 4096
 """Elements of an array whose values are kept."""
+_FITS_EVERY_TYPE = range(128)
+"""Numbers that every type of C holds, char included."""
 NEVER_SET = Phrase("it is never set in this file")
 _FIELD_TYPES: dict[str, tuple[CType, int]] = {name: (c, count) for name, c, count, _ in CRD_FIELDS}
 STRUCT_TYPE = "TCrdPrm"
@@ -138,10 +140,8 @@ class CVariables:
 def converted(number: CNumber, kind: NumberType | None) -> CValue:
     """Convert a number to the type of the variable that it is assigned to; None: a variable declared elsewhere."""
     if kind is None:
-        if number.is_whole:
-            return CNumber(value=number.value, kind=NumberKind.OPEN, is_code=number.is_code)
-        if number.value != int(number.value):
-            return unknown(Phrase("it is declared elsewhere, perhaps as a whole number: declare it in this file"))
+        if number.value not in _FITS_EVERY_TYPE:
+            return unknown(Phrase("its type is not known, and may not hold the value: declare it in this file"))
         return CNumber(value=number.value, kind=NumberKind.OPEN, is_code=number.is_code)
     found = kind.convert(number)
     return found if found is not None else unknown(Phrase("its type can't hold the value that it was given"))

@@ -210,7 +210,8 @@ class _ListingReader:
             found = Phrase("a comment that a backslash continues on the next line")
             self.report(rules.CALL_SYNTAX, line, 1, 2, found=found)
         rows = scan(clean.data, semicolon_comments=False, learn=self.learn, parse_line=self.parse_line)
-        rows = self.without_joined(join_rows([rows, *self.finish()]))
+        further = self.finish()
+        rows = join_rows([self.without_joined(rows), *further])
         if self.left is not None and (self.goes_on_after_leaving or (rows.line > self.left.line).any()):
             start = self.left.column
             self.report(rules.CONTROL_FLOW, self.left.line, start, start + self.left.end_column, word="return")
@@ -470,7 +471,7 @@ class _ListingReader:
             code = self.code_between(self.pending_from, min(last, self.pending_from + _MAX_JOINED_LINES))
             self.first_line, self.row_buffer = self.pending_from, []
             started = self.pending_from
-            self.parse(code, last)
+            self.parse(code, last + 1)
             if self.pending_from:
                 control = _CONTROL.search(code)
                 if control is not None:
@@ -603,12 +604,10 @@ class _ListingReader:
 
     def lose_results(self, text: str, args: Sequence[Tree[Token]]) -> None:
         """Forget the variables that a call sets, after what its arguments do."""
-        variables = self.evaluator.variables
         for arg in args:
-            value = self.evaluator.expression(arg)
-            name = _variable(arg)
-            if name is not None and (arg.data in ("address", "by_reference") or isinstance(value, CArray | CStruct)):
-                variables.lose([name], Phrase("{function}() may have changed it", function=text))
+            self.evaluator.expression(arg)
+            reason = Phrase("{function}() may have changed it", function=text)
+            self.evaluator.variables.lose(self.evaluator.addressed(arg), reason)
 
     def at_rest(self, token: Token, args: Sequence[Tree[Token]]) -> None:
         """Read that a recorded motion has ended: the program has waited for it."""
