@@ -90,7 +90,8 @@ class CVariables:
         types: Types of those that the text declares as numbers.
         declared: Names that the text declares: no function elsewhere can change them.
         escaped: Names whose address was given away.
-        codes: Names that some line sets to a call's return code. They never have a value.
+        codes: Names that a template sets to a call's return code, in lines that are not evaluated in their order.
+        mixed: Those of them that are set to something else, too.
     """
 
     values: dict[str, CValue] = field(default_factory=dict)
@@ -98,9 +99,12 @@ class CVariables:
     declared: set[str] = field(default_factory=set)
     escaped: set[str] = field(default_factory=set)
     codes: set[str] = field(default_factory=set)
+    mixed: set[str] = field(default_factory=set)
 
     def get(self, name: str) -> CValue:
         """Return the value of a name."""
+        if name in self.mixed:
+            return unknown(Phrase("it is set to return codes and to other values"))
         if name in self.codes:
             return CNumber(value=0.0, is_code=True)
         return self.values.get(name, unknown(NEVER_SET))
@@ -117,6 +121,8 @@ class CVariables:
     def set(self, name: str, value: CValue) -> None:
         """Set a name to a value, as an assignment does."""
         kind = self.types.get(name)
+        if name in self.codes and not (isinstance(value, CNumber) and value.value == 0):
+            self.mixed.add(name)
         if isinstance(value, CNumber):
             value = converted(value, kind)
         elif isinstance(value, CArray | CStruct):

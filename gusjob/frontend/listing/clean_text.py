@@ -17,6 +17,7 @@ _NOT_CODE = re.compile(
     re.DOTALL,
 )
 _NEEDS_CLEANING = re.compile(rb"/\*|[\"'\\]|(?<![0-9A-Za-z_.])0[0-9]")
+_LONE_RETURN = re.compile(rb"\r(?!\r*(?:\n|\Z))")
 _ZEROS = re.compile(r"(?<![0-9A-Za-z_.])0+(?=0(?![0-9.xX]))")
 _OCTAL = re.compile(r"(?<![0-9A-Za-z_.])0(?=[0-9]+(?![0-9.eE]))")
 OCTAL_MARK = "⓪"
@@ -31,11 +32,13 @@ class CleanText:
         data: The text in UTF-8. Comments that begin with // are left as they are.
         unfinished_comment: Position in the text of a comment that never ends, or -1.
         continued_lines: Numbers of lines whose // comment ends with a backslash, from 1.
+        carriage_return: Position in `data` of a carriage return inside a line, or -1.
     """
 
     data: bytes
     unfinished_comment: int = -1
     continued_lines: tuple[int, ...] = ()
+    carriage_return: int = -1
 
 
 def clean_text(data: bytes) -> CleanText:
@@ -43,8 +46,10 @@ def clean_text(data: bytes) -> CleanText:
 
     A comment mark inside a string or inside another comment is none, as in C.
     """
+    lone = _LONE_RETURN.search(data) if b"\r" in data else None
+    carriage_return = -1 if lone is None else lone.start()
     if not _NEEDS_CLEANING.search(data):
-        return CleanText(data=data)
+        return CleanText(data=data, carriage_return=carriage_return)
     text = data.decode("utf-8")
     unfinished = -1
     continued: list[int] = []
@@ -68,7 +73,12 @@ def clean_text(data: bytes) -> CleanText:
     text = _NOT_CODE.sub(blanked, text)
     # 00 is 0 in C as well. Any other whole number with a leading zero is octal.
     text = _OCTAL.sub(OCTAL_MARK, _ZEROS.sub(lambda m: " " * len(m[0]), text))
-    return CleanText(data=text.encode(), unfinished_comment=unfinished, continued_lines=tuple(continued))
+    return CleanText(
+        data=text.encode(),
+        unfinished_comment=unfinished,
+        continued_lines=tuple(continued),
+        carriage_return=carriage_return,
+    )
 
 
 _FUNCTION = re.compile(

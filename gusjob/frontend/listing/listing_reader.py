@@ -206,6 +206,10 @@ class _ListingReader:
         if clean.unfinished_comment >= 0:
             line = clean.data.decode("utf-8")[: clean.unfinished_comment].count("\n") + 1
             self.report(rules.CALL_SYNTAX, line, 1, 2, found=Phrase("a comment that never ends"))
+        if clean.carriage_return >= 0:
+            line = clean.data.count(b"\n", 0, clean.carriage_return) + 1
+            found = Phrase("a carriage return inside a line, which some compilers take for a line end")
+            self.report(rules.CALL_SYNTAX, line, 1, 2, found=found)
         for line in clean.continued_lines:
             found = Phrase("a comment that a backslash continues on the next line")
             self.report(rules.CALL_SYNTAX, line, 1, 2, found=found)
@@ -456,7 +460,7 @@ class _ListingReader:
         """Define a macro without arguments; others are not read."""
         match = re.fullmatch(r"([A-Za-z_]\w*)(?:\s+(.*))?", rest)
         name = match[1] if match else ""
-        if match is None or is_library_name(name) or name in self.named_by_templates or _CONTROL.match(name):
+        if match is None or name in self.named_by_templates or not _is_free_name(name):
             column = len(code) - len(code.lstrip()) + 1
             found = Phrase("a macro with arguments, or of a name that has a meaning")
             self.report(rules.CALL_SYNTAX, number, column, len(code.rstrip()) + 1, found=found)
@@ -833,6 +837,17 @@ def _macro(text: str) -> CMacro:
             tree = subtrees(items[0])[0]
     kinds = ("name", "number", "octal", "text", "unary", "cast")
     return CMacro(text=text, tree=tree, is_operand=tree is not None and (tree.data in kinds or _is_enclosed(text)))
+
+
+def _is_free_name(name: str) -> bool:
+    """Whether a name has no meaning of its own: no word of C, and no call."""
+    if is_library_name(name):
+        return False
+    try:
+        items = subtrees(parser(LISTING_GRAMMAR).parse(name))
+    except UnexpectedInput:
+        return False
+    return len(items) == 1 and items[0].data == "statement" and subtrees(items[0])[0].data == "name"
 
 
 def _is_enclosed(text: str) -> bool:
