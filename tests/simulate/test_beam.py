@@ -397,7 +397,7 @@ def test_distance_follow_reads_the_actual_position(model: ScannerModel) -> None:
 
 
 def test_the_actual_position_is_that_of_the_axes_of_the_coordinate_system() -> None:
-    crd = "GT_SetCrdPrm(1,{2,{0,1,2,0,0,0,0,0},1000,10,0,1,{0,0,0,0,0,0,0,0}})\n"
+    crd = "GT_SetCrdPrm(1,{2,{0,1,2,0,0,0,0,0},1000,32766,0,1,{0,0,0,0,0,0,0,0}})\n"
     machine = Machine(scanner=lag(ScannerModel.FIRST_ORDER, 2000), period_us=100)
     plain = run_listing(ACTUAL.format(source=1, crd="", ratio="{3,0,0,0}"), machine).column("ch0_power_ms")
     turned = ACTUAL.format(source=1, crd=crd, ratio="{0,3,0,0}")
