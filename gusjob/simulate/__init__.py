@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 
 from gusjob.config.machine import Machine
@@ -14,7 +16,7 @@ from gusjob.simulate.emission import emission_of
 from gusjob.simulate.events import ChannelEvents, Events
 from gusjob.simulate.motion import Motion, motion_of
 from gusjob.simulate.power import HeldPower
-from gusjob.simulate.power_settings import all_power_events
+from gusjob.simulate.power_settings import power_timeline
 from gusjob.simulate.trace import ChannelTrace, Trace
 
 __all__ = ["MAX_TICKS", "ChannelTrace", "Trace", "simulate"]
@@ -61,10 +63,17 @@ def simulate(
         motion=motion,
         beam=beam,
         channels=channels,
-        readings=events.readings,
+        readings=tuple(sorted(_readings(channels), key=lambda reading: reading[0])),
         run_kind=events.motion.run_kind,
     )
     return trace, diagnostics
+
+
+def _readings(channels: Iterable[ChannelTrace]) -> Iterator[tuple[int, int, int]]:
+    """Yield the readings of all switches: (line, channel, value)."""
+    for channel in channels:
+        for line, on in channel.emission.readings:
+            yield line, channel.channel, int(on)
 
 
 def _too_long(events: Events, motion: Motion, ticks: float) -> Diagnostic:
@@ -82,7 +91,7 @@ def _channel_trace(
     power = HeldPower(
         motion=motion,
         beam=beam,
-        events=all_power_events(channel, events, motion.schedule),
+        timeline=power_timeline(channel, events, motion.schedule),
         lasers=lasers,
         period_ms=period_us / US_PER_MS,
     )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import US_PER_MS
-from gusjob.simulate.events import ChannelEvents, Events
+from gusjob.simulate.events import ChannelEvents, Events, ImmediateAction
 from gusjob.simulate.intervals import Intervals
 
 
@@ -21,7 +22,7 @@ class Emission:
     `on_event`, `off_event` (k,): the channel's switch events that opened and closed each interval, -1 where none did;
     of merged intervals the first one's on and the last one's off. `switch`: intervals in which the switch is on, delays
     included; they differ from the emission with FPK. `carried`: of these, the ones that were on before their stage.
-    `on_at_end`: the switch is still on after the last stage.
+    `on_at_end`: the switch is still on after the last stage. `readings`: (line, on) of each reading of the switch.
     """
 
     stage: Indices
@@ -32,6 +33,7 @@ class Emission:
     switch: Intervals
     carried: Bools
     on_at_end: bool
+    readings: tuple[tuple[int, bool], ...] = ()
 
     @property
     def intervals(self) -> Intervals:
@@ -87,7 +89,7 @@ def emission_of(channel: ChannelEvents, events: Events, schedule: Schedule) -> E
     edge still delayed when a stage ends, have taken effect when the next stage starts.
     """
     starts, ends = schedule.stage_start(), schedule.stage_end()
-    changes, on_at_end = _changes(channel, events, schedule)
+    changes, immediate = _changes(channel, events, schedule)
     lasers = [stage.lasers[channel.channel] for stage in events.stages]
     on_delay = np.array([laser.on_delay_us for laser in lasers]) / US_PER_MS
     off_delay = np.array([laser.off_delay_us for laser in lasers]) / US_PER_MS
@@ -128,16 +130,18 @@ def emission_of(channel: ChannelEvents, events: Events, schedule: Schedule) -> E
         off_event=emitting.off_event,
         switch=switch,
         carried=carried,
-        on_at_end=on_at_end,
+        on_at_end=immediate.on_at_end,
+        readings=tuple(immediate.readings),
     )
 
 
-def _changes(channel: ChannelEvents, events: Events, schedule: Schedule) -> tuple[_SwitchChanges, bool]:
-    """Merge buffered and immediate switches; return the changes, and whether the switch is on at the end."""
+def _changes(channel: ChannelEvents, events: Events, schedule: Schedule) -> tuple[_SwitchChanges, _ImmediateSwitches]:
+    """Merge buffered and immediate switches; return the changes and what is immediate."""
     switch = channel.switch
     stage, on = switch.stage, switch.on
     time = schedule.times_ms[switch.segment] if len(on) else np.empty(0)
-    immediate, on_at_end = _immediate(channel, events, schedule, time)
+    found = _immediate(channel, events, schedule, time)
+    immediate = found.switches
     event, rank = np.arange(len(on)), np.full(len(on), 1, dtype=np.int8)
     if immediate:
         stage = np.concatenate([stage, np.array([e[0] for e in immediate], dtype=stage.dtype)])
@@ -152,49 +156,54 @@ def _changes(channel: ChannelEvents, events: Events, schedule: Schedule) -> tupl
         before = np.concatenate([[False], changes.on[:-1]])
         before[1:][np.diff(changes.stage) != 0] = False
         changes = changes.pick(changes.on != before)
-    return changes, on_at_end
+    return changes, found
 
 
-def _immediate(
-    channel: ChannelEvents, events: Events, schedule: Schedule, time: Floats
-) -> tuple[list[tuple[int, float, bool, int]], bool]:
-    """List switches that are not buffered, and those still on when a stage starts: (stage, ms, on, rank).
+@dataclass(slots=True, kw_only=True)
+class _ImmediateSwitches:
+    """Switches that are not buffered, and those still on when a stage starts: (stage, ms, on, rank).
 
-    `time` (e,): moments of the buffered switches, ms. The rank orders what acts at one moment: before (0) or after (2)
-    the buffered switches. The second result is whether the switch is on after the last stage.
+    The rank orders what acts at one moment: before (0) or after (2) the buffered switches. `readings`: (line, on).
     """
-    found: list[tuple[int, float, bool, int]] = []
-    on = False
-    switch = channel.switch
-    last_on = _last_in_stage(switch.stage, switch.on, len(events.stages))
-    start = schedule.stage_start()
+
+    switches: list[tuple[int, float, bool, int]] = field(default_factory=list)
+    readings: list[tuple[int, bool]] = field(default_factory=list)
+    on_at_end: bool = False
+
+    def at_rest(self, actions: Iterable[ImmediateAction]) -> None:
+        """Add actions at rest of the channel."""
+        for action in actions:
+            if action.reads:
+                self.readings.append((action.line, self.on_at_end))
+            elif action.on is not None:
+                self.on_at_end = action.on
+
+
+def _immediate(channel: ChannelEvents, events: Events, schedule: Schedule, time: Floats) -> _ImmediateSwitches:
+    """Find the switches that are not buffered, and the readings. `time` (e,): moments of the buffered switches, ms."""
+    found = _ImmediateSwitches()
+    switch, starts, ends = channel.switch, schedule.stage_start().tolist(), schedule.stage_end().tolist()
+    first = np.searchsorted(switch.stage, np.arange(len(events.stages) + 1)).tolist()
     for number, stage in enumerate(events.stages):
-        for action in stage.at_rest:
-            if action.channel == channel.channel and action.is_switch:
-                on = action.on
-        if on:
-            found.append((number, -np.inf, True, 0))
-        moving = [a for a in stage.moving if a.channel == channel.channel and a.is_switch]
-        found += [(number, float(start[number]), a.on, 2) for a in moving]
-        buffered = last_on[number]
-        if moving and (buffered is None or not _any_after(switch.stage, time, number, float(start[number]))):
-            on = moving[-1].on
-        elif buffered is not None:
-            on = buffered
-    for action in events.at_end:
-        if action.channel == channel.channel and action.is_switch:
-            on = action.on
-    return found, on
+        found.at_rest(_of(channel, stage.at_rest))
+        if found.on_at_end:
+            found.switches.append((number, -np.inf, True, 0))
+        begin, end = first[number], first[number + 1]
+        begun = begin
+        for action in _of(channel, stage.moving):
+            moment = action.moment(starts[number], ends[number])
+            # The buffered switches up to now come first.
+            now = begin + int(np.searchsorted(time[begin:end], moment, side="right"))
+            if now > begun:
+                begun, found.on_at_end = now, bool(switch.on[now - 1])
+            if action.on is not None:
+                found.switches.append((number, moment, action.on, 2))
+            found.at_rest([action])
+        if end > begun:
+            found.on_at_end = bool(switch.on[end - 1])
+    found.at_rest(_of(channel, events.at_end))
+    return found
 
 
-def _last_in_stage(stage: Indices, on: Bools, count: int) -> list[bool | None]:
-    """Value of the last switch of each of `count` stages, None where it has none."""
-    first = np.searchsorted(stage, np.arange(count), side="left")
-    end = np.searchsorted(stage, np.arange(count), side="right")
-    return [bool(on[b - 1]) if b > a else None for a, b in zip(first.tolist(), end.tolist(), strict=True)]
-
-
-def _any_after(stage: Indices, time: Floats, number: int, start: float) -> bool:
-    """Whether a stage has a buffered switch after its start."""
-    last = int(np.searchsorted(stage, number, side="right")) - 1
-    return last >= 0 and bool(stage[last] == number) and bool(time[last] > start)
+def _of(channel: ChannelEvents, actions: Iterable[ImmediateAction]) -> list[ImmediateAction]:
+    return [action for action in actions if action.channel == channel.channel]

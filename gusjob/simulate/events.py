@@ -9,6 +9,7 @@ segment before which it acts (m: after the last one). Segments, dwells included,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,28 +60,39 @@ class LaserState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImmediateAction:
-    """An immediate switch (`power` None) or an immediate power of a channel.
+    """An immediate switch, power, or reading of the switch.
 
-    Power NaN: no power is set any more.
+    `on`: of a switch. `power`: NaN: no power is set any more. `time_ms`: time since the start of the stage that moves;
+    NaN: not known, or at rest.
     """
 
     channel: int
-    on: bool = False
+    on: bool | None = None
     power: float | None = None
     line: int = 0
+    time_ms: float = math.nan
 
     @property
     def is_switch(self) -> bool:
         """Whether it sets the switch."""
-        return self.power is None
+        return self.on is not None
+
+    def moment(self, start_ms: float, end_ms: float) -> float:
+        """Return when it acts, ms, if a stage that moves from `start_ms` to `end_ms` is in progress."""
+        return start_ms if math.isnan(self.time_ms) else min(max(start_ms + self.time_ms, start_ms), end_ms)
+
+    @property
+    def reads(self) -> bool:
+        """Whether it reads the switch."""
+        return self.on is None and self.power is None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageEvents:
     """One stage: its source line, the laser state of each channel, immediate actions before it and while it moves.
 
-    An action while the stage moves acts at the stage's start, after what is buffered before the first segment.
-    `axes`: the axes (from 0) that X and Y drive.
+    An action while the stage moves acts at its time, or if that is not known at the stage's start, after what is
+    buffered before the first segment. `axes`: the axes (from 0) that X and Y drive.
     """
 
     line: int
@@ -159,7 +171,7 @@ class Events:
     """Everything that a controller does with a stream.
 
     `stage_first` (s+1,): number of each stage's first segment, and m. `channels`: those that any call names.
-    `at_end`: immediate actions after the last stage. `readings`: (line, channel, value) of each reading of a switch.
+    `at_end`: immediate actions after the last stage.
     """
 
     name: str
@@ -168,4 +180,3 @@ class Events:
     motion: MotionEvents
     channels: tuple[ChannelEvents, ...]
     at_end: tuple[ImmediateAction, ...] = ()
-    readings: tuple[tuple[int, int, int], ...] = ()

@@ -15,10 +15,10 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
 from gusjob.kinematics.schedule import Schedule
 from gusjob.simulate.beam import Beam
 from gusjob.simulate.emission import Emission
-from gusjob.simulate.events import LaserState, PowerEvents
+from gusjob.simulate.events import LaserState
 from gusjob.simulate.intervals import Intervals
 from gusjob.simulate.motion import Motion
-from gusjob.simulate.power_settings import PowerSettings, limited
+from gusjob.simulate.power_settings import PowerSettings, PowerTimeline, limited
 from gusjob.simulate.ticks import SampledPower
 
 _BLOCK_PARTS = 1 << 17
@@ -60,19 +60,19 @@ class _Integrals:
 class HeldPower:
     """Held power of one channel: the power that it emits with while it emits.
 
-    `events`: all power settings in order, immediate ones included. `lasers`: state in each stage.
+    `timeline`: all power settings in order. `lasers`: state in each stage.
     """
 
     motion: Motion
     beam: Beam
-    events: PowerEvents
+    timeline: PowerTimeline
     lasers: tuple[LaserState, ...]
     period_ms: float
 
     @property
     def follows(self) -> bool:
         """Whether the power may change at ticks."""
-        return bool((self.events.ratio > 0).any()) or any(laser.follows_distance for laser in self.lasers)
+        return bool((self.timeline.events.ratio > 0).any()) or any(laser.follows_distance for laser in self.lasers)
 
     def emitted(self, emission: Emission) -> tuple[SegmentEmission, float]:
         """Integrate over emission intervals, segment by segment.
@@ -84,7 +84,7 @@ class HeldPower:
             segment of all.
         """
         schedule = self.motion.schedule
-        segment, start, end, _ = _cut(schedule, emission.intervals)
+        segment, start, end, _ = self._cut(emission.intervals)
         body = self._moving(segment, start, end, _duration(schedule, segment, start, end))
         ends, some = schedule.stage_end(), len(emission.stage)
         tail = np.flatnonzero(emission.end_ms > ends[emission.stage]) if some else np.empty(0, dtype=np.intp)
@@ -108,7 +108,7 @@ class HeldPower:
 
     def _block_integral(self, intervals: Intervals) -> Floats:
         schedule, count = self.motion.schedule, len(intervals.stage)
-        segment, start, end, which = _cut(schedule, intervals)
+        segment, start, end, which = self._cut(intervals)
         energy = self._moving(segment, start, end, end - start).energy
         total = np.bincount(which, weights=energy, minlength=count).astype(np.float64)
         limit = schedule.stage_end()[intervals.stage]
@@ -122,31 +122,42 @@ class HeldPower:
     def _block_value(self, stage: Indices, time: Floats) -> Floats:
         schedule = self.motion.schedule
         segment = schedule.segment_at(stage, time)
-        event = np.where(time >= schedule.stage_end()[stage], self._last_event(stage), self._event_at(segment))
+        timeline = self.timeline
+        ended = time >= schedule.stage_end()[stage]
+        event = np.where(ended, timeline.last_of(stage), timeline.in_force(segment, time))
         settings, _ = self._settings(event, stage)
         value, _ = limited(settings, settings.low, None)
         for at, sampled in self._sampled(settings, segment, stage, event, time, time):
             value[at] = sampled.at_start()
         return value
 
-    def _event_at(self, segment: Indices) -> Indices:
-        """Number of the power event in force in each segment."""
-        return np.searchsorted(self.events.segment, segment, side="right") - 1
-
-    def _last_event(self, stage: Indices) -> Indices:
-        """Number of the power event in force at the end of each stage."""
-        return np.searchsorted(self.events.stage, stage, side="right") - 1
+    def _cut(self, intervals: Intervals) -> tuple[Indices, Floats, Floats, Indices]:
+        """Cut intervals at segment ends, and where another power is set within a segment; as _cut."""
+        segment, start, end, which = _cut(self.motion.schedule, intervals)
+        inside = self.timeline.time_ms[self.timeline.inside]
+        if not len(inside):
+            return segment, start, end, which
+        first = np.searchsorted(inside, start, side="right")
+        counts = np.maximum(np.searchsorted(inside, end, side="left") - first, 0)
+        part, number = counted(counts + 1)
+        # Part k of a part begins at its k-th moment inside and ends at the next one.
+        begins = np.append(-np.inf, inside)[np.where(number > 0, first[part] + number, 0)]
+        ends = np.append(inside, np.inf)[np.where(number < counts[part], first[part] + number, len(inside))]
+        cut_start, cut_end = np.maximum(start[part], begins), np.minimum(end[part], ends)
+        real = cut_start < cut_end
+        return segment[part][real], cut_start[real], cut_end[real], which[part][real]
 
     def _settings(self, event: Indices, stage: Indices) -> tuple[PowerSettings, Bools]:
         """Settings of parts, and whether no power is set yet (then the lowest that the mode allows)."""
-        low = self.events.low[event]
+        events = self.timeline.events
+        low = events.low[event]
         unset = np.isnan(low)
         modes_low = np.array([laser.low for laser in self.lasers])
         modes_high = np.array([laser.high for laser in self.lasers])
         settings = PowerSettings(
             low=np.where(unset, 0.0, low),
-            ratio=self.events.ratio[event],
-            high=self.events.high[event],
+            ratio=events.ratio[event],
+            high=events.high[event],
             mode_low=modes_low[stage],
             mode_high=modes_high[stage],
             stage=stage,
@@ -156,11 +167,11 @@ class HeldPower:
     def _moving(self, segment: Indices, start: Floats, end: Floats, time: Floats) -> _Integrals:
         """Integrate over parts of segments."""
         stage = self.motion.schedule.stage[segment]
-        return self._integrate(segment, stage, self._event_at(segment), start, end, time)
+        return self._integrate(segment, stage, self.timeline.in_force(segment, start), start, end, time)
 
     def _at_rest(self, segment: Indices, stage: Indices, start: Floats, end: Floats) -> _Integrals:
         """Integrate over intervals after the end of a stage; `segment`: its last, or -1."""
-        return self._integrate(segment, stage, self._last_event(stage), start, end, end - start)
+        return self._integrate(segment, stage, self.timeline.last_of(stage), start, end, end - start)
 
     def _integrate(
         self, segment: Indices, stage: Indices, event: Indices, start: Floats, end: Floats, time: Floats
@@ -214,9 +225,7 @@ class HeldPower:
 
     def _set_at(self, event: Indices, stage: Indices) -> Floats:
         """Moments at which power events took effect; at the earliest the stage's start."""
-        schedule = self.motion.schedule
-        segment = np.minimum(self.events.segment[event], len(schedule.times_ms) - 1)
-        return np.maximum(schedule.times_ms[segment], schedule.stage_start()[stage])
+        return np.maximum(self.timeline.time_ms[event], self.motion.schedule.stage_start()[stage])
 
 
 def _cut(schedule: Schedule, intervals: Intervals) -> tuple[Indices, Floats, Floats, Indices]:

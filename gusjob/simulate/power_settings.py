@@ -6,13 +6,15 @@ limits; the mode's limits.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
-from gusjob.simulate.events import ChannelEvents, Events, PowerEvents
+from gusjob.simulate.events import ChannelEvents, Events, ImmediateAction, PowerEvents
 
 CLAMPED = 1e-9
 """Relative distance beyond a limit from which a power counts as clamped: less is rounding."""
@@ -35,31 +37,91 @@ class PowerSettings:
         return PowerSettings(**{name: getattr(self, name)[at] for name in self.__slots__})
 
 
-def all_power_events(channel: ChannelEvents, events: Events, schedule: Schedule) -> PowerEvents:
-    """Merge a channel's buffered and immediate powers in the order in which they act.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerTimeline:
+    """All settings of one channel's power, buffered and immediate, in the order in which they act.
 
-    The first entry, of stage -1, is a power that was never set (NaN).
+    The first entry, of stage -1, is a power that was never set (NaN). `time_ms` (e,): when each takes effect. `inside`:
+    numbers of those that take effect within their segment, not at its start.
     """
-    buffered = channel.power
-    immediate: list[tuple[int, int, float, int]] = [(-1, 0, float("nan"), 0)]
-    for number, stage in enumerate(events.stages):
-        first = int(schedule.stage_first[number])
-        for actions, rank in ((stage.at_rest, 0), (stage.moving, 2)):
-            mine = [a.power for a in actions if a.channel == channel.channel and a.power is not None]
-            immediate += [(number, first, power, rank) for power in mine]
+
+    events: PowerEvents
+    time_ms: Floats
+    inside: Indices
+
+    def in_force(self, segment: Indices, time: Floats) -> Indices:
+        """Return the number of the setting in force in segments at moments, (k,)."""
+        found = np.searchsorted(self.events.segment, segment, side="right") - 1
+        if len(self.inside):
+            # Those of the segment that come later are the last of its settings.
+            all_inside = np.searchsorted(self.events.segment[self.inside], segment, side="right")
+            begun = np.searchsorted(self.time_ms[self.inside], time, side="right")
+            found -= np.maximum(all_inside - begun, 0)
+        return found
+
+    def last_of(self, stage: Indices) -> Indices:
+        """Return the number of the setting in force at the end of each stage."""
+        return np.searchsorted(self.events.stage, stage, side="right") - 1
+
+
+def power_timeline(channel: ChannelEvents, events: Events, schedule: Schedule) -> PowerTimeline:
+    """Merge a channel's buffered and immediate powers."""
+    buffered, times = channel.power, schedule.times_ms
+    immediate = _immediate_powers(channel, events, schedule)
     count = len(immediate)
-    stages = np.concatenate([np.array([e[0] for e in immediate], dtype=np.intp), buffered.stage])
-    segment = np.concatenate([np.array([e[1] for e in immediate], dtype=np.intp), buffered.segment])
-    low = np.concatenate([np.array([e[2] for e in immediate]), buffered.low])
+    stages = np.concatenate([np.array([e.stage for e in immediate], dtype=np.intp), buffered.stage])
+    segment = np.concatenate([np.array([e.segment for e in immediate], dtype=np.intp), buffered.segment])
+    low = np.concatenate([np.array([e.power for e in immediate]), buffered.low])
     ratio = np.concatenate([np.zeros(count), buffered.ratio])
     high = np.concatenate([np.full(count, np.inf), buffered.high])
+    time = times[np.minimum(segment, len(times) - 1)]
+    time[:count] = np.maximum(time[:count], [e.time_ms for e in immediate])
     if count > 1:
-        # At rest: before what is buffered. While the stage moves: after what is buffered before its first segment.
-        ranks = np.array([e[3] for e in immediate], dtype=np.int8)
-        order = np.lexsort((np.append(ranks, np.ones(len(buffered.low), dtype=np.int8)), segment, stages))
-        stages, segment = stages[order], segment[order]
+        ranks = np.ones(len(low), dtype=np.int8)
+        ranks[:count] = [e.rank for e in immediate]
+        order = np.lexsort((ranks, time, segment, stages))
+        stages, segment, time = stages[order], segment[order], time[order]
         low, ratio, high = low[order], ratio[order], high[order]
-    return PowerEvents(stage=stages, segment=segment, low=low, ratio=ratio, high=high)
+    return PowerTimeline(
+        events=PowerEvents(stage=stages, segment=segment, low=low, ratio=ratio, high=high),
+        time_ms=time,
+        inside=np.flatnonzero(time > times[np.minimum(segment, len(times) - 1)]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ImmediatePower:
+    """An immediate power. `rank`: before (0) or after (2) what is buffered at the same moment (1)."""
+
+    stage: int = -1
+    segment: int = 0
+    power: float = math.nan
+    time_ms: float = -math.inf
+    rank: int = 0
+
+
+def _immediate_powers(channel: ChannelEvents, events: Events, schedule: Schedule) -> list[_ImmediatePower]:
+    """List the immediate powers, after one that was never set: at rest, then while the stage moves."""
+    found = [_ImmediatePower()]
+    starts, ends, firsts = schedule.stage_start(), schedule.stage_end(), schedule.stage_first
+    for number, stage in enumerate(events.stages):
+        first, last = int(firsts[number]), int(firsts[number + 1]) - 1
+        found += [
+            _ImmediatePower(stage=number, segment=first, power=power) for power, _ in _powers(channel, stage.at_rest)
+        ]
+        for power, action in _powers(channel, stage.moving):
+            time, at = action.moment(float(starts[number]), float(ends[number])), first
+            if time > starts[number]:
+                at = min(int(np.searchsorted(schedule.times_ms, time, side="right")) - 1, last)
+            found.append(_ImmediatePower(stage=number, segment=at, power=power, time_ms=time, rank=2))
+    return found
+
+
+def _powers(channel: ChannelEvents, actions: Iterable[ImmediateAction]) -> Iterator[tuple[float, ImmediateAction]]:
+    """Yield the actions that set a channel's power."""
+    for action in actions:
+        if action.channel == channel.channel and action.power is not None:
+            yield action.power, action
 
 
 def limited(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,6 +32,7 @@ class StageRun:
     """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
 
     `waiting`: how many of the first parts are in the FIFO before the start. `settings`: of its coordinate system.
+    `start_ms`: time of its GT_CrdStart on the recorder's clock, NaN if that is not known.
     """
 
     crd: int
@@ -41,6 +43,7 @@ class StageRun:
     at_rest: list[ImmediateAction]
     moving: list[ImmediateAction] = field(default_factory=list)
     settings: CrdSettings = CrdSettings()
+    start_ms: float = math.nan
     waiting: int = 0
 
     @property
@@ -53,15 +56,13 @@ class StageRun:
 class Execution:
     """Everything that the controller does with a stream.
 
-    `at_end`: immediate actions after the last stage. `lasers`: state after it. `readings`: (line, channel, value) of
-    each reading of a switch. `channels`: those that any call names. `is_known`: whether the stream determines what
-    runs: no call stops a stage at an unknown time.
+    `at_end`: immediate actions after the last stage. `lasers`: state after it. `channels`: those that any call names.
+    `is_known`: whether the stream determines what runs: no call stops a stage at an unknown time.
     """
 
     stages: tuple[StageRun, ...]
     at_end: tuple[ImmediateAction, ...]
     lasers: tuple[LaserState, LaserState]
-    readings: tuple[tuple[int, int, int], ...]
     channels: tuple[int, ...]
     is_known: bool
     diagnostics: tuple[Diagnostic, ...]

@@ -1,11 +1,13 @@
 """Execute calls in order, as the controller does: refused calls, the calls of each stage, the state of each laser.
 
-Host calls take no time. A call made while a stage moves (no GT_CrdStatus since its GT_CrdStart) acts at that stage's
-start, after the buffered calls before its first motion: a listing does not show when it really comes.
+Host calls take no time. A switch or power that is set while a stage moves (no GT_CrdStatus since its GT_CrdStart) acts
+at its time if the listing has times, else at that stage's start, after the buffered calls before its first motion. A
+setting is in force for the whole stage, with a warning.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -62,7 +64,6 @@ class _CallExecutor:
     collector: Collector
     has_scanner: bool
     lasers: list[LaserState] = field(default_factory=lambda: [LaserState(), LaserState()])
-    switch: list[bool] = field(default_factory=lambda: [False, False])
     axis_called: list[bool] = field(default_factory=lambda: [False, False])
     """GT_SetAxisMode since the last GT_LaserPowerMode, per channel."""
     axis_ever: list[bool] = field(default_factory=lambda: [False, False])
@@ -71,7 +72,6 @@ class _CallExecutor:
     running: StageRun | None = None
     stages: list[StageRun] = field(default_factory=list)
     actions: list[ImmediateAction] = field(default_factory=list)
-    readings: list[tuple[int, int, int]] = field(default_factory=list)
     is_known: bool = True
     """Whether the listing determines what runs."""
     systems: dict[int, CrdSettings] = field(default_factory=dict)
@@ -146,13 +146,20 @@ class _CallExecutor:
         self.named.add(channel)
         return channel
 
-    def set(self, channel: int, **changes: object) -> None:
-        self.lasers[channel] = replace(self.lasers[channel], **changes)  # type: ignore[arg-type]  # fields by name
-        if self.running is not None:
+    def set(self, call: Call, channel: int, **changes: object) -> None:
+        before = self.lasers[channel]
+        self.lasers[channel] = replace(before, **changes)  # type: ignore[arg-type]  # fields by name
+        if self.running is not None and self.lasers[channel] != before:
             self.running.lasers = (self.lasers[0], self.lasers[1])
+            reason = Phrase("the coordinate system is moving; the simulation uses the setting for the whole stage")
+            self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
 
-    def act(self, action: ImmediateAction) -> None:
-        (self.actions if self.running is None else self.running.moving).append(action)
+    def act(self, call: Call, channel: int, *, on: bool | None = None, power: float | None = None) -> None:
+        """Add a switch, a power, or a reading: at the time of the call if the stage that moves has one, too."""
+        actions, time_ms = self.actions, math.nan
+        if self.running is not None:
+            actions, time_ms = self.running.moving, call.time_ms - self.running.start_ms
+        actions.append(ImmediateAction(channel=channel, on=on, power=power, line=call.line, time_ms=time_ms))
 
     def axis_mode(self, call: Call) -> None:
         axis, mode = int(self.number(call, 0)), int(self.number(call, 1))
@@ -182,9 +189,9 @@ class _CallExecutor:
                 reason=Phrase("GT_SetAxisMode must not be called in analog mode (M 三.1 (3), in a comment)"),
             )
         if self.lasers[channel].power_mode is not mode:
-            self.act(ImmediateAction(channel=channel, power=float("nan"), line=call.line))
+            self.act(call, channel, power=math.nan)
         self.axis_called[channel] = False
-        self.set(channel, mode=mode, low=low, high=high)
+        self.set(call, channel, mode=mode, low=low, high=high)
 
     def limits_fit(self, call: Call, allowed: Range, low: tuple[str, float], high: tuple[str, float]) -> bool:
         """Whether two limits are in their range and in order; else the call is refused."""
@@ -199,16 +206,13 @@ class _CallExecutor:
         if reason := range_error(POWER_NOW[self.lasers[channel].power_mode], "outputCmd", power):
             self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
             return
-        self.act(ImmediateAction(channel=channel, power=power, line=call.line))
+        self.act(call, channel, power=power)
 
     def switch_now(self, call: Call) -> None:
-        channel, on = self.channel(call), self.number(call, 0) == 1
-        self.act(ImmediateAction(channel=channel, on=on, line=call.line))
-        self.switch[channel] = on
+        self.act(call, self.channel(call), on=self.number(call, 0) == 1)
 
     def read_switch(self, call: Call) -> None:
-        channel = self.channel(call)
-        self.readings.append((call.line, channel, int(self.switch[channel])))
+        self.act(call, self.channel(call))
 
     def check_mode(self, call: Call, fits: bool, where: str) -> None:
         if not fits:
@@ -218,33 +222,33 @@ class _CallExecutor:
     def carrier(self, call: Call) -> None:
         channel = self.channel(call)
         self.check_mode(call, self.lasers[channel].power_mode in (PowerMode.DUTY, PowerMode.DUTY2), _DUTY)
-        self.set(channel, carrier_khz=self.number(call, 0))
+        self.set(call, channel, carrier_khz=self.number(call, 0))
 
     def pulse_width(self, call: Call) -> None:
         channel = self.channel(call)
         self.check_mode(call, self.lasers[channel].power_mode is PowerMode.FREQUENCY, _FREQUENCY)
-        self.set(channel, pulse_width_us=self.number(call, 0))
+        self.set(call, channel, pulse_width_us=self.number(call, 0))
 
     def standby(self, call: Call) -> None:
         channel, on = self.channel(call), self.number(call, 0) == 1
         self.check_mode(call, not on or self.lasers[channel].power_mode.is_pwm, _PWM)
-        self.set(channel, standby=(self.number(call, 1), self.number(call, 2)) if on else None)
+        self.set(call, channel, standby=(self.number(call, 1), self.number(call, 2)) if on else None)
 
     def prevoltage(self, call: Call) -> None:
         channel, on = self.channel(call), self.number(call, 0) == 1
         self.check_mode(call, not on or not self.lasers[channel].power_mode.is_pwm, _ANALOG)
-        self.set(channel, prevoltage_v=self.number(call, 1) if on else None)
+        self.set(call, channel, prevoltage_v=self.number(call, 1) if on else None)
 
     def delays(self, call: Call) -> None:
-        self.set(self.channel(call), off_delay_us=self.number(call, 0), on_delay_us=self.number(call, 1))
+        self.set(call, self.channel(call), off_delay_us=self.number(call, 0), on_delay_us=self.number(call, 1))
 
     def fpk(self, call: Call) -> None:
         channel = self.channel(call)
         self.check_mode(call, self.lasers[channel].power_mode.is_pwm, _PWM)
-        self.set(channel, fpk_us=(self.number(call, 0), self.number(call, 1), self.number(call, 2)))
+        self.set(call, channel, fpk_us=(self.number(call, 0), self.number(call, 1), self.number(call, 2)))
 
     def no_fpk(self, call: Call) -> None:
-        self.set(self.channel(call), fpk_us=None)
+        self.set(call, self.channel(call), fpk_us=None)
 
     def distance_mode(self, call: Call) -> None:
         actual = self.number(call, 1) == 1
@@ -252,6 +256,7 @@ class _CallExecutor:
             reason = Phrase("the profile has no scanner: the planned position is used as the actual one")
             self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
         self.set(
+            call,
             self.channel(call),
             distance=self.number(call, 0) == 1,
             distance_actual=actual,
@@ -269,7 +274,7 @@ class _CallExecutor:
         low, high = self.number(call, 1), self.number(call, 2)
         if not self.limits_fit(call, DISTANCE_LIMIT[laser.power_mode], ("minPower", low), ("maxPower", high)):
             return
-        self.set(channel, ratio_per_mm=call.args[0], distance_limits=(low, high))
+        self.set(call, channel, ratio_per_mm=call.args[0], distance_limits=(low, high))
 
     def set_crd(self, call: Call) -> None:
         crd = int(self.number(call, 0))
@@ -338,37 +343,15 @@ class _CallExecutor:
             lasers=(self.lasers[0], self.lasers[1]),
             at_rest=self.actions,
             settings=self.systems.get(crd, CrdSettings()),
+            start_ms=call.time_ms,
         )
         self.actions = []
         self.stages.append(self.running)
-        self.follow_switch(self.running.parts)
-
-    def follow_switch(self, parts: list[Indices]) -> None:
-        """Set the switch as GT_GetHSIOOpt reads it: after the buffered calls before the first motion."""
-        calls = self.stream.buffered
-        rows = np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
-        timed = np.flatnonzero(calls.kind[rows] <= Buffered.DELAY)
-        early = rows[: timed[0]] if len(timed) else rows
-        for channel in (0, 1):
-            switched = early[
-                np.isin(calls.kind[early], (Buffered.ON, Buffered.OFF)) & (calls.channel[early] == channel)
-            ]
-            if len(switched):
-                self.switch[channel] = bool(calls.kind[switched[-1]] == Buffered.ON)
 
     def wait(self, call: Call) -> None:
         """GT_CrdStatus: the host program has waited for the end of the motion. A mere reading has no effect."""
-        if not call.waits or self.running is None or self.running.crd != int(self.number(call, 0)):
-            return
-        rows, calls = self.running.rows, self.stream.buffered
-        for channel in (0, 1):
-            mine = rows[(calls.channel[rows] == channel) & np.isin(calls.kind[rows], (Buffered.ON, Buffered.OFF))]
-            late = [a.on for a in self.running.moving if a.channel == channel and a.is_switch]
-            timed = np.flatnonzero(calls.kind[rows] <= Buffered.DELAY)
-            after_start = mine[mine > rows[timed[0]]] if len(timed) else mine
-            if len(after_start) or (len(mine) and not late):
-                self.switch[channel] = bool(calls.kind[mine[-1]] == Buffered.ON)
-        self.running = None
+        if call.waits and self.running is not None and self.running.crd == int(self.number(call, 0)):
+            self.running = None
 
     def stop(self, call: Call) -> None:
         """GT_Stop: bits 8 and 9 of the mask are coordinate systems 1 and 2, bits 0 to 7 axes (sister).
@@ -385,13 +368,13 @@ class _CallExecutor:
             return
         buffered = [part for parts in self.queues.values() for part in parts]
         self.drop(call, buffered)
-        if self.systems or self.lasers != [LaserState(), LaserState()] or any((*self.switch, *self.axis_ever)):
+        if self.systems or self.lasers != [LaserState(), LaserState()] or any(self.axis_ever) or self.actions:
             reason = Phrase("the switch goes off; modes, limits, delays and coordinate systems set before are lost")
             self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=reason)
         for channel in (0, 1):
-            self.act(ImmediateAction(channel=channel, on=False, line=call.line))
-            self.act(ImmediateAction(channel=channel, power=float("nan"), line=call.line))
-        self.lasers, self.switch = [LaserState(), LaserState()], [False, False]
+            self.act(call, channel, on=False)
+            self.act(call, channel, power=math.nan)
+        self.lasers = [LaserState(), LaserState()]
         self.axis_called, self.axis_ever = [False, False], [False, False]
         self.systems, self.queues = {}, {}
 
@@ -416,7 +399,6 @@ class _CallExecutor:
             stages=tuple(self.stages),
             at_end=tuple(self.actions),
             lasers=(self.lasers[0], self.lasers[1]),
-            readings=tuple(self.readings),
             channels=tuple(sorted(self.named)),
             is_known=self.is_known,
             diagnostics=tuple(self.collector.finish(rules.NOT_LISTED)),

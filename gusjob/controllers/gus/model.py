@@ -90,7 +90,6 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
         motion=motion,
         channels=channels,
         at_end=execution.at_end,
-        readings=execution.readings,
     )
     return events, [*execution.diagnostics, *diagnostics]
 

@@ -55,8 +55,8 @@ def ticks_in(trace: Trace, intervals: Intervals) -> tuple[Indices, Floats]:
 
 def _events(trace: Trace, channel: ChannelTrace, intervals: Intervals) -> tuple[Indices, Floats]:
     """(interval, ms) of every power event that acts within intervals."""
-    times, events = trace.schedule.times_ms, channel.power.events
-    moments = times[np.minimum(events.segment, len(times) - 1)]
+    timeline = channel.power.timeline
+    moments, events = timeline.time_ms, timeline.events
     first = np.searchsorted(moments, intervals.start_ms, side="right")
     stop = np.searchsorted(moments, intervals.end_ms, side="left")
     count = np.maximum(stop - first, 0)
