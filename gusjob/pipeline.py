@@ -26,6 +26,7 @@ from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_j
 from gusjob.frontend.includes import may_be_included
 from gusjob.frontend.source import shown_name
 from gusjob.ir.job import Job
+from gusjob.lint import RULES_OF_A_COMPLETE_TEXT
 from gusjob.lint import check as lint_job
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
@@ -35,6 +36,9 @@ if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither ca
 
 _Sources = Mapping[str, Source]
 _P = TypeVar("_P", bound="Parsed")
+
+_OF_JOBS = ("GJ2", "GJ3", "GJ4", "GJ5")
+"""Prefixes of the rules that a job is checked by before it runs."""
 
 
 class Origin(Enum):
@@ -360,10 +364,14 @@ def _hidden_severity(more: Diagnostic, suppressions: Suppressions) -> Severity:
 
 def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
     """Add what the simulation found, at its spans in the source."""
-    if checked.origin is Origin.JOURNAL:  # Their lines are the job's; what ends within a segment was stopped there.
-        return _with_diagnostics(checked, [f for f in found if f.rule is not rules.ABRUPT_STOP])
+    if checked.origin is Origin.JOURNAL:
+        # Their lines are the job's, which its own rules were applied to; what ends within a segment was stopped there.
+        of_calls = [f for f in found if f.rule is not rules.ABRUPT_STOP and not f.rule.code.startswith(_OF_JOBS)]
+        return _with_diagnostics(checked, of_calls)
     job = checked.job
     if job is None:
+        if has_errors(checked.diagnostics):  # What seems to be missing may be in a line that can't be read.
+            found = [f for f in found if f.rule not in RULES_OF_A_COMPLETE_TEXT]
         return _with_diagnostics(checked, locate_calls(list(found), checked.source))
     # What is reported of a line already is not reported again of the line's calls.
     known = {(f.rule.code, f.file, f.span.line) for f in checked.diagnostics}

@@ -56,11 +56,50 @@ NEED_COMPLETE_JOB = (power.unused, laser.switching, laser.delays_against_path, m
 """Skipped where a line could not be read: what they miss may be in that line."""
 
 
+RULES_OF_A_COMPLETE_TEXT = (
+    rules.UNUSED_POWER,
+    rules.LASER_ON_WITHOUT_MOTION,
+    rules.ALREADY_ON,
+    rules.DELAY_LONGER_THAN_MARK,
+    rules.DELAY_LONGER_THAN_JUMP,
+    rules.MARK_WITHOUT_LENGTH,
+)
+"""The rules of these checks."""
+
+CHECKS_OF_CALLS: tuple[Check, ...] = (
+    setup.laser_mode,
+    setup.delays,
+    setup.output_when_off,
+    setup.first_pulse_killer,
+    setup.distance,
+    power.direct_power,
+    power.power_now,
+    power.follow,
+    power.kept,
+    power.saturation,
+    power.unused,
+    laser.dwells,
+    laser.waits,
+    laser.switching,
+    laser.marked_twice_outside_passes,
+    laser.delays_against_path,
+    motion.speeds,
+    motion.speeds_along,
+    motion.no_length,
+    motion.starving,
+)
+"""The checks that hold for calls that somebody else wrote, too: what they look for is in the calls."""
+
+
 def check(job: Job, machine: Machine) -> list[Diagnostic]:
     """Find everything that is wrong or odd in a job on a machine, in line order."""
     context = lint_context(job, machine)
-    report = Reporter(context, Collector(job.name))
-    for one in CHECKS:
-        if job.complete or one not in NEED_COMPLETE_JOB:
+    return run_checks(CHECKS, context, Reporter(context, Collector(job.name)))
+
+
+def run_checks(checks: tuple[Check, ...], context: LintContext, report: Reporter) -> list[Diagnostic]:
+    """Run some checks; returns their diagnostics in line order."""
+    for one in checks:
+        if context.job.complete or one not in NEED_COMPLETE_JOB:
             one(context, report)
     return sorted(report.collector.finish(rules.NOT_LISTED), key=lambda f: (f.span.line, f.span.column))

@@ -11,10 +11,10 @@ from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.path import Op
-from gusjob.ir.setup import LaserDelay, LaserFpk
+from gusjob.ir.path import Op, Path
+from gusjob.ir.setup import LaserDelay, LaserFpk, PowerNow
 from gusjob.ir.stages import opens_stage
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -54,7 +54,7 @@ def dwells(context: LintContext, report: Reporter) -> None:
         # Under sky writing a dwell with the laser on is an error anyway.
         bad = own[(moved[own] > moved[begins[number]]) & (moved[ends[number]] > moved[own]) & (sky[own] < 0)]
         remarks = context.line_remarks(d.ON_HERE, laser.on_line[bad])
-        report.rows(rules.DWELL_WITH_LASER_ON, bad, "", channel=channel, remarks=remarks)
+        report.rows(rules.DWELL_WITH_LASER_ON, bad, "", word="DWELL", channel=channel, remarks=remarks)
 
 
 def waits(context: LintContext, report: Reporter) -> None:
@@ -82,7 +82,7 @@ def switching(context: LintContext, report: Reporter) -> None:
         begin = switches.line[np.maximum.accumulate(np.where(on & ~before, np.arange(len(on)), 0))]
         again = np.flatnonzero(on & before & buffered)
         remarks = context.line_remarks(d.ON_HERE, begin[again])
-        report.rows(rules.ALREADY_ON, switches.rows[again], "", channel=channel, remarks=remarks)
+        report.rows(rules.ALREADY_ON, switches.rows[again], "", channel=channel, word="LASER OFF", remarks=remarks)
         timed_before = timed[(switches.instant + 1) // 2]
         nothing = timed_before[:-1] == timed_before[1:]
         empty = np.flatnonzero(on[:-1] & ~on[1:] & nothing & buffered[:-1] & buffered[1:])
@@ -91,32 +91,109 @@ def switching(context: LintContext, report: Reporter) -> None:
 
 def marked_twice(context: LintContext, report: Reporter) -> None:
     """The same segment is marked with the same power from two lines of the job; passes of a loop are intended."""
-    path = context.path
     for channel in CHANNELS:
-        rows = np.flatnonzero(path.moves & context.modal.laser(channel).on)
-        if len(rows) < 2:
-            continue
-        key, has_length = _segment_keys(context, rows, channel)
-        ascending = np.sort(key)
-        if not (ascending[1:] == ascending[:-1]).any():
-            continue
-        order = np.argsort(key, kind="stable")
-        same = key[order][1:] == key[order][:-1]
-        first = order[np.maximum.accumulate(np.where(np.concatenate([[True], ~same]), np.arange(len(order)), 0))]
-        again = np.flatnonzero((path.line[rows[order]] != path.line[rows[first]]) & (order != first))
-        again = again[has_length[order[again]]]
-        again = again[np.argsort(order[again])]
-        remarks = context.line_remarks(d.FIRST_HERE, path.line[rows[first[again]]])
-        report.rows(rules.MARKED_TWICE, rows[order[again]], "", remarks=remarks)
+        found = repeated_marks(context, channel)
+        _report_repeated(context, report, found.pick(found.from_another_line(context.path)))
 
 
-def _segment_keys(
-    context: LintContext, rows: Indices, channel: int
-) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.bool_]]:
-    """A key of each motion, (k,): equal where shape (in whole pulses, either direction) and power are equal.
+def marked_twice_outside_passes(context: LintContext, report: Reporter) -> None:
+    """The same segment is marked with the same power, and not in a pass: calls do not show loops."""
+    for channel in CHANNELS:
+        found = repeated_marks(context, channel)
+        _report_repeated(context, report, found.pick(~found.in_pass))
 
-    With it whether the motion has a length; a full circle has one.
+
+def _report_repeated(context: LintContext, report: Reporter, found: RepeatedMarks) -> None:
+    remarks = context.line_remarks(d.FIRST_HERE, context.path.line[found.first])
+    report.rows(rules.MARKED_TWICE, found.rows, "", remarks=remarks)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatedMarks:
+    """Marked segments that were marked before with the same power and velocity, (k,) in order.
+
+    `first`: the row that marked the segment first. `in_pass`: several segments are repeated in their order and
+    direction, from the first to the last, as by another pass of a loop; or a closed segment is repeated at once.
     """
+
+    rows: Indices
+    first: Indices
+    in_pass: Bools
+
+    def pick(self, where: Bools) -> RepeatedMarks:
+        """Pick the repeated segments at a mask."""
+        return RepeatedMarks(rows=self.rows[where], first=self.first[where], in_pass=self.in_pass[where])
+
+    def from_another_line(self, path: Path) -> Bools:
+        """Whether the segment was marked first from another line, (k,)."""
+        return np.asarray(path.line[self.rows] != path.line[self.first])
+
+
+def repeated_marks(context: LintContext, channel: int) -> RepeatedMarks:
+    """Find the marks of a channel that repeat an earlier one."""
+    rows = np.flatnonzero(context.path.moves & context.modal.laser(channel).on)
+    nothing = np.empty(0, dtype=np.intp)
+    if len(rows) < 2:
+        return RepeatedMarks(rows=nothing, first=nothing, in_pass=nothing.astype(np.bool_))
+    keys = _segment_keys(context, rows, channel)
+    ascending = np.sort(keys.shape)
+    if not (ascending[1:] == ascending[:-1]).any():
+        return RepeatedMarks(rows=nothing, first=nothing, in_pass=nothing.astype(np.bool_))
+    order = np.argsort(keys.shape, kind="stable")
+    fresh = np.concatenate([[True], keys.shape[order][1:] != keys.shape[order][:-1]])
+    first = np.empty(len(rows), dtype=np.intp)
+    first[order] = order[np.maximum.accumulate(np.where(fresh, np.arange(len(order)), 0))]
+    again = np.flatnonzero((first != np.arange(len(rows))) & keys.has_length)
+    in_pass = _in_passes(keys, order, fresh)[again]
+    return RepeatedMarks(rows=rows[again], first=rows[first[again]], in_pass=in_pass)
+
+
+_PERIODS = 16
+"""Lengths of a pass that are tried, the most frequent distances between two equal segments first."""
+
+
+def _in_passes(keys: _SegmentKeys, order: Indices, fresh: Bools) -> Bools:
+    """Find segments in a pass that repeats the one before, (k,).
+
+    Args:
+        keys: Keys of all segments.
+        order: Segments by shape, those of one shape in order, (k,).
+        fresh: Where in `order` a new shape begins, (k,).
+    """
+    n = len(order)
+    lags, counts = np.unique(np.diff(order)[~fresh[1:]], return_counts=True)
+    periods = lags[np.argsort(-counts, kind="stable")][:_PERIODS].tolist()
+    found = np.zeros(n, dtype=np.bool_)
+    for period in periods:
+        same = keys.directed[period:] == keys.directed[:-period]
+        if period == 1:
+            found[1:] |= same & keys.closed[1:]
+            continue
+        # Stretches of equal segments at least as long as the pass.
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
+        begin, end = edges[::2], edges[1::2]
+        whole = end - begin >= period
+        steps = np.zeros(len(same) + 1, dtype=np.int8)
+        steps[begin[whole]], steps[end[whole]] = 1, -1
+        found[period:] |= np.cumsum(steps)[:-1] > 0
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SegmentKeys:
+    """Keys of some motions, (k,) each.
+
+    `shape`: equal where shape (in whole pulses, either direction) and power are equal. `directed`: in one direction.
+    `has_length`: the motion has a length; a full circle has one. `closed`: it ends where it starts.
+    """
+
+    shape: npt.NDArray[np.uint64]
+    directed: npt.NDArray[np.uint64]
+    has_length: Bools
+    closed: Bools
+
+
+def _segment_keys(context: LintContext, rows: Indices, channel: int) -> _SegmentKeys:
     path = context.path
     ax, ay, bx, by = (np.rint(v) for v in path.ends(rows))
     reverse = (ax > bx) | ((ax == bx) & (ay > by))
@@ -128,7 +205,9 @@ def _segment_keys(
         bend = np.where(path.ccw[rows] != reverse, 1.0, -1.0)
         arc = [np.rint(np.nan_to_num(v[rows])) for v in (path.cx, path.cy, path.radius)]
         parts += [np.where(not_line, v, 0.0) for v in (*arc, bend)]
-    return _hashed(parts), (low_x != high_x) | (low_y != high_y) | not_line
+    shape, closed = _hashed(parts), (ax == bx) & (ay == by)
+    directed = shape + reverse.astype(np.uint64)
+    return _SegmentKeys(shape=shape, directed=directed, has_length=~closed | not_line, closed=closed)
 
 
 def _dose_keys(context: LintContext, channel: int) -> Floats:
@@ -144,12 +223,18 @@ def _dose_keys(context: LintContext, channel: int) -> Floats:
 def _power_keys(context: LintContext, channel: int) -> Floats:
     """A key of each row, (n,): equal where the same power is in force."""
     path = context.path
-    sets = np.flatnonzero(path.sets_power & (path.channel == channel))
-    if not len(sets):
+    rows = np.flatnonzero(path.sets_power & (path.channel == channel))
+    now = [(setup, power) for setup, power in context.modal.statements(PowerNow) if setup.channel == channel]
+    at_rest = np.array([context.modal.stage_first[setup.order] * 2 for setup, _ in now], dtype=np.intp)
+    instants = np.concatenate([rows * 2 + 1, at_rest])
+    if not len(instants):
         return np.zeros(len(path))
-    values = [np.nan_to_num(v[sets]) for v in (path.power, path.low, path.high, path.ratio)]
-    at = np.searchsorted(sets, np.arange(len(path)), side="left") - 1
-    return np.where(at >= 0, _hashed(values).astype(np.float64)[at], 0.0)
+    power = np.concatenate([path.power[rows], [power.power for _, power in now]])
+    follow = [np.concatenate([v[rows], np.full(len(now), np.nan)]) for v in (path.low, path.high, path.ratio)]
+    order = np.argsort(instants, kind="stable")
+    keys = _hashed([np.nan_to_num(v[order]) for v in (power, *follow)]).astype(np.float64)
+    at = np.searchsorted(instants[order], np.arange(len(path)) * 2 + 1, side="left") - 1
+    return np.where(at >= 0, keys[at], 0.0)
 
 
 def _hashed(columns: list[Floats]) -> npt.NDArray[np.uint64]:
@@ -192,7 +277,7 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
             report.rows(rules.DELAY_LONGER_THAN_MARK, rows[which], "", **fields)
         gaps = np.flatnonzero(~on[:-1] & on[1:] & (off_us >= most_us + on_us) & (off_us > 0) & checked)
         fields = {"off": off_us[gaps], "on": on_us[gaps], "most": np.round(most_us[gaps], 3)}
-        report.rows(rules.DELAY_LONGER_THAN_JUMP, rows[gaps], "", **fields)
+        report.rows(rules.DELAY_LONGER_THAN_JUMP, rows[gaps], "", word="LASER ON", **fields)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -218,11 +218,21 @@ def unused(context: LintContext, report: Reporter) -> None:
         spans = modal.modes(channel)
         buffered = (powers % 2 == 1) & (powers >= (spans[0].first * 2 if spans else 0))
         rows, used = powers[buffered] // 2, used[buffered]
-        # In a loop or routine the first or last iteration may go without.
+        # In a loop or routine the first or last iteration may go without. The lowest power is one to leave behind: an
+        # analog output has it while the laser is off.
         idle = rows[~used]
+        idle = idle[~(path.power[idle] <= _lowest(context, channel, idle))]
         idle = idle[~np.isin(path.line[idle], path.line[rows[used]])]
         for op in (Op.POWER, Op.FOLLOW):
             report.rows(rules.UNUSED_POWER, idle[path.op[idle] == op], "", word=op.word)
+
+
+def _lowest(context: LintContext, channel: int, rows: Indices) -> Floats:
+    """The lowest power of the mode in force at some rows; NaN where there is none."""
+    lowest = np.full(len(rows), np.nan)
+    for span in context.modal.modes(channel):
+        lowest[(rows >= span.first) & (rows < span.last)] = span.mode.low
+    return lowest
 
 
 def _units(context: LintContext, channel: int, rows: Indices) -> npt.NDArray[np.str_]:

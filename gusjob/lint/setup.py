@@ -149,6 +149,7 @@ def distance(context: LintContext, report: Reporter) -> None:
                     rules.DISTANCE_UNIT_CHANGED,
                     later.setup,
                     remarks=context.set_remark(setup),
+                    word="LASER DISTANCE",
                     unit=span.mode.mode.unit,
                     mode_unit=later.mode.mode.unit,
                 )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gusjob.controllers.gus.calls import Call
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Indices
 from gusjob.simulate.events import ImmediateAction, LaserState
@@ -53,11 +54,24 @@ class StageRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AcceptedCall:
+    """A call that is not buffered and that the controller accepts.
+
+    `moving`: a stage runs after the call. `stage`: number of this stage, or of the next one.
+    """
+
+    call: Call
+    stage: int
+    moving: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Execution:
     """Everything that the controller does with a stream.
 
     `at_end`: immediate actions after the last stage. `lasers`: state after it. `channels`: those that any call names.
-    `is_known`: whether the stream determines what runs: no call stops a stage at an unknown time.
+    `is_known`: whether the stream determines what runs: no call stops a stage at an unknown time. `accepted`:
+    in order.
     """
 
     stages: tuple[StageRun, ...]
@@ -66,3 +80,4 @@ class Execution:
     channels: tuple[int, ...]
     is_known: bool
     diagnostics: tuple[Diagnostic, ...]
+    accepted: tuple[AcceptedCall, ...] = ()

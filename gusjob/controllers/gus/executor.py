@@ -21,7 +21,7 @@ from gusjob.controllers.gus.arguments import (
     range_error,
 )
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
-from gusjob.controllers.gus.execution import CrdSettings, Execution, StageRun
+from gusjob.controllers.gus.execution import AcceptedCall, CrdSettings, Execution, StageRun
 from gusjob.controllers.gus.ranges import (
     DIMENSION,
     DISTANCE_LIMIT,
@@ -76,6 +76,9 @@ class _CallExecutor:
     """Whether the listing determines what runs."""
     systems: dict[int, CrdSettings] = field(default_factory=dict)
     """Settings of each coordinate system that GT_SetCrdPrm has set up."""
+    accepted: list[AcceptedCall] = field(default_factory=list)
+    refused: int = 0
+    """Number of calls that were refused."""
 
     # Reporting.
 
@@ -83,6 +86,7 @@ class _CallExecutor:
         self.collector.add(rule, Span(line=line), fields)
 
     def refuse(self, call: str, line: int, code: int, reason: str) -> None:
+        self.refused += 1
         self.diagnostic(rules.REFUSED, line, call=call, code=code, reason=reason)
 
     # Buffered calls.
@@ -133,8 +137,12 @@ class _CallExecutor:
         if reason:
             self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
             return
+        refused = self.refused
         handler = _HANDLERS[call.name]
         handler(self, call)
+        if self.refused == refused:
+            moving = self.running is not None
+            self.accepted.append(AcceptedCall(call=call, stage=len(self.stages) - moving, moving=moving))
 
     def number(self, call: Call, index: int) -> float:
         value = call.args[index]
@@ -350,8 +358,13 @@ class _CallExecutor:
 
     def wait(self, call: Call) -> None:
         """GT_CrdStatus: the host program has waited for the end of the motion. A mere reading has no effect."""
-        if call.waits and self.running is not None and self.running.crd == int(self.number(call, 0)):
-            self.running = None
+        if not call.waits or self.running is None:
+            return
+        asked, running = (int(self.number(call, 0)), int(self.number(call, 3))), (self.running.crd, self.running.fifo)
+        if asked != running:
+            self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=_does_not_run(asked, running))
+            return
+        self.running = None
 
     def stop(self, call: Call) -> None:
         """GT_Stop: bits 8 and 9 of the mask are coordinate systems 1 and 2, bits 0 to 7 axes (sister).
@@ -402,6 +415,7 @@ class _CallExecutor:
             channels=tuple(sorted(self.named)),
             is_known=self.is_known,
             diagnostics=tuple(self.collector.finish(rules.NOT_LISTED)),
+            accepted=tuple(self.accepted),
         )
 
 
@@ -415,6 +429,19 @@ def _crd_settings(parameters: tuple[Value, ...], position: tuple[float, float]) 
         acc_max_pulse_per_ms2=_limit(acc_max),
         even_time_ms=_number(even_time),
         origin_pulse=_origin(origin, axes) if _number(sets_origin) else position,
+    )
+
+
+def _does_not_run(asked: tuple[int, int], running: tuple[int, int]) -> Phrase:
+    """Describe a coordinate system and FIFO whose status is read, and that do not run."""
+    (crd, fifo), (runs, other) = asked, running
+    return Phrase(
+        "FIFO {fifo} of coordinate system {crd} does not run; FIFO {other} of coordinate system {runs} does, and is "
+        "not waited for",
+        fifo=fifo,
+        crd=crd,
+        other=other,
+        runs=runs,
     )
 
 

@@ -11,6 +11,7 @@ from gusjob.controllers.gus.checks import carrier_diagnostics, limit_diagnostics
 from gusjob.controllers.gus.execution import CrdSettings, Execution
 from gusjob.controllers.gus.executor import execute
 from gusjob.controllers.gus.geometry import call_segments
+from gusjob.controllers.gus.listing_checks import rule_diagnostics
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.simulate import Trace, simulate
@@ -40,6 +41,7 @@ def simulate_stream(
     if trace is not None:
         if is_listing:
             diagnostics += listing_diagnostics(stream.buffered, execution, events)
+            diagnostics += rule_diagnostics(stream, execution, trace, machine)
         diagnostics += carrier_diagnostics(trace)
     return trace, diagnostics
 

@@ -41,6 +41,10 @@ TOO_FAST = rule(
     bad="VEL 20m/s\n",
     good="VEL 2m/s\n",
 )
+TOO_FAST_IN_CALLS = variant(
+    TOO_FAST,
+    text="{what} is {value} {unit}, above the machine's limit of {limit} {unit}: calls take pulse/ms, not pulse/s",
+)
 BAD_ARC = rule(
     "GJ505",
     ERROR,
@@ -86,6 +90,11 @@ ARC_TOO_FAST = rule(
     why="On a small circle the mirrors need more acceleration than the machine has.",
     bad="VEL 5000\nACC 100000\nARC CW I 1 J 0\n",
     good="VEL 500\nACC 100000\nARC CW I 1 J 0\n",
+)
+ARC_TOO_FAST_IN_CALLS = variant(
+    ARC_TOO_FAST,
+    text="{velocity} pulse/ms on a radius of {radius} pulse need {value} pulse/ms2, above the machine's limit of "
+    "{limit} pulse/ms2: no planner reduces the velocity",
 )
 FOLLOW_UNEQUAL_AXES = rule(
     "GJ509",

@@ -78,8 +78,8 @@ DISTANCE_UNIT_CHANGED = rule(
     "GJ310",
     ERROR,
     title="distance follow in the unit of another mode",
-    text="the limits of LASER DISTANCE are in {unit}, but this mode uses {mode_unit}: set LASER DISTANCE again here, "
-    "or OFF",
+    text="the limits of {word} are in {unit}, but this mode uses {mode_unit}: set {word} again here, or switch "
+    "distance follow off",
     why="Percent would be read as volts.",
     bad="LASER MODE DUTY CARRIER 10\nLASER DISTANCE REF X 0 Y 0 RATIO X 1 Y 1 MIN 0 MAX 50\nLASER MODE ANALOG\n",
     good="LASER MODE DUTY CARRIER 10\nLASER DISTANCE REF X 0 Y 0 RATIO X 1 Y 1 MIN 0 MAX 50\nLASER DISTANCE OFF\n"
@@ -112,7 +112,7 @@ DELAY_LONGER_THAN_JUMP = rule(
     "GJ313",
     WARNING,
     title="off delay longer than the jump",
-    text="the off delay of {off} us is longer than the motion to the next LASER ON, which takes at most {most} us: "
+    text="the off delay of {off} us is longer than the motion to the next {word}, which takes at most {most} us: "
     "the laser does not go off in between",
     why="The jump between the two marks is marked, too.",
     bad="LASER DELAY ON 50us OFF 50ms\nLASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\nLASER ON\n"

@@ -1,0 +1,183 @@
+"""Rules of jobs that hold for calls, too: the calls are lifted to a job, and the checks of jobs run on it.
+
+With them what only calls can do: settings in the middle of a motion, coordinate systems without Y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Buffered, Stream, Value
+from gusjob.controllers.gus.execution import Execution
+from gusjob.controllers.gus.lift import lift
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Collector, Diagnostic, Remark, Rule, Span
+from gusjob.i18n.phrases import Phrase, all_of
+from gusjob.lint import CHECKS_OF_CALLS, run_checks
+from gusjob.lint.context import Remarks, lint_context, no_remarks
+from gusjob.lint.reporter import Reporter
+from gusjob.simulate import Trace
+
+HOLD_FOR_CALLS = (
+    rules.POWER_CLAMPED,
+    rules.PULSE_TOO_WIDE,
+    rules.CARRIER_TOO_FAST,
+    rules.FOLLOW_SATURATES,
+    rules.UNUSED_POWER,
+    rules.OFF_DELAY_BELOW_ON,
+    rules.DISTANCE_UNIT_CHANGED,
+    rules.FPK_IN_DUTY2,
+    rules.DELAY_LONGER_THAN_MARK,
+    rules.DELAY_LONGER_THAN_JUMP,
+    rules.DWELL_WITH_LASER_ON,
+    rules.WAIT_WITH_LASER_ON,
+    rules.LASER_ON_WITHOUT_MOTION,
+    rules.MARKED_TWICE,
+    rules.ALREADY_ON,
+    rules.TOO_FAST,
+    rules.ARC_TOO_FAST,
+    rules.MARK_WITHOUT_LENGTH,
+    rules.FIFO_MAY_RUN_EMPTY,
+)
+"""The rules of jobs that hold for calls. What the other checks find in calls has rules of its own (GJ7)."""
+
+_RADIUS_ROUNDING_PULSE = 2.0
+_XY = 2
+"""Dimension of a plane."""
+
+_IN_CALLS: dict[str, str] = {
+    "LINE": "GT_LnXY",
+    "VEL": Phrase("the segment's velocity"),
+    "ACC": Phrase("the segment's acceleration"),
+    "DWELL": "GT_BufDelay",
+    "LASER ON": "GT_BufLaserOn",
+    "LASER OFF": "GT_BufLaserOff",
+    "LASER DISTANCE": "GT_SetLaserDisRatio",
+    "LASER POWER": "GT_BufLaserPrfCmd",
+    "LASER POWER NOW": "GT_LaserPrfCmd",
+    "LASER FOLLOW": "GT_BufLaserPrfFollow",
+    "follow MIN": "GT_BufLaserPrfFollow minPower",
+    "follow MAX": "GT_BufLaserPrfFollow maxPower",
+    "distance MIN": "GT_SetLaserDisRatio minPower",
+    "distance MAX": "GT_SetLaserDisRatio maxPower",
+    "CARRIER": "GT_LaserOutFrq",
+    "standby FREQ": "GT_SetWaitPulse waitPulseFrq",
+}
+"""What the words of a job are in calls."""
+
+
+_OF_A_STAGE = frozenset(
+    (
+        "GT_LaserOutFrq",
+        "GT_SetPulseWidth",
+        "GT_SetWaitPulse",
+        "GT_SetPreVltg",
+        "GT_SetLevelDelay",
+        "GT_EnaFPK",
+        "GT_DisFPK",
+        "GT_SetLaserDisMode",
+    )
+)
+"""Settings for a whole stage. Power, switch and the ratio of distance follow may change at any time (M 五.2)."""
+
+
+def rule_diagnostics(stream: Stream, execution: Execution, trace: Trace, machine: Machine) -> list[Diagnostic]:
+    """Find what breaks a rule of jobs in the executed calls of a stream, and settings at the wrong time."""
+    context = lint_context(lift(stream, execution), machine)
+    found = run_checks(CHECKS_OF_CALLS, context, _CallReporter(context, Collector(stream.name)))
+    return [*found, *_fast_arcs(trace, machine), *_order(stream, execution)]
+
+
+def _fast_arcs(trace: Trace, machine: Machine) -> list[Diagnostic]:
+    """Report arcs on which v^2/r is above the machine's acceleration, at the highest velocity that is reached."""
+    collector = Collector(trace.name)
+    at, radius, profile = trace.segments.arc_at, trace.segments.arcs.radius, trace.schedule.profile
+    limit = machine.max_acceleration_pulse_per_ms2
+    velocity = np.maximum(np.maximum(profile.peak[at], profile.start[at]), profile.end[at])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = velocity**2 / radius
+    # Ends and centre are whole pulses, so the radius may be off by this much.
+    fast = np.flatnonzero((radius > 0) & (velocity**2 > limit * (radius + _RADIUS_ROUNDING_PULSE)))
+    rule = rules.ARC_TOO_FAST_IN_CALLS
+    listed = fast[: collector.remaining(rule)].tolist()
+    for i in listed:
+        fields = {"velocity": float(velocity[i]), "radius": float(radius[i]), "value": float(needed[i]), "limit": limit}
+        collector.add(rule, Span(line=int(trace.line[at[i]])), fields)
+    collector.count_unlisted(rule, len(fast) - len(listed))
+    return collector.finish(rules.NOT_LISTED)
+
+
+def _order(stream: Stream, execution: Execution) -> list[Diagnostic]:
+    """Report settings while the motion runs, and coordinate systems that lack an axis of the motion."""
+    collector = Collector(stream.name)
+    kind, crd = stream.buffered.kind, stream.buffered.crd
+    for accepted in execution.accepted:
+        call = accepted.call
+        reason = ""
+        if accepted.moving and call.name in _OF_A_STAGE:
+            if (kind[execution.stages[accepted.stage].rows] <= Buffered.DELAY).any():
+                reason = Phrase(
+                    "the coordinate system is moving, so it is not known from where on the call has an effect (the "
+                    "start of the stage is assumed); wait for the end of the motion first (GT_CrdStatus)"
+                )
+        elif call.name == "GT_SetCrdPrm":
+            reason = _missing_axis(call.args[1])
+            moves = (kind <= Buffered.ARC_RADIUS) & (crd == call.args[0])
+            reason = reason if reason and moves.any() else ""
+        if reason:
+            collector.add(rules.QUESTIONABLE_CALL, Span(line=call.line), {"call": call.name, "reason": reason})
+    return collector.finish(rules.NOT_LISTED)
+
+
+def _missing_axis(parameters: Value) -> str:
+    """Describe which of X and Y a TCrdPrm lacks; '' if none, or if it is not known."""
+    if not isinstance(parameters, tuple):
+        return ""
+    dimension, profile = parameters[0], parameters[1]
+    if isinstance(dimension, float) and dimension < _XY:
+        return Phrase("dimension {dimension} has no Y: GT_LnXY and arcs need 2", dimension=dimension)
+    axes = [axis for number, axis in ((1.0, "X"), (2.0, "Y")) if isinstance(profile, tuple) and number not in profile]
+    return Phrase("no axis of its profile is {axes}: GT_LnXY and arcs need X and Y", axes=all_of(axes)) if axes else ""
+
+
+@dataclass(slots=True)
+class _CallReporter(Reporter):
+    """Reports only rules that hold for calls, in the words of calls."""
+
+    def line(
+        self,
+        rule: Rule,
+        line: int,
+        word: str = "",
+        /,
+        *,
+        provenance: int = 0,
+        count: int = 1,
+        remarks: tuple[Remark, ...] = (),
+        **fields: Any,
+    ) -> None:
+        """Report one diagnostic at a word of a line."""
+        if rule in HOLD_FOR_CALLS:
+            rule = rules.TOO_FAST_IN_CALLS if rule is rules.TOO_FAST else rule
+            fields |= {name: _IN_CALLS.get(fields[name], fields[name]) for name in ("what", "word") if name in fields}
+            Reporter.line(self, rule, line, word, provenance=provenance, count=count, remarks=remarks, **fields)
+
+    def lines(
+        self,
+        rule: Rule,
+        lines: npt.NDArray[np.int32],
+        provenance: npt.NDArray[np.int32],
+        words: npt.NDArray[np.str_],
+        /,
+        *,
+        remarks: Remarks = no_remarks,
+        **columns: Any,
+    ) -> None:
+        """Report one diagnostic a line of (k,)."""
+        if rule in HOLD_FOR_CALLS:
+            Reporter.lines(self, rule, lines, provenance, words, remarks=remarks, **columns)
