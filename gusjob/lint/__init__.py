@@ -52,7 +52,7 @@ CHECKS: tuple[Check, ...] = (
     skywriting.forced_ends,
 )
 
-NEED_COMPLETE_JOB = (power.unused, laser.switching, laser.delays_against_path, motion.no_length)
+NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, laser.delays_against_path, motion.no_length)
 """Skipped where a line could not be read: what they miss may be in that line."""
 
 
@@ -77,7 +77,7 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     power.follow,
     power.kept,
     power.saturation,
-    power.unused,
+    power.unused_in_calls,
     laser.dwells,
     laser.waits,
     laser.switching,

@@ -14,7 +14,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import LaserDelay, LaserFpk, PowerNow
 from gusjob.ir.stages import opens_stage
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, hashed
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -205,7 +205,7 @@ def _segment_keys(context: LintContext, rows: Indices, channel: int) -> _Segment
         bend = np.where(path.ccw[rows] != reverse, 1.0, -1.0)
         arc = [np.rint(np.nan_to_num(v[rows])) for v in (path.cx, path.cy, path.radius)]
         parts += [np.where(not_line, v, 0.0) for v in (*arc, bend)]
-    shape, closed = _hashed(parts), (ax == bx) & (ay == by)
+    shape, closed = hashed(parts), (ax == bx) & (ay == by)
     directed = shape + reverse.astype(np.uint64)
     return _SegmentKeys(shape=shape, directed=directed, has_length=~closed | not_line, closed=closed)
 
@@ -217,7 +217,7 @@ def _dose_keys(context: LintContext, channel: int) -> Floats:
     for span in context.modal.modes(channel):
         key = (span.mode.mode, span.mode.carrier_khz, span.mode.pulse_width_us)
         mode[span.first : span.last] = hash(key) % 1_000_003
-    return _hashed([_power_keys(context, channel), mode, np.nan_to_num(path.vel)]).astype(np.float64)
+    return hashed([_power_keys(context, channel), mode, np.nan_to_num(path.vel)]).astype(np.float64)
 
 
 def _power_keys(context: LintContext, channel: int) -> Floats:
@@ -232,19 +232,9 @@ def _power_keys(context: LintContext, channel: int) -> Floats:
     power = np.concatenate([path.power[rows], [power.power for _, power in now]])
     follow = [np.concatenate([v[rows], np.full(len(now), np.nan)]) for v in (path.low, path.high, path.ratio)]
     order = np.argsort(instants, kind="stable")
-    keys = _hashed([np.nan_to_num(v[order]) for v in (power, *follow)]).astype(np.float64)
+    keys = hashed([np.nan_to_num(v[order]) for v in (power, *follow)]).astype(np.float64)
     at = np.searchsorted(instants[order], np.arange(len(path)) * 2 + 1, side="left") - 1
     return np.where(at >= 0, keys[at], 0.0)
-
-
-def _hashed(columns: list[Floats]) -> npt.NDArray[np.uint64]:
-    """Hash the rows of some columns: equal rows have equal hashes, others hardly ever."""
-    mixed = np.zeros(len(columns[0]), dtype=np.uint64)
-    for column in columns:
-        bits = np.ascontiguousarray(column + 0.0).view(np.uint64)
-        mixed = (mixed ^ bits) * np.uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> np.uint64(29)
-    return mixed
 
 
 def delays_against_path(context: LintContext, report: Reporter) -> None:

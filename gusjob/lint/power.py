@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.path import Op
 from gusjob.ir.setup import PowerNow, Setup, SwitchNow
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, hashed
 from gusjob.lint.context import LintContext, same_remarks
 from gusjob.lint.reporter import Reporter
 
@@ -202,7 +203,18 @@ def saturation(context: LintContext, report: Reporter) -> None:
 
 
 def unused(context: LintContext, report: Reporter) -> None:
-    """A power is set again before any emission."""
+    """A power is set again before any emission. In a loop or routine the first or last iteration may go without."""
+    _unused(context, report, context.path.line)
+
+
+def unused_in_calls(context: LintContext, report: Reporter) -> None:
+    """A power is set again before any emission, and is not used elsewhere: calls do not show loops."""
+    path = context.path
+    _unused(context, report, hashed([np.nan_to_num(v) for v in (path.power, path.low, path.high, path.ratio)]))
+
+
+def _unused(context: LintContext, report: Reporter, statement: npt.NDArray[Any]) -> None:
+    """Report powers that are never used. `statement` (n,): which statement each row is an iteration of."""
     path, modal = context.path, context.modal
     for channel in CHANNELS:
         on = modal.laser(channel).on
@@ -218,11 +230,10 @@ def unused(context: LintContext, report: Reporter) -> None:
         spans = modal.modes(channel)
         buffered = (powers % 2 == 1) & (powers >= (spans[0].first * 2 if spans else 0))
         rows, used = powers[buffered] // 2, used[buffered]
-        # In a loop or routine the first or last iteration may go without. The lowest power is one to leave behind: an
-        # analog output has it while the laser is off.
         idle = rows[~used]
+        # The lowest power is one to leave behind: an analog output has it while the laser is off.
         idle = idle[~(path.power[idle] <= _lowest(context, channel, idle))]
-        idle = idle[~np.isin(path.line[idle], path.line[rows[used]])]
+        idle = idle[~np.isin(statement[idle], statement[rows[used]])]
         for op in (Op.POWER, Op.FOLLOW):
             report.rows(rules.UNUSED_POWER, idle[path.op[idle] == op], "", word=op.word)
 

@@ -239,15 +239,21 @@ class _Setups:
     def set_mode(self, call: Call, stage: int) -> None:
         """Set a mode; the carrier and the laser pulse width stay."""
         channel = _channel(call)
-        statement = LaserMode(
-            mode=PowerMode(int(_number(call, 0))),
-            high=_number(call, 1),
-            low=_number(call, 2),
-            carrier_khz=self.carrier_khz.get(channel),
-            pulse_width_us=self.width_us.get(channel),
-        )
+        mode = PowerMode(int(_number(call, 0)))
+        statement = self.mode_statement(channel, mode, low=_number(call, 2), high=_number(call, 1))
         self.modes[channel] = _ModeInForce(statement=statement, number=len(self.found), stage=stage)
         self.append(call, stage, statement)
+
+    def mode_statement(self, channel: int, mode: PowerMode, *, low: float, high: float) -> LaserMode:
+        """Make the statement of a mode, with the carrier or the laser pulse width if the mode uses it."""
+        is_duty, is_frequency = mode in (PowerMode.DUTY, PowerMode.DUTY2), mode is PowerMode.FREQUENCY
+        return LaserMode(
+            mode=mode,
+            low=low,
+            high=high,
+            carrier_khz=self.carrier_khz.get(channel) if is_duty else None,
+            pulse_width_us=self.width_us.get(channel) if is_frequency else None,
+        )
 
     def change_mode(self, call: Call, stage: int, word: str) -> None:
         """Change the mode in force: its own statement if nothing has moved since, else by another one."""
@@ -255,8 +261,8 @@ class _Setups:
         mode = self.modes.get(channel)
         if mode is None:
             return
-        carrier_khz, width_us = self.carrier_khz.get(channel), self.width_us.get(channel)
-        mode.statement = replace(mode.statement, carrier_khz=carrier_khz, pulse_width_us=width_us)
+        before = mode.statement
+        mode.statement = self.mode_statement(channel, before.mode, low=before.low, high=before.high)
         if mode.stage != stage:
             mode.number, mode.stage = len(self.found), stage
             self.append(call, stage, mode.statement)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
+from support.job_writer import Writer
 from support.tools import MACHINE, ROOT, run_listing
 
 from gusjob.config.machine import Laser, Machine
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.gus.listing_checks import HOLD_FOR_CALLS
 from gusjob.diagnostics.rules import RULES
-from gusjob.pipeline import Checked, Compiled, compile_calls, compile_file, examine, load
+from gusjob.pipeline import Checked, Compiled, Origin, compile_calls, compile_file, examine, load
 
 HEAD = (
     "GT_SetAxisMode(7,1)\nGT_LaserPowerMode({mode},{high},{low},0)\nGT_LaserOutFrq(10,0)\n"
@@ -202,6 +204,14 @@ def test_a_comment_suppresses_a_rule_of_jobs() -> None:
         assert {f.rule.code for f in examine(loaded).diagnostics} == expected
 
 
+def test_a_journal_is_not_checked_by_the_rules_that_its_job_was_checked_by() -> None:
+    text = DUTY + "GT_SetLevelDelay(50,60,0)\n" + POWER + mark(line(1000)) + START
+    loaded = load(Path("x.gts"), None, data=text.encode())
+    assert isinstance(loaded, Checked)
+    assert of_rules(examine(loaded)) == {"GJ306"}
+    assert of_rules(examine(replace(loaded, origin=Origin.JOURNAL))) == set()
+
+
 # A job and its calls.
 
 
@@ -250,6 +260,39 @@ def test_the_listing_of_an_example_breaks_its_rule(code: str, kind: str) -> None
     compiled = compile_calls(loaded)
     if isinstance(compiled, Compiled):
         assert of_rules(read_back(compiled)) == NOT_IN_CALLS.get((code, kind), of_rules(loaded))
+
+
+ONLY_IN_CALLS = {"GJ407", "GJ513"}
+"""Passes of a single segment; arcs that rounding makes a line without length."""
+ONLY_IN_JOBS = {"GJ508", "GJ209", "GJ313", "GJ408"}
+"""The planner slows arcs down, moves ends to whole pulses, and leaves out a second LASER ON under SKYWRITE."""
+
+
+def test_the_listings_of_random_jobs_break_the_rules_that_the_jobs_break() -> None:
+    compared, seen = 0, set[str]()
+    for seed in range(100):
+        loaded = load(Path("random.job"), None, data=Writer(rng=Random(seed)).job().encode())
+        assert isinstance(loaded, Checked)
+        compiled = compile_calls(loaded)
+        if isinstance(compiled, Compiled):
+            of_job, of_calls = of_rules(examine(compiled)), of_rules(read_back(compiled))
+            assert of_calls - of_job <= ONLY_IN_CALLS, seed
+            assert of_job - of_calls <= ONLY_IN_JOBS, seed
+            compared, seen = compared + 1, seen | of_calls
+    assert compared > 50
+    assert {"GJ406", "GJ209", "GJ210", "GJ405", "GJ306", "GJ408", "GJ404"} <= seen
+
+
+def test_a_pulse_width_does_not_matter_in_a_duty_mode() -> None:
+    text = FREQUENCY + "GT_LaserPowerMode(0,100,0,0)\nGT_LaserOutFrq(10,0)\nGT_LaserPrfCmd(90,0)\n"
+    assert "GJ207" not in codes(text + mark(line(1000)) + START)
+
+
+@pytest.mark.parametrize(("lost", "count"), [(40, 1), (30, 0), (10, 0)])
+def test_an_unused_power_that_is_used_elsewhere_may_be_one_of_a_loop(lost: int, count: int) -> None:
+    powers = f"GT_BufLaserPrfCmd(1,{lost},0,0)\nGT_BufLaserPrfCmd(1,50,0,0)\n"
+    text = DUTY + POWER + mark(line(1000)) + powers + line(2000) + mark(line(3000)) + START
+    assert codes(text).count("GJ210") == count
 
 
 def test_the_guide_lists_the_rules_that_hold() -> None:
