@@ -22,6 +22,7 @@ from support.device_log import Row as Row
 Floats = npt.NDArray[np.float64]
 
 SOURCE = Path(__file__).parents[1] / "vendor" / "controller.c"
+STAND_IN = Path(__file__).parents[2] / "gusjob" / "record" / "stand_in"
 CC = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_controller = pytest.mark.skipif(CC is None or os.name != "posix", reason="needs a C compiler on a POSIX system")
 
@@ -35,7 +36,7 @@ def build(folder: Path, abi: int = GUS, *flags: str) -> Path:
     name = "".join(c if c.isalnum() else "_" for c in "".join([f"controller{abi}", *flags]))
     path = folder / (name + (".dylib" if sys.platform == "darwin" else ".so"))
     strict = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC")
-    command = [CC, *strict, f"-DVC_ABI={abi}", *flags, "-o", str(path), str(SOURCE), "-lm", "-lpthread"]
+    command = [CC, *strict, f"-DVC_ABI={abi}", f"-I{STAND_IN}", *flags, "-o", str(path), str(SOURCE), "-lm", "-lpthread"]
     subprocess.run(command, check=True)
     return path
 

@@ -1,0 +1,179 @@
+/*
+ * Symbols with a model that gusjob itself never calls, but programs do. Facts of the sister series.
+ */
+#ifndef MORE_SYMBOLS_H
+#define MORE_SYMBOLS_H
+
+#include "symbols.h"
+
+/* Bits of an axis's status. */
+enum { SERVO_ON = 0x200, PROFILE_RUNNING = 0x400, IN_POSITION = 0x800 };
+
+enum { HOMED = 100 }; /* Homing is over, without an error. */
+
+typedef struct {
+    short run, stage, error, pad1;
+    long capturePos, targetPos;
+} THomeStatus;
+
+/* ---- Effects ------------------------------------------------------------------------------------------------- */
+
+/* a: crd, fifo. A buffered call without a model takes its slot. */
+static short put_nothing(const double *a, double *out)
+{
+    (void)out;
+    if (!is_crd(a[0]) || !is_bit(a[1]))
+        return PARAMETER;
+    return put(a[0], a[1], (Slot){.kind = NOTHING});
+}
+
+/* An immediate call without a model. */
+static short do_nothing(const double *a, double *out)
+{
+    (void)a;
+    (void)out;
+    return DONE;
+}
+
+/* a: crd, x, y, velocity, acceleration, fifo */
+static short put_line_to_rest(const double *a, double *out)
+{
+    double speed[] = {a[3], a[4], 0, a[5]};
+    (void)out;
+    return put_motion(a, speed, (Slot){.kind = LINE});
+}
+
+static int is_axes(double axis, double count)
+{
+    return within(axis, 1, 8) && within(count, 1, 9 - axis);
+}
+
+/* a: axis, count, pointer; out: bits of each axis. The head is axes 1 and 2. */
+static short axis_status(const double *a, double *out)
+{
+    int i;
+    if (!is_axes(a[0], a[1]) || !a[2])
+        return PARAMETER;
+    for (i = 0; i < (int)a[1]; i++) {
+        int axis = (int)a[0] + i, moves = m->moving && axis <= 2, on = m->axes >> (axis - 1) & 1;
+        out[i] = (on ? SERVO_ON : 0) + (moves ? PROFILE_RUNNING : on ? IN_POSITION : 0);
+    }
+    return DONE;
+}
+
+/* a: axis, count, pointer; out: position of each axis */
+static short axis_position(const double *a, double *out)
+{
+    double velocity, place[8] = {0};
+    if (!is_axes(a[0], a[1]) || !a[2])
+        return PARAMETER;
+    whereabouts(m->t, &velocity, &place[0], &place[1]);
+    memcpy(out, place + (int)a[0] - 1, (size_t)a[1] * sizeof *out);
+    return DONE;
+}
+
+/* a: crd, fifo, pointer; out: calls that are left */
+static short remainder_count(const double *a, double *out)
+{
+    if (!is_crd(a[0]) || !is_bit(a[1]) || !a[2])
+        return PARAMETER;
+    out[0] = (double)used_slots((int)a[0], (int)a[1]);
+    return DONE;
+}
+
+/* ---- Symbols ------------------------------------------------------------------------------------------------- */
+
+/* A reading of several axes: axis, answers, count, clock. */
+static short read_axes(int card, const char *name, const char *mark, Effect *effect, short axis, short count,
+                       int has_pointer, double out[8])
+{
+    double given[] = {axis, count}, a[] = {axis, count, has_pointer};
+    char form[40];
+    Call made = {.card = card, .name = name, .form = form, .given = given};
+    snprintf(form, sizeof form, "#,%s%.0danswers,#,clock", mark, count > 1 && count <= 8 ? count : 0);
+    return make_call(&made, effect, a, out);
+}
+
+API GT_GetSts(CARD short axis, long *pSts, short count, unsigned long *pClock)
+{
+    double out[8];
+    int i;
+    short code = read_axes(CARD_NUMBER, "GT_GetSts", "@", axis_status, axis, count, pSts != NULL, out);
+    for (i = 0; code == DONE && i < count; i++)
+        pSts[i] = (long)out[i];
+    if (code == DONE && pClock)
+        *pClock = (unsigned long)(long long)(m->origin + m->t);
+    return code;
+}
+
+static short read_positions(int card, const char *name, short axis, double *pValue, short count, unsigned long *pClock)
+{
+    double out[8];
+    short code = read_axes(card, name, "~", axis_position, axis, count, pValue != NULL, out);
+    if (code == DONE) {
+        memcpy(pValue, out, (size_t)count * sizeof *out);
+        if (pClock)
+            *pClock = (unsigned long)(long long)(m->origin + m->t);
+    }
+    return code;
+}
+
+API GT_GetPrfPos(CARD short profile, double *pValue, short count, unsigned long *pClock)
+{
+    return read_positions(CARD_NUMBER, "GT_GetPrfPos", profile, pValue, count, pClock);
+}
+
+API GT_GetEncPos(CARD short encoder, double *pValue, short count, unsigned long *pClock)
+{
+    return read_positions(CARD_NUMBER, "GT_GetEncPos", encoder, pValue, count, pClock);
+}
+
+API GT_GetAxisPrfPos(CARD short axis, double *pValue, short count, unsigned long *pClock)
+{
+    return read_positions(CARD_NUMBER, "GT_GetAxisPrfPos", axis, pValue, count, pClock);
+}
+
+API GT_GetAxisEncPos(CARD short axis, double *pValue, short count, unsigned long *pClock)
+{
+    return read_positions(CARD_NUMBER, "GT_GetAxisEncPos", axis, pValue, count, pClock);
+}
+
+API GT_GetRemainderSegNum(CARD short crd, long *pSegment, short fifo)
+{
+    double a[] = {crd, fifo, pSegment != NULL}, out[1];
+    short code = call(CARD_NUMBER, "GT_GetRemainderSegNum", "#,~segment,#", remainder_count, a, out);
+    if (code == DONE)
+        *pSegment = (long)out[0];
+    return code;
+}
+
+API GT_GetLookAheadSpace(CARD short crd, long *pSpace, short fifo)
+{
+    double a[] = {crd, fifo, pSpace != NULL}, out[1];
+    short code = call(CARD_NUMBER, "GT_GetLookAheadSpace", "#,~space,#", space, a, out);
+    if (code == DONE)
+        *pSpace = (long)out[0];
+    return code;
+}
+
+/* Homing, which has no model, ends at once. */
+API GT_GetHomeStatus(CARD short axis, THomeStatus *pHomeStatus)
+{
+    double a[] = {pHomeStatus != NULL};
+    double given[] = {axis};
+    Call made = {.card = CARD_NUMBER, .name = "GT_GetHomeStatus", .form = "#,pointer", .given = given};
+    short code = make_call(&made, needs_pointer, a, NULL);
+    if (code == DONE)
+        *pHomeStatus = (THomeStatus){.stage = HOMED};
+    return code;
+}
+
+API GT_LnXYG0(CARD short crd, long x, long y, double synVel, double synAcc, short fifo)
+    CALL("GT_LnXYG0", "#,#,#,#,#,#", put_line_to_rest, crd, (double)x, (double)y, synVel, synAcc, fifo)
+
+#if VC_ABI == 0
+API GT_BufLaserFollowRatio(short crd, double ratio, double minPower, double maxPower, short fifo, short channel)
+    CALL("GT_BufLaserFollowRatio", "#,#,#,#,#,#", put_follow, crd, ratio, minPower, maxPower, fifo, channel)
+#endif
+
+#endif

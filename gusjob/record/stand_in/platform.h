@@ -1,0 +1,109 @@
+/*
+ * What differs between POSIX systems and Windows: exports, a lock, the clock, naps, files that are written in place.
+ */
+#ifndef PLATFORM_H
+#define PLATFORM_H
+
+#define _DEFAULT_SOURCE
+#define _DARWIN_C_SOURCE
+#define _FILE_OFFSET_BITS 64
+
+#ifdef _WIN32
+#define WIN32_LEAN_AND_MEAN
+#include <windows.h>
+#else
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#endif
+
+#include <math.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* The head of each function of the ABI. The vendor's functions are __stdcall on Windows. */
+#ifdef _WIN32
+#define KILL_SIGNAL 9
+#define API __declspec(dllexport) short __stdcall
+#else
+#define KILL_SIGNAL SIGKILL
+#define API __attribute__((visibility("default"))) short
+#endif
+
+#ifdef _WIN32
+
+static SRWLOCK machine_lock = SRWLOCK_INIT;
+
+static void take_lock(void)
+{
+    AcquireSRWLockExclusive(&machine_lock);
+}
+
+static void give_lock(void)
+{
+    ReleaseSRWLockExclusive(&machine_lock);
+}
+
+static double wall_ms(void)
+{
+    LARGE_INTEGER now, second;
+    QueryPerformanceCounter(&now);
+    QueryPerformanceFrequency(&second);
+    return (double)now.QuadPart * 1e3 / (double)second.QuadPart;
+}
+
+static void nap_ms(double ms)
+{
+    Sleep((DWORD)ceil(ms));
+}
+
+static void signal_self(int number)
+{
+    if (number == SIGINT)
+        raise(number);
+    else
+        TerminateProcess(GetCurrentProcess(), 128 + (UINT)number);
+}
+
+#else
+
+static pthread_mutex_t machine_lock = PTHREAD_MUTEX_INITIALIZER;
+
+static void take_lock(void)
+{
+    pthread_mutex_lock(&machine_lock);
+}
+
+static void give_lock(void)
+{
+    pthread_mutex_unlock(&machine_lock);
+}
+
+static double wall_ms(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec * 1e3 + (double)now.tv_nsec / 1e6;
+}
+
+static void nap_ms(double ms)
+{
+    struct timespec nap = {.tv_sec = (time_t)(ms / 1000), .tv_nsec = (long)(fmod(ms, 1000) * 1e6)};
+    while (nanosleep(&nap, &nap) != 0 && errno == EINTR)
+        ;
+}
+
+static void signal_self(int number)
+{
+    kill(getpid(), number);
+}
+
+#endif
+#endif
