@@ -16,7 +16,21 @@ from gusjob.version import __version__
 # No command multiplies matrices: numpy's thread pool would only slow down the start.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-_COMMANDS = ("check", "fmt", "explain", "compile", "run", "report", "plot", "trace", "watch", "lsp", "tune", "devices")
+_COMMANDS = (
+    "check",
+    "fmt",
+    "explain",
+    "compile",
+    "run",
+    "report",
+    "plot",
+    "trace",
+    "watch",
+    "lsp",
+    "tune",
+    "devices",
+    "record",
+)
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a full or broken disk, which may occur wherever a command prints."""
 

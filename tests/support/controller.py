@@ -36,7 +36,18 @@ def build(folder: Path, abi: int = GUS, *flags: str) -> Path:
     name = "".join(c if c.isalnum() else "_" for c in "".join([f"controller{abi}", *flags]))
     path = folder / (name + (".dylib" if sys.platform == "darwin" else ".so"))
     strict = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC")
-    command = [CC, *strict, f"-DVC_ABI={abi}", f"-I{STAND_IN}", *flags, "-o", str(path), str(SOURCE), "-lm", "-lpthread"]
+    command = [
+        CC,
+        *strict,
+        f"-DVC_ABI={abi}",
+        f"-I{STAND_IN}",
+        *flags,
+        "-o",
+        str(path),
+        str(SOURCE),
+        "-lm",
+        "-lpthread",
+    ]
     subprocess.run(command, check=True)
     return path
 

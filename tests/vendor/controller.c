@@ -79,6 +79,11 @@ static void configure(void)
     set_options(getenv("VC_OPTIONS"));
 }
 
+static int works_closed(Effect *effect)
+{
+    return effect == open_card;
+}
+
 static int polls(const char *name)
 {
     return strcmp(name, "GT_CrdStatus") == 0;

@@ -85,7 +85,8 @@ static void befall_machine(const Fault *f)
 /* What a call does, from its arguments; answers go to `out`. Its checks come first. */
 typedef short Effect(const double *a, double *out);
 
-static short open_card(const double *a, double *out);
+/* Whether an effect needs no open card. */
+static int works_closed(Effect *effect);
 
 /* What is logged of a call. In the form, # is the next number and $ the text; @word is the next answer, ~word one that
    changes while the machine moves, each with a digit before the word for an array. Else it is text. */
@@ -143,7 +144,7 @@ static short make_call(const Call *call, Effect *effect, const double *a, double
         }
     }
     log_rests(call->card);
-    if (!returns && !m->open && effect != open_card)
+    if (!returns && !m->open && !works_closed(effect))
         code = NOT_OPEN;
     else if (!returns)
         code = is_lacking(call->name) ? UNSUPPORTED : effect(a, out);

@@ -9,11 +9,16 @@
  */
 #define CARDS 16
 #define AXES_AT_POWER_UP 0xff /* Nothing says that a galvo head's axes must be switched on: M never does. */
-static int chosen_card(void);
+
+static int chosen_card; /* of a library without card numbers: what GT_SetCardNo chose */
+#define CARD_OF_CALL chosen_card
 
 #include "more_symbols.h"
 
 #include "listing.h"
+#ifndef WITHOUT_FUNCTIONS
+#include "functions.h" /* generated: the functions without a model */
+#endif
 
 #define WAITED_MS 5.0     /* A longer gap between two calls is the program's own waiting. */
 #define REFUSED_MS 2.0    /* What a program needs to send a refused call again. */
@@ -29,6 +34,11 @@ static void configure(void)
     m->base_wall = loaded_ms;
 }
 
+static int works_closed(Effect *effect)
+{
+    return effect == open_card || effect == choose_card || effect == get_card;
+}
+
 static int polls(const char *name)
 {
     return is_reading(name);
@@ -39,4 +49,53 @@ static double waited_ms(void)
     double gap = last_call_ms < 0 ? 0 : wall_ms() - last_call_ms, owed = owed_ms;
     owed_ms = 0;
     return owed + (gap >= WAITED_MS ? gap : 0);
+}
+
+static void log_rests(int card)
+{
+    int i;
+    for (i = 0; i < 2; i++)
+        if (m->rested[i])
+            write_rest(card, m->rested_at[i], i + 1);
+    m->rested[0] = m->rested[1] = 0;
+}
+
+static void log_call(const Call *call, int code, const double *out)
+{
+    write_call(call, m->origin + m->t, code, out);
+    owed_ms = code == REFUSED ? REFUSED_MS : 0;
+    last_call_ms = wall_ms();
+}
+
+/* NAME:N:CODE,NAME:N+:CODE */
+static void plant_faults(const char *text)
+{
+    char name[40];
+    long nth, code;
+    int used;
+    while (text && sscanf(text, "%39[^:,]:%ld%n", name, &nth, &used) == 2) {
+        int lasts = text[used] == '+';
+        text += used + lasts;
+        if (sscanf(text, ":%ld%n", &code, &used) != 1)
+            break;
+        plant_fault((Fault){.nth = nth, .count = lasts ? FOR_EVER : 1, .what = F_RETURN, .value = (double)code}, name);
+        text += used;
+        text += *text == ',';
+    }
+    if (text && *text)
+        fprintf(stderr, "gusjob record: GUSJOB_RECORD_FAULTS: not NAME:N:CODE: %s\n", text);
+}
+
+__attribute__((constructor)) static void loaded(void)
+{
+    const char *time = getenv("GUSJOB_RECORD_TIME"), *limit = getenv("GUSJOB_RECORD_LIMIT");
+    is_real = time != NULL && strcmp(time, "real") == 0;
+    time_name = is_real ? "real" : "fast";
+    if (limit != NULL && atof(limit) > 0)
+        limit_bytes = atof(limit);
+    loaded_ms = wall_ms();
+    lock_state();
+    select_card(0);
+    plant_faults(getenv("GUSJOB_RECORD_FAULTS"));
+    unlock_state();
 }

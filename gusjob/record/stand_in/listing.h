@@ -12,7 +12,7 @@
 #ifndef LISTING_H
 #define LISTING_H
 
-#include "machine.h"
+#include "calls.h"
 #include "output.h"
 #include "text.h"
 
@@ -43,16 +43,16 @@ static const char *time_name = "fast";
 static void name_listing(PathChar *name, size_t room, const PathChar *base, int number, int card)
 {
     size_t end = path_length(base), i;
-    PathChar number_part[16] = {0}, card_part[16] = {0};
+    PathChar number_part[24] = {0}, card_part[24] = {0};
     for (i = end; i > 0 && base[i - 1] != '/' && base[i - 1] != '\\'; i--)
         if (base[i - 1] == '.') {
             end = i - 1;
             break;
         }
     if (number > 1)
-        path_print(number_part, 15, PATH_TEXT(".%d"), number);
+        path_print(number_part, 23, PATH_TEXT(".%d"), number);
     if (card > 0)
-        path_print(card_part, 15, PATH_TEXT(".card%d"), card);
+        path_print(card_part, 23, PATH_TEXT(".card%d"), card);
     path_print(name, room, PATH_STEM PATH_FORMAT PATH_FORMAT PATH_FORMAT, (int)end, base, number_part, card_part,
                base + end);
 }
@@ -288,26 +288,21 @@ static double since_first_ms(double clock)
     return clock - first_call_ms;
 }
 
-static void log_rests(int card)
+static void write_rest(int card, double clock, int crd)
 {
-    int i;
-    for (i = 0; i < 2; i++)
-        if (m->rested[i]) {
-            Listing *l = listing_of(card);
-            Text t = {.size = 0};
-            m->rested[i] = 0;
-            l->readings = 0;
-            print(&t, "[");
-            print_time(&t, since_first_ms(m->rested_at[i]));
-            print(&t, "] AT_REST(%d)\n", i + 1);
-            append_text(l, &t);
-        }
+    Listing *l = listing_of(card);
+    Text t = {.size = 0};
+    l->readings = 0;
+    print(&t, "[");
+    print_time(&t, since_first_ms(clock));
+    print(&t, "] AT_REST(%d)\n", crd);
+    append_text(l, &t);
 }
 
-static void log_call(const Call *call, int code, const double *out)
+static void write_call(const Call *call, double clock, int code, const double *out)
 {
     Listing *l = listing_of(call->card);
-    double ms = since_first_ms(m->origin + m->t);
+    double ms = since_first_ms(clock);
     if (code != 0 || is_reading(call->name)) {
         log_reading(l, ms, call, code, out);
     } else {

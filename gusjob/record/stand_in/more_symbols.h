@@ -48,10 +48,11 @@ static int is_axes(double axis, double count)
     return within(axis, 1, 8) && within(count, 1, 9 - axis);
 }
 
-/* a: axis, count, pointer; out: bits of each axis. The head is axes 1 and 2. */
+/* a: axis, count, pointer; out: bits of each axis, then (out[8]) the clock in ms. The head is axes 1 and 2. */
 static short axis_status(const double *a, double *out)
 {
     int i;
+    out[8] = floor(m->origin + m->t);
     if (!is_axes(a[0], a[1]) || !a[2])
         return PARAMETER;
     for (i = 0; i < (int)a[1]; i++) {
@@ -61,10 +62,11 @@ static short axis_status(const double *a, double *out)
     return DONE;
 }
 
-/* a: axis, count, pointer; out: position of each axis */
+/* a: axis, count, pointer; out: position of each axis, then (out[8]) the clock in ms */
 static short axis_position(const double *a, double *out)
 {
     double velocity, place[8] = {0};
+    out[8] = floor(m->origin + m->t);
     if (!is_axes(a[0], a[1]) || !a[2])
         return PARAMETER;
     whereabouts(m->t, &velocity, &place[0], &place[1]);
@@ -81,11 +83,27 @@ static short remainder_count(const double *a, double *out)
     return DONE;
 }
 
+/* a: card */
+static short choose_card(const double *a, double *out)
+{
+    (void)out;
+    return within(a[0], 0, CARDS - 1) ? DONE : PARAMETER;
+}
+
+/* a: number of the card, pointer; out: that number */
+static short get_card(const double *a, double *out)
+{
+    if (!a[1])
+        return PARAMETER;
+    out[0] = a[0];
+    return DONE;
+}
+
 /* ---- Symbols ------------------------------------------------------------------------------------------------- */
 
 /* A reading of several axes: axis, answers, count, clock. */
 static short read_axes(int card, const char *name, const char *mark, Effect *effect, short axis, short count,
-                       int has_pointer, double out[8])
+                       int has_pointer, double out[9])
 {
     double given[] = {axis, count}, a[] = {axis, count, has_pointer};
     char form[40];
@@ -96,24 +114,24 @@ static short read_axes(int card, const char *name, const char *mark, Effect *eff
 
 API GT_GetSts(CARD short axis, long *pSts, short count, unsigned long *pClock)
 {
-    double out[8];
+    double out[9];
     int i;
     short code = read_axes(CARD_NUMBER, "GT_GetSts", "@", axis_status, axis, count, pSts != NULL, out);
     for (i = 0; code == DONE && i < count; i++)
         pSts[i] = (long)out[i];
     if (code == DONE && pClock)
-        *pClock = (unsigned long)(long long)(m->origin + m->t);
+        *pClock = (unsigned long)out[8];
     return code;
 }
 
 static short read_positions(int card, const char *name, short axis, double *pValue, short count, unsigned long *pClock)
 {
-    double out[8];
+    double out[9];
     short code = read_axes(card, name, "~", axis_position, axis, count, pValue != NULL, out);
     if (code == DONE) {
         memcpy(pValue, out, (size_t)count * sizeof *out);
         if (pClock)
-            *pClock = (unsigned long)(long long)(m->origin + m->t);
+            *pClock = (unsigned long)out[8];
     }
     return code;
 }
@@ -155,6 +173,27 @@ API GT_GetLookAheadSpace(CARD short crd, long *pSpace, short fifo)
         *pSpace = (long)out[0];
     return code;
 }
+
+#if VC_ABI != 2
+/* Further calls are for that card. */
+API GT_SetCardNo(short index)
+{
+    double a[] = {index};
+    short code = call(CARD_NUMBER, "GT_SetCardNo", "#", choose_card, a, NULL);
+    if (code == DONE)
+        chosen_card = index;
+    return code;
+}
+
+API GT_GetCardNo(short *pIndex)
+{
+    double a[] = {chosen_card, pIndex != NULL}, out[1];
+    short code = call(CARD_NUMBER, "GT_GetCardNo", "@index", get_card, a, out);
+    if (code == DONE)
+        *pIndex = (short)out[0];
+    return code;
+}
+#endif
 
 /* Homing, which has no model, ends at once. */
 API GT_GetHomeStatus(CARD short axis, THomeStatus *pHomeStatus)

@@ -28,7 +28,11 @@ typedef struct {
 #else
 #define CARD
 #define CARD_ALONE void
+#ifdef CARD_OF_CALL
+#define CARD_NUMBER CARD_OF_CALL
+#else
 #define CARD_NUMBER 0
+#endif
 #endif
 
 API GT_Open(CARD short channel, short param) CALL("GT_Open", "#,#", open_card, channel, param)

@@ -1,0 +1,233 @@
+"""gusjob record."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gusjob.cli.common import stop
+from gusjob.cli.language import Command
+from gusjob.config.machine import Abi
+from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
+
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    from gusjob.record.build import Target
+    from gusjob.record.recording import Fault, Recording, RecordOptions
+
+_HOW_TO_USE = (
+    Phrase("Windows: put it beside the program, whose own copy of the vendor's library you keep elsewhere."),
+    Phrase("Linux: put its folder into LD_LIBRARY_PATH. macOS: into DYLD_LIBRARY_PATH."),
+    Phrase("It reads these environment variables:"),
+    Phrase("  GUSJOB_RECORD         the listing; default: calls.gts in the program's current folder"),
+    Phrase("  GUSJOB_RECORD_TIME    fast (default) or real"),
+    Phrase("  GUSJOB_RECORD_FAULTS  NAME:N:CODE,NAME:N+:CODE"),
+    Phrase("  GUSJOB_RECORD_LIMIT   longest listing in bytes; default: 1000000000"),
+    Phrase("It never overwrites a listing: the next ones are calls.2.gts, calls.3.gts."),
+)
+_TARGETS = ("x86_64-windows", "x86-windows", "x86_64-linux", "aarch64-linux", "x86_64-macos", "aarch64-macos")
+
+
+def _faults(_context: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[Fault, ...]:
+    """Parse the faults."""
+    if not texts:
+        return ()
+    from gusjob.record.recording import MOST_FAULTS, Fault, parse_fault
+
+    parsed = [parse_fault(text) for text in texts]
+    for fault in parsed:
+        if not isinstance(fault, Fault):
+            raise click.BadParameter(localized(fault))
+    if len(parsed) > MOST_FAULTS:
+        raise click.BadParameter(localized(Phrase("there are more than {most} faults", most=MOST_FAULTS)))
+    return tuple(fault for fault in parsed if isinstance(fault, Fault))
+
+
+def _file_names(_context: click.Context, _parameter: click.Parameter, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Check file names of libraries."""
+    for name in names:
+        if Path(name).name != name or name in (".", "..") or "\\" in name or ":" in name:
+            raise click.BadParameter(localized(Phrase("{name} is not a file name", name=printable(name))))
+    return names
+
+
+@click.command(name="record", cls=Command, context_settings={"ignore_unknown_options": False})
+@click.option(
+    "--abi",
+    type=click.Choice([abi.value for abi in Abi]),
+    help="Functions of the library: gus as in the laser manual, gts with one card, gts-multi with the card's number "
+    "first. Default: that of gusjob.toml in this folder or above it, else gus.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("calls.gts"),
+    show_default=True,
+    help="Write the listing to this file.",
+)
+@click.option(
+    "--time",
+    "time",
+    type=click.Choice(["fast", "real"]),
+    default="fast",
+    show_default=True,
+    help="fast: motion takes no time; time goes on with each call, and while the program waits. real: by the clock.",
+)
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    callback=_faults,
+    metavar="NAME:N:CODE",
+    help="The Nth call of that name returns this code and has no effect; N+: all from then on. Repeatable.",
+)
+@click.option(
+    "--limit", type=click.IntRange(min=1), default=1000, show_default=True, metavar="MB", help="Longest listing."
+)
+@click.option(
+    "--library-name",
+    "library_names",
+    multiple=True,
+    callback=_file_names,
+    metavar="FILE",
+    help="Another file name under which the program loads the library. Repeatable.",
+)
+@click.option(
+    "--build-library",
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Run nothing: write the library into this folder, to use it elsewhere.",
+)
+@click.option("--target", type=click.Choice(_TARGETS), help="System that the library is for. Default: this one.")
+@click.argument("program", nargs=-1, type=click.UNPROCESSED, metavar="-- PROGRAM [ARG]...")
+def command(
+    abi: str | None,
+    output: Path,
+    time: str,
+    faults: tuple[Fault, ...],
+    limit: int,
+    library_names: tuple[str, ...],
+    folder: Path | None,
+    target: str | None,
+    program: tuple[str, ...],
+) -> None:
+    """Run a program with a virtual controller and record its GT_ calls as a listing.
+
+    The program runs as it is, in any language: the command puts a stand-in for the vendor's library into its library
+    path. No hardware is used. gusjob report, check and the other commands read the listing. The stand-in is built
+    with this computer's C compiler, or with the package ziglang. Exit status: 0 if the program ended with 0 and made
+    calls, 1 otherwise, 2 if it was not started.
+    """
+    from gusjob.record.build import BuildError, Target
+
+    chosen = Target(target) if target is not None else None
+    try:
+        if folder is not None:
+            if program:
+                raise click.UsageError(
+                    localized(Phrase("--build-library runs no program: leave out {program}", program=program[0]))
+                )
+            _build(folder, _abi(abi), chosen, library_names)
+            return
+        if not program:
+            raise click.UsageError(localized(Phrase("there is no program: write it after --")))
+        from gusjob.record.recording import RecordOptions
+
+        options = RecordOptions(
+            command=program,
+            output=output,
+            abi=_abi(abi),
+            is_real_time=time == "real",
+            faults=faults,
+            limit_bytes=limit * 1_000_000,
+            library_names=library_names,
+            target=chosen,
+        )
+        sys.exit(_record(options))
+    except BuildError as error:
+        stop(error.message)
+
+
+def _abi(name: str | None) -> Abi:
+    """Return the ABI of the option, or of the machine profile."""
+    if name is not None:
+        return Abi(name)
+    from gusjob.config.profile import find_profile, read_profile
+
+    path = find_profile(Path.cwd() / "x.job")
+    if path is None:
+        return Abi.GUS
+    profile = read_profile(path)
+    return profile.machine.controller.abi or Abi.GUS
+
+
+def _record(options: RecordOptions) -> int:
+    """Run the program; return the exit status."""
+    from gusjob.record.recording import Recording, record
+
+    is_terminal = sys.stderr is not None and sys.stderr.isatty()
+    recording = record(options, _show_progress if is_terminal else None)
+    if not isinstance(recording, Recording):
+        stop(recording)
+    if is_terminal:
+        click.echo("\r\x1b[K", err=True, nl=False)
+    for line in _outcome(recording):
+        click.echo(f"gusjob: {printable(localized(line))}", err=True)
+    return 0 if recording.exit_code == 0 and recording.listings and not recording.is_cut else 1
+
+
+def _show_progress(lines: int) -> None:
+    """Show the number of calls on one line of the terminal."""
+    click.echo("\r\x1b[K" + localized(Phrase("recorded: {count} lines", count=lines)), err=True, nl=False)
+
+
+def _outcome(recording: Recording) -> list[Phrase]:
+    """Describe the recording, and what to do if something is wrong."""
+    lines: list[Phrase] = []
+    if recording.listings:
+        files = all_of([str(path) for path in recording.listings])
+        lines.append(
+            plural(
+                recording.calls,
+                Phrase("{count} line recorded in {files}", count=recording.calls, files=files),
+                Phrase("{count} lines recorded in {files}", count=recording.calls, files=files),
+            )
+        )
+    else:
+        lines.append(
+            Phrase(
+                "the program made no call of the stand-in: a library beside the program is loaded first, and a library "
+                "of another name needs --library-name"
+            )
+        )
+    if recording.is_cut:
+        lines.append(Phrase("the listing is not complete: its last lines say why"))
+    if recording.exit_code < 0:
+        lines.append(Phrase("the program was ended by signal {number}", number=-recording.exit_code))
+    elif recording.exit_code > 0:
+        lines.append(Phrase("the program ended with exit code {code}", code=recording.exit_code))
+    if recording.missing:
+        lines.append(
+            Phrase(
+                "the stand-in lacks {names}, which the program names: leave these calls out to record it",
+                names=all_of(recording.missing[:10]),
+            )
+        )
+    return lines
+
+
+def _build(folder: Path, abi: Abi, target: Target | None, names: tuple[str, ...]) -> None:
+    """Write the library, and print how to use it."""
+    from gusjob.record.recording import write_library
+
+    paths = write_library(folder, abi, target, names)
+    if isinstance(paths, Phrase):
+        stop(paths)
+    for path in paths:
+        click.echo(str(path))
+    for line in _HOW_TO_USE:
+        click.echo(localized(line))

@@ -1,0 +1,222 @@
+"""Build the stand-in: with the C compiler of this computer, or with the package ziglang, which also builds for others.
+
+A library is built once: it is kept in the user's cache folder, under a hash of source, flags and compiler.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib.util import find_spec
+from pathlib import Path
+
+from gusjob.config.machine import Abi
+from gusjob.i18n.phrases import Phrase, reason_of
+from gusjob.record.stand_in_source import ABI_NUMBERS, GENERATED, MAIN_FILE, generated_functions, source_files
+
+_COMPILERS = ("cc", "gcc", "clang")
+_FLAGS = ("-std=gnu11", "-O2", "-w", "-shared", "-fvisibility=hidden")
+
+
+class Target(StrEnum):
+    """Processor and system that a library is for."""
+
+    X86_64_WINDOWS = "x86_64-windows"
+    X86_WINDOWS = "x86-windows"
+    X86_64_LINUX = "x86_64-linux"
+    AARCH64_LINUX = "aarch64-linux"
+    X86_64_MACOS = "x86_64-macos"
+    AARCH64_MACOS = "aarch64-macos"
+
+    @property
+    def system(self) -> str:
+        """Return windows, linux or macos."""
+        return self.value.partition("-")[2]
+
+
+_ZIG_TARGETS = {
+    Target.X86_64_WINDOWS: "x86_64-windows-gnu",
+    Target.X86_WINDOWS: "x86-windows-gnu",
+    Target.X86_64_LINUX: "x86_64-linux-gnu.2.17",
+    Target.AARCH64_LINUX: "aarch64-linux-gnu.2.17",
+    Target.X86_64_MACOS: "x86_64-macos",
+    Target.AARCH64_MACOS: "aarch64-macos",
+}
+"""An old C library, so that the library runs on old systems, too."""
+_ENDINGS = {"windows": ".dll", "linux": ".so", "macos": ".dylib"}
+
+
+class BuildError(Exception):
+    """The library can't be built; the text is for the user."""
+
+    def __init__(self, message: Phrase) -> None:
+        super().__init__(message)
+        self.message = message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiler:
+    """A C compiler. `identity`: changes when the compiler changes; `is_zig`: builds for every target."""
+
+    command: tuple[str, ...]
+    identity: str
+    is_zig: bool = False
+
+
+def own_target() -> Target | None:
+    """Return the target of this computer's Python; None if it is another one."""
+    systems = {"win32": "windows", "darwin": "macos", "linux": "linux"}
+    machines = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
+    machine = machines.get(platform.machine().lower(), "")
+    if sys.platform == "win32" and sys.maxsize < 2**32:
+        machine = "x86"
+    name = f"{machine}-{systems.get(sys.platform, '')}"
+    return Target(name) if name in list(Target) else None
+
+
+def library_name(stem: str, target: Target | None) -> str:
+    """Return gts.dll, libgts.so or libgts.dylib."""
+    system = _system(target)
+    return f"{stem}.dll" if system == "windows" else f"lib{stem}{_ENDINGS[system]}"
+
+
+def built_library(abi: Abi, target: Target | None = None, environ: Mapping[str, str] = os.environ) -> Path:
+    """Return the library for an ABI and a target, None for this computer; it is built if the cache lacks it.
+
+    Raises:
+        BuildError: there is no compiler, it fails, or there is no safe place for the library.
+    """
+    compiler = find_compiler(target, environ)
+    flags = _flags(abi, target, compiler)
+    generated = generated_functions()
+    folder = cache_folder(environ) / _hash(compiler, flags, generated)
+    library = folder / library_name("gts", target)
+    if not library.is_file():
+        _build(compiler, flags, generated, library)
+    return library
+
+
+def find_compiler(target: Target | None = None, environ: Mapping[str, str] = os.environ) -> Compiler:
+    """Return the C compiler of CC, cc, gcc, clang, or zig of the package ziglang; for another target only zig.
+
+    Raises:
+        BuildError: there is none.
+    """
+    is_native = target is None or target == own_target()
+    named = shlex.split(environ.get("CC", "")) if is_native else []
+    for command in ([named] if named else []) + ([[name] for name in _COMPILERS] if is_native else []):
+        path = shutil.which(command[0], path=environ.get("PATH"))
+        if path is not None:
+            about = Path(path).resolve().stat()
+            identity = f"{path} {about.st_size} {about.st_mtime_ns}"
+            return Compiler(command=(path, *command[1:]), identity=identity)
+    if find_spec("ziglang") is not None:
+        from importlib.metadata import version
+
+        command = (sys.executable, "-m", "ziglang", "cc")
+        return Compiler(command=command, identity=f"ziglang {version('ziglang')}", is_zig=True)
+    how = Phrase('python -m pip install "gusjob[record]"')
+    if is_native:
+        raise BuildError(Phrase("there is no C compiler (cc, gcc, clang): install one, or {how}", how=how))
+    raise BuildError(Phrase("a library for {target} needs the package ziglang: {how}", target=target, how=how))
+
+
+def cache_folder(environ: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of built libraries, made if needed. Only this user can write to it.
+
+    Raises:
+        BuildError: it can't be made, or others can write to it: they could replace the library.
+    """
+    folder = _user_cache(environ) / "gusjob" / "stand-in"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if sys.platform != "win32":
+            about = folder.stat()
+            if about.st_uid != os.getuid() or about.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+                raise BuildError(Phrase("{path}: other users can write to this folder", path=folder))
+    except OSError as error:
+        raise BuildError(Phrase("{path}: can't write: {reason}", path=folder, reason=reason_of(error))) from error
+    return folder
+
+
+def _user_cache(environ: Mapping[str, str]) -> Path:
+    """Return the folder for caches of this user."""
+    if sys.platform == "win32":
+        named = environ.get("LOCALAPPDATA", "")
+        return Path(named) if named else Path.home() / "AppData" / "Local"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    named = environ.get("XDG_CACHE_HOME", "")
+    return Path(named) if named and Path(named).is_absolute() else Path.home() / ".cache"
+
+
+def _system(target: Target | None) -> str:
+    if target is not None:
+        return target.system
+    return {"win32": "windows", "darwin": "macos"}.get(sys.platform, "linux")
+
+
+def _flags(abi: Abi, target: Target | None, compiler: Compiler) -> tuple[str, ...]:
+    """Return what the compiler is called with, without the files."""
+    flags = [*_FLAGS, f"-DVC_ABI={ABI_NUMBERS[abi]}"]
+    if compiler.is_zig:
+        flags += ["-fno-sanitize=undefined"]
+        if target is not None:
+            flags += ["-target", _ZIG_TARGETS[target]]
+    if _system(target) == "windows":
+        is_32_bit = target == Target.X86_WINDOWS or (target is None and own_target() == Target.X86_WINDOWS)
+        flags += ["-Wl,--kill-at"] if is_32_bit else []  # GT_LnXY, not GT_LnXY@44.
+        flags += [] if compiler.is_zig else ["-static-libgcc"]
+    else:
+        flags += ["-fPIC"]
+    return tuple(flags)
+
+
+def _hash(compiler: Compiler, flags: tuple[str, ...], generated: str) -> str:
+    hashed = hashlib.sha256()
+    for path in source_files():
+        hashed.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    for text in (generated, *compiler.command, compiler.identity, *flags):
+        hashed.update(text.encode() + b"\0")
+    return hashed.hexdigest()[:32]
+
+
+def _build(compiler: Compiler, flags: tuple[str, ...], generated: str, library: Path) -> None:
+    """Build into a folder of its own, then move the library to its place: two processes may build at once."""
+    libraries = [] if library.suffix == ".dll" else ["-lm", "-lpthread"]
+    with tempfile.TemporaryDirectory(prefix="building-", dir=library.parent.parent) as name:
+        folder = Path(name)
+        (folder / GENERATED).write_text(generated, encoding="ascii")
+        built = folder / library.name
+        files = [f"-I{folder}", "-o", str(built), str(MAIN_FILE), *libraries]
+        try:
+            done = subprocess.run(
+                [*compiler.command, *flags, *files],
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                cwd=folder,
+                check=False,
+            )
+        except OSError as error:
+            raise BuildError(_failed(compiler, reason_of(error))) from error
+        if done.returncode != 0 or not built.is_file():
+            raise BuildError(_failed(compiler, done.stderr.decode(errors="replace").strip()[-2000:]))
+        try:
+            library.parent.mkdir(mode=0o700, exist_ok=True)
+            built.replace(library)
+        except OSError as error:
+            raise BuildError(Phrase("{path}: can't write: {reason}", path=library, reason=reason_of(error))) from error
+
+
+def _failed(compiler: Compiler, reason: str) -> Phrase:
+    return Phrase("{compiler} can't build the stand-in: {reason}", compiler=" ".join(compiler.command), reason=reason)

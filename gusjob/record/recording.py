@@ -1,0 +1,347 @@
+"""Run a program with the stand-in in its library path, and find out what was recorded and how it ended."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from gusjob.config.machine import Abi
+from gusjob.i18n.phrases import Phrase, reason_of
+from gusjob.inputs import exists
+from gusjob.record.build import Target, built_library, library_name
+from gusjob.record.stand_in_source import exported
+
+HEADER = b"// recorded by gusjob record"
+"""The first bytes of a recorded listing."""
+_STOPPED = b"// stopped: "
+FILE_VARIABLE, TIME_VARIABLE, FAULTS_VARIABLE, LIMIT_VARIABLE = (
+    "GUSJOB_RECORD",
+    "GUSJOB_RECORD_TIME",
+    "GUSJOB_RECORD_FAULTS",
+    "GUSJOB_RECORD_LIMIT",
+)
+"""What the library reads in the program's environment."""
+
+LIBRARY_STEMS = ("gts", "gus")
+"""Names under which programs are known to load the vendor's library: gts.dll, libgts.so."""
+DEFAULT_LIMIT_BYTES = 1_000_000_000
+MOST_FAULTS = 32
+_MOST_SEARCHED_BYTES = 100_000_000
+_PROGRESS_S = 1.0
+_NOT_LINKED = {127, 0xC0000139, 0xC0000135}
+"""Exit codes of programs whose loader found a symbol or library missing: POSIX; Windows, as unsigned numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """The nth call of a name returns a code and has no effect; with `lasts` all from then on, too."""
+
+    name: str
+    nth: int
+    code: int
+    lasts: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.name}:{self.nth}{'+' if self.lasts else ''}:{self.code}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordOptions:
+    """What to run, and how.
+
+    Attributes:
+        command: the program and its arguments.
+        output: the listing; other cards and processes get files beside it.
+        abi: functions of the library.
+        is_real_time: motion takes its time; otherwise virtual time goes on with each call.
+        faults: calls that fail.
+        limit_bytes: a listing stops there.
+        library_names: further file names of the library.
+        target: system of the program, None for this computer's. A Windows program under Wine needs it.
+    """
+
+    command: tuple[str, ...]
+    output: Path
+    abi: Abi = Abi.GUS
+    is_real_time: bool = False
+    faults: tuple[Fault, ...] = ()
+    limit_bytes: int = DEFAULT_LIMIT_BYTES
+    library_names: tuple[str, ...] = ()
+    target: Target | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """What was recorded.
+
+    Attributes:
+        listings: the files that were made, that of card 0 first.
+        calls: lines of calls in them.
+        exit_code: of the program; the negative number of a signal.
+        is_cut: a listing has reached its limit, or could not be written.
+        missing: functions of the program that the stand-in lacks, if the program could not be loaded or made no call.
+    """
+
+    listings: tuple[Path, ...]
+    calls: int
+    exit_code: int
+    is_cut: bool = False
+    missing: tuple[str, ...] = ()
+
+    @property
+    def was_not_loaded(self) -> bool:
+        """Whether the program's loader gave up."""
+        return self.exit_code & 0xFFFFFFFF in _NOT_LINKED
+
+
+def parse_fault(text: str) -> Fault | Phrase:
+    """Parse NAME:N:CODE or NAME:N+:CODE; return what is wrong with it otherwise."""
+    match = re.fullmatch(r"(GT_\w+):([1-9]\d{0,8})(\+?):(-?\d{1,4})", text, re.ASCII)
+    if match is None:
+        return Phrase("{text} is not a fault: write NAME:N:CODE or NAME:N+:CODE, such as GT_LnXY:100:1", text=text)
+    name, nth, lasts, code = match.groups()
+    if name not in exported():
+        return Phrase("{name} is not a function of the library", name=name)
+    return Fault(name=name, nth=int(nth), code=int(code), lasts=bool(lasts))
+
+
+def refusal(options: RecordOptions) -> Phrase | None:
+    """Return why the listing must not be written where the options say, None if it may be."""
+    output = options.output
+    if not output.parent.is_dir():
+        return Phrase("{path}: can't write: {reason}", path=output, reason=Phrase("no such file or directory"))
+    if not exists(output):
+        return None
+    if not output.is_file():
+        return Phrase("{path}: can't write: {reason}", path=output, reason=Phrase("it is not a file"))
+    if any(exists(arg) and output.samefile(arg) for arg in options.command):
+        return Phrase("{path} is an input of this command: name another output file with -o", path=output)
+    if output.stat().st_size > 0 and not _is_recording(output):
+        return Phrase("{path} is not a recorded listing: name another output file with -o", path=output)
+    return None
+
+
+def record(options: RecordOptions, on_progress: Callable[[int], None] | None = None) -> Recording | Phrase:
+    """Run a program and record its calls. The listing is on the disk up to the last call, however the program ends.
+
+    Args:
+        options: what to run, and how.
+        on_progress: called about once a second with the number of lines so far.
+
+    Returns:
+        What was recorded, or why the program was not started.
+
+    Raises:
+        BuildError: the stand-in can't be built.
+    """
+    problem = refusal(options)
+    if problem is not None:
+        return problem
+    library = built_library(options.abi, options.target)
+    output = options.output.absolute()
+    with tempfile.TemporaryDirectory(prefix="gusjob-record-") as name:
+        folder = Path(name)
+        for file_name in (*(library_name(stem, options.target) for stem in LIBRARY_STEMS), *options.library_names):
+            shutil.copy(library, folder / file_name)
+        for path in _listings(output):
+            path.unlink()
+        with _signals_for_the_program() as follow:
+            try:
+                process = subprocess.Popen(options.command, env=_environment(options, output, folder))
+            except OSError as error:
+                return Phrase("{path}: can't be started: {reason}", path=options.command[0], reason=reason_of(error))
+            except ValueError:
+                return Phrase("{path}: can't be started: {reason}", path="", reason=Phrase("a NUL in an argument"))
+            follow(process)
+            exit_code = _wait(process, output, on_progress)
+    return _recording(options, output, exit_code)
+
+
+def _environment(options: RecordOptions, output: Path, folder: Path) -> dict[str, str]:
+    """Return the program's environment: the library's folder comes first, and the library's own variables."""
+    system = options.target.system if options.target is not None else {"win32": "windows"}.get(sys.platform, "")
+    under_wine = system == "windows" and sys.platform != "win32"
+    variable = {"windows": "WINEPATH" if under_wine else "PATH", "macos": "DYLD_LIBRARY_PATH"}.get(
+        system or ("macos" if sys.platform == "darwin" else ""), "LD_LIBRARY_PATH"
+    )
+    separator = ";" if system == "windows" else ":"
+    own = _wine_path(folder) if under_wine else str(folder)
+    environ = dict(os.environ)
+    environ[variable] = separator.join(part for part in (own, environ.get(variable, "")) if part)
+    environ[FILE_VARIABLE] = _wine_path(output) if under_wine else str(output)
+    environ[TIME_VARIABLE] = "real" if options.is_real_time else "fast"
+    environ[FAULTS_VARIABLE] = ",".join(map(str, options.faults))
+    environ[LIMIT_VARIABLE] = str(options.limit_bytes)
+    return environ
+
+
+def _wine_path(path: Path) -> str:
+    """Return a path as Windows programs see it under Wine, where Z: is the whole file system."""
+    return "Z:" + str(path).replace("/", "\\")
+
+
+@contextmanager
+def _signals_for_the_program() -> Iterator[Callable[[subprocess.Popen[bytes]], None]]:
+    """Leave signals to the program: it decides when it ends, and the recording ends after it.
+
+    Ctrl+C on a terminal reaches the program by itself; what only this process gets is passed on.
+    """
+    program: list[subprocess.Popen[bytes]] = []
+
+    def pass_on(number: int, _frame: FrameType | None) -> None:
+        if program and program[0].poll() is None and not (number == signal.SIGINT and _is_in_foreground()):
+            program[0].send_signal(number)
+
+    names = ("SIGINT", "SIGTERM", "SIGHUP")
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {number: signal.signal(number, pass_on) for number in numbers}
+    try:
+        yield program.append
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _is_in_foreground() -> bool:
+    """Return whether the terminal sends Ctrl+C to this process, and so to the program, too."""
+    if sys.platform == "win32":
+        return True
+    try:
+        terminal = os.open("/dev/tty", os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except OSError:
+        return False
+    finally:
+        os.close(terminal)
+
+
+def _wait(process: subprocess.Popen[bytes], output: Path, on_progress: Callable[[int], None] | None) -> int:
+    """Wait for the end of the program; return its exit code."""
+    if on_progress is None:
+        return process.wait()
+    lines = at = 0
+    while True:
+        try:
+            return process.wait(timeout=_PROGRESS_S)
+        except subprocess.TimeoutExpired:
+            added, at = _lines_from(output, at)
+            lines += added
+            on_progress(lines)
+
+
+def _lines_from(path: Path, at: int) -> tuple[int, int]:
+    """Count the lines of a file from a position on; return their number and the new position."""
+    count = 0
+    try:
+        with path.open("rb") as file:
+            file.seek(at)
+            while piece := file.read(1 << 20):
+                count += piece.count(b"\n")
+            return count, file.tell()
+    except OSError:  # It is made with the first call.
+        return 0, at
+
+
+def _listings(output: Path) -> list[Path]:
+    """Return the recorded listings of this name, that of card 0 and of the first process first."""
+    stem, ending = re.escape(output.stem), re.escape(output.suffix)
+    name = re.compile(rf"{stem}(?:\.(\d+))?(?:\.card(\d+))?{ending}")
+    found = [(match, path) for path in output.parent.iterdir() if (match := name.fullmatch(path.name))]
+    mine = [(int(m[1] or 0), int(m[2] or 0), path) for m, path in found if path == output or _is_recording(path)]
+    return [path for _, _, path in sorted(mine)]
+
+
+def _is_recording(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return path.is_file() and file.read(len(HEADER)) == HEADER
+    except OSError:
+        return False
+
+
+def _recording(options: RecordOptions, output: Path, exit_code: int) -> Recording:
+    """Mark the end in each listing, and say what was recorded."""
+    listings = _listings(output)
+    calls, is_cut = 0, False
+    for path in listings:
+        lines, size = _lines_from(path, 0)
+        with path.open("r+b") as file:
+            file.seek(max(size - 200, 0))
+            is_cut |= _STOPPED in file.read()
+            file.write(b"// ended " + _ending(exit_code).encode() + b"\n")
+        calls += lines - 1
+    recording = Recording(listings=tuple(listings), calls=calls, exit_code=exit_code, is_cut=is_cut)
+    if listings and not recording.was_not_loaded:
+        return recording
+    missing = missing_functions(options.command)
+    return Recording(listings=tuple(listings), calls=calls, exit_code=exit_code, is_cut=is_cut, missing=missing)
+
+
+def _ending(exit_code: int) -> str:
+    return f"by signal {-exit_code}" if exit_code < 0 else f"with exit code {exit_code}"
+
+
+def missing_functions(command: Sequence[str], names: Mapping[str, object] | None = None) -> tuple[str, ...]:
+    """Return functions of the vendor that the program's files name and the stand-in lacks.
+
+    A program names the functions that it links to as plain text, whatever its language. GTN_: of the GSN series.
+    """
+    known = exported() if names is None else names
+    found: set[str] = set()
+    for path in map(Path, command):
+        try:
+            if path.is_file() and path.stat().st_size <= _MOST_SEARCHED_BYTES:
+                found |= set(re.findall(rb"(?<![A-Za-z0-9_])GTN?_[A-Za-z0-9]+(?![A-Za-z0-9_])", path.read_bytes()))
+        except (OSError, ValueError):
+            continue
+    return tuple(sorted(name for name in (text.decode("ascii") for text in found) if name not in known))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuiltLibrary:
+    """A library that was written for use elsewhere."""
+
+    path: Path
+    system: str
+    variables: tuple[str, ...] = field(default=(FILE_VARIABLE, TIME_VARIABLE, FAULTS_VARIABLE, LIMIT_VARIABLE))
+
+
+def write_library(folder: Path, abi: Abi, target: Target | None, names: Sequence[str] = ()) -> list[Path] | Phrase:
+    """Write the stand-in into a folder under the given names, by default gts.dll, libgts.so or libgts.dylib.
+
+    Returns:
+        The files, or why they can't be written.
+
+    Raises:
+        BuildError: the stand-in can't be built.
+    """
+    library = built_library(abi, target)
+    paths = [folder / name for name in (names or [library_name("gts", target)])]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in paths:
+            if exists(path) and not _is_stand_in(path):
+                return Phrase("{path} exists and is not a stand-in of gusjob: name another folder", path=path)
+        for path in paths:
+            shutil.copyfile(library, path)
+    except OSError as error:
+        return Phrase("{path}: can't write: {reason}", path=folder, reason=reason_of(error))
+    return paths
+
+
+def _is_stand_in(path: Path) -> bool:
+    """Return whether a file is a stand-in: the vendor's library must never be overwritten."""
+    return path.is_file() and FILE_VARIABLE.encode() in path.read_bytes().replace(b"\0", b"")
