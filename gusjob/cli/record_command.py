@@ -170,7 +170,7 @@ def _record(options: RecordOptions) -> int:
     from gusjob.record.recording import Recording, record
 
     is_terminal = sys.stderr is not None and sys.stderr.isatty()
-    recording = record(options, _show_progress if is_terminal else None)
+    recording = record(options, _show_progress if is_terminal else None, _say_build)
     if not isinstance(recording, Recording):
         stop(recording)
     if is_terminal:
@@ -178,6 +178,11 @@ def _record(options: RecordOptions) -> int:
     for line in _outcome(recording):
         click.echo(f"gusjob: {printable(localized(line))}", err=True)
     return 0 if recording.exit_code == 0 and recording.listings and not recording.is_cut else 1
+
+
+def _say_build() -> None:
+    """Say why the first time takes longer."""
+    click.echo(f"gusjob: {localized(Phrase('building the stand-in; the first time may take a minute'))}", err=True)
 
 
 def _show_progress(lines: int) -> None:
@@ -224,7 +229,7 @@ def _build(folder: Path, abi: Abi, target: Target | None, names: tuple[str, ...]
     """Write the library, and print how to use it."""
     from gusjob.record.recording import write_library
 
-    paths = write_library(folder, abi, target, names)
+    paths = write_library(folder, abi, target, names, _say_build)
     if isinstance(paths, Phrase):
         stop(paths)
     for path in paths:

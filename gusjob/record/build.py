@@ -14,7 +14,7 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib.util import find_spec
@@ -22,7 +22,14 @@ from pathlib import Path
 
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
-from gusjob.record.stand_in_source import ABI_NUMBERS, GENERATED, MAIN_FILE, generated_functions, source_files
+from gusjob.record.stand_in_source import (
+    ABI_NUMBERS,
+    GENERATED,
+    MAIN_FILE,
+    exported,
+    generated_functions,
+    source_files,
+)
 
 _COMPILERS = ("cc", "gcc", "clang")
 _FLAGS = ("-std=gnu11", "-O2", "-w", "-shared", "-fvisibility=hidden")
@@ -90,8 +97,19 @@ def library_name(stem: str, target: Target | None) -> str:
     return f"{stem}.dll" if system == "windows" else f"lib{stem}{_ENDINGS[system]}"
 
 
-def built_library(abi: Abi, target: Target | None = None, environ: Mapping[str, str] = os.environ) -> Path:
+def built_library(
+    abi: Abi,
+    target: Target | None = None,
+    on_build: Callable[[], None] = lambda: None,
+    environ: Mapping[str, str] = os.environ,
+) -> Path:
     """Return the library for an ABI and a target, None for this computer; it is built if the cache lacks it.
+
+    Args:
+        abi: functions of the library.
+        target: what it is for.
+        on_build: called before it is built, which takes some seconds, the first time for another target a minute.
+        environ: where CC, PATH and the cache folder are found.
 
     Raises:
         BuildError: there is no compiler, it fails, or there is no safe place for the library.
@@ -102,6 +120,7 @@ def built_library(abi: Abi, target: Target | None = None, environ: Mapping[str, 
     folder = cache_folder(environ) / _hash(compiler, flags, generated)
     library = folder / library_name("gts", target)
     if not library.is_file():
+        on_build()
         _build(compiler, flags, generated, library)
     return library
 
@@ -113,18 +132,18 @@ def find_compiler(target: Target | None = None, environ: Mapping[str, str] = os.
         BuildError: there is none.
     """
     is_native = target is None or target == own_target()
-    named = shlex.split(environ.get("CC", "")) if is_native else []
-    for command in ([named] if named else []) + ([[name] for name in _COMPILERS] if is_native else []):
-        path = shutil.which(command[0], path=environ.get("PATH"))
-        if path is not None:
-            about = Path(path).resolve().stat()
-            identity = f"{path} {about.st_size} {about.st_mtime_ns}"
-            return Compiler(command=(path, *command[1:]), identity=identity)
+    if is_native:
+        for words in filter(None, [shlex.split(environ.get("CC", "")), *([name] for name in _COMPILERS)]):
+            path = shutil.which(words[0], path=environ.get("PATH"))
+            if path is not None:
+                about = Path(path).resolve().stat()
+                identity = f"{path} {about.st_size} {about.st_mtime_ns}"
+                return Compiler(command=(path, *words[1:]), identity=identity)
     if find_spec("ziglang") is not None:
         from importlib.metadata import version
 
-        command = (sys.executable, "-m", "ziglang", "cc")
-        return Compiler(command=command, identity=f"ziglang {version('ziglang')}", is_zig=True)
+        zig = (sys.executable, "-m", "ziglang", "cc")
+        return Compiler(command=zig, identity=f"ziglang {version('ziglang')}", is_zig=True)
     how = Phrase('python -m pip install "gusjob[record]"')
     if is_native:
         raise BuildError(Phrase("there is no C compiler (cc, gcc, clang): install one, or {how}", how=how))
@@ -174,8 +193,6 @@ def _flags(abi: Abi, target: Target | None, compiler: Compiler) -> tuple[str, ..
         if target is not None:
             flags += ["-target", _ZIG_TARGETS[target]]
     if _system(target) == "windows":
-        is_32_bit = target == Target.X86_WINDOWS or (target is None and own_target() == Target.X86_WINDOWS)
-        flags += ["-Wl,--kill-at"] if is_32_bit else []  # GT_LnXY, not GT_LnXY@44.
         flags += [] if compiler.is_zig else ["-static-libgcc"]
     else:
         flags += ["-fPIC"]
@@ -193,12 +210,17 @@ def _hash(compiler: Compiler, flags: tuple[str, ...], generated: str) -> str:
 
 def _build(compiler: Compiler, flags: tuple[str, ...], generated: str, library: Path) -> None:
     """Build into a folder of its own, then move the library to its place: two processes may build at once."""
-    libraries = [] if library.suffix == ".dll" else ["-lm", "-lpthread"]
     with tempfile.TemporaryDirectory(prefix="building-", dir=library.parent.parent) as name:
         folder = Path(name)
         (folder / GENERATED).write_text(generated, encoding="ascii")
         built = folder / library.name
-        files = [f"-I{folder}", "-o", str(built), str(MAIN_FILE), *libraries]
+        files = [f"-I{folder}", "-o", str(built), str(MAIN_FILE)]
+        if library.suffix == ".dll":
+            exports = folder / "exports.def"  # GT_LnXY, not GT_LnXY@44 as __stdcall functions are named on 32 bits.
+            exports.write_text("\n".join(["EXPORTS", *sorted(exported()), ""]), encoding="ascii")
+            files += [str(exports)]
+        else:
+            files += ["-lm", "-lpthread"]
         try:
             done = subprocess.run(
                 [*compiler.command, *flags, *files],

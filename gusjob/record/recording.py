@@ -11,7 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
@@ -131,12 +131,17 @@ def refusal(options: RecordOptions) -> Phrase | None:
     return None
 
 
-def record(options: RecordOptions, on_progress: Callable[[int], None] | None = None) -> Recording | Phrase:
+def record(
+    options: RecordOptions,
+    on_progress: Callable[[int], None] | None = None,
+    on_build: Callable[[], None] = lambda: None,
+) -> Recording | Phrase:
     """Run a program and record its calls. The listing is on the disk up to the last call, however the program ends.
 
     Args:
         options: what to run, and how.
         on_progress: called about once a second with the number of lines so far.
+        on_build: called before the stand-in is built, if it must be.
 
     Returns:
         What was recorded, or why the program was not started.
@@ -147,7 +152,7 @@ def record(options: RecordOptions, on_progress: Callable[[int], None] | None = N
     problem = refusal(options)
     if problem is not None:
         return problem
-    library = built_library(options.abi, options.target)
+    library = built_library(options.abi, options.target, on_build)
     output = options.output.absolute()
     with tempfile.TemporaryDirectory(prefix="gusjob-record-") as name:
         folder = Path(name)
@@ -300,7 +305,7 @@ def missing_functions(command: Sequence[str], names: Mapping[str, object] | None
     A program names the functions that it links to as plain text, whatever its language. GTN_: of the GSN series.
     """
     known = exported() if names is None else names
-    found: set[str] = set()
+    found: set[bytes] = set()
     for path in map(Path, command):
         try:
             if path.is_file() and path.stat().st_size <= _MOST_SEARCHED_BYTES:
@@ -310,16 +315,13 @@ def missing_functions(command: Sequence[str], names: Mapping[str, object] | None
     return tuple(sorted(name for name in (text.decode("ascii") for text in found) if name not in known))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BuiltLibrary:
-    """A library that was written for use elsewhere."""
-
-    path: Path
-    system: str
-    variables: tuple[str, ...] = field(default=(FILE_VARIABLE, TIME_VARIABLE, FAULTS_VARIABLE, LIMIT_VARIABLE))
-
-
-def write_library(folder: Path, abi: Abi, target: Target | None, names: Sequence[str] = ()) -> list[Path] | Phrase:
+def write_library(
+    folder: Path,
+    abi: Abi,
+    target: Target | None = None,
+    names: Sequence[str] = (),
+    on_build: Callable[[], None] = lambda: None,
+) -> list[Path] | Phrase:
     """Write the stand-in into a folder under the given names, by default gts.dll, libgts.so or libgts.dylib.
 
     Returns:
@@ -328,7 +330,7 @@ def write_library(folder: Path, abi: Abi, target: Target | None, names: Sequence
     Raises:
         BuildError: the stand-in can't be built.
     """
-    library = built_library(abi, target)
+    library = built_library(abi, target, on_build)
     paths = [folder / name for name in (names or [library_name("gts", target)])]
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -26,7 +26,7 @@ _MOTIONS = {
     "put_arc_by_centre": ("crd", "x", "y", "xCenter", "yCenter", "circleDir", "synVel", "synAcc", "velEnd", "fifo"),
     "put_arc_by_radius": ("crd", "x", "y", "radius", "circleDir", "synVel", "synAcc", "velEnd", "fifo"),
 }
-"""The arguments that an effect in calls.h takes, by their names in the table. Without velEnd the motion ends at rest."""
+"""What an effect in calls.h takes, by the names in the table. Without velEnd the motion ends at rest."""
 _MOTION_NAMES = {"GT_LnXY": "put_line", "GT_ArcXYC": "put_arc_by_centre", "GT_ArcXYR": "put_arc_by_radius"}
 
 
@@ -91,7 +91,7 @@ def _declared(arg: FunctionArg) -> str:
 
 def _is_text(arg: FunctionArg) -> bool:
     """Return whether an argument is the name of a file or of a thing: a text that the program passes."""
-    return (arg.c_type == "char *" and "Name" in arg.name) or (arg.c_type == "char *" and "File" in arg.name)
+    return arg.c_type == "char *" and ("Name" in arg.name or "File" in arg.name)
 
 
 def _form(args: tuple[FunctionArg, ...]) -> str:

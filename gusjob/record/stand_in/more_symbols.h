@@ -210,9 +210,14 @@ API GT_GetHomeStatus(CARD short axis, THomeStatus *pHomeStatus)
 API GT_LnXYG0(CARD short crd, long x, long y, double synVel, double synAcc, short fifo)
     CALL("GT_LnXYG0", "#,#,#,#,#,#", put_line_to_rest, crd, (double)x, (double)y, synVel, synAcc, fifo)
 
+/* The velocity follow call of the other family. */
 #if VC_ABI == 0
 API GT_BufLaserFollowRatio(short crd, double ratio, double minPower, double maxPower, short fifo, short channel)
     CALL("GT_BufLaserFollowRatio", "#,#,#,#,#,#", put_follow, crd, ratio, minPower, maxPower, fifo, channel)
+#else
+API GT_BufLaserPrfFollow(CARD short crd, double ratio, long minPower, long maxPower, short fifo, short channel)
+    CALL("GT_BufLaserPrfFollow", "#,#,#,#,#,#", put_follow, crd, ratio, (double)minPower, (double)maxPower, fifo,
+         channel)
 #endif
 
 #endif

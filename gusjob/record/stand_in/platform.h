@@ -28,10 +28,11 @@
 #include <string.h>
 #include <time.h>
 
-/* The head of each function of the ABI. The vendor's functions are __stdcall on Windows. */
+/* The head of each function of the ABI. The vendor's functions are __stdcall on Windows; a .def file exports them there,
+   by their names alone. */
 #ifdef _WIN32
 #define KILL_SIGNAL 9
-#define API __declspec(dllexport) short __stdcall
+#define API short __stdcall
 #else
 #define KILL_SIGNAL SIGKILL
 #define API __attribute__((visibility("default"))) short
