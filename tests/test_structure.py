@@ -138,7 +138,7 @@ def test_check_imports_nothing_heavy() -> None:
 
 
 def test_no_eval_no_shell_no_pickle() -> None:
-    """Only the guard of a run is another process."""
+    """Other processes are the guard of a run, the C compiler of the recorder, and the program that it records."""
     functions, modules = {"eval", "exec", "compile"}, {"subprocess", "pickle", "marshal", "shelve"}
     found = []
     for path in MODULES:
@@ -152,4 +152,4 @@ def test_no_eval_no_shell_no_pickle() -> None:
                     found.append((path.name, module))
                 case ast.Call(func=ast.Attribute(attr="system" | "popen" as name)) | ast.keyword(arg="shell" as name):
                     found.append((path.name, name))
-    assert found == [("start.py", "subprocess")]
+    assert sorted(found) == [("build.py", "subprocess"), ("recording.py", "subprocess"), ("start.py", "subprocess")]

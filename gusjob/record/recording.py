@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,9 +87,9 @@ class Recording:
 
     Attributes:
         listings: the files that were made, that of card 0 first.
-        calls: lines of calls in them.
+        calls: lines of calls and rests in them.
         exit_code: of the program; the negative number of a signal.
-        is_cut: a listing has reached its limit, or could not be written.
+        is_cut: a listing has reached its limit, or the disk is full.
         missing: functions of the program that the stand-in lacks, if the program could not be loaded or made no call.
     """
 
@@ -207,7 +208,7 @@ def _signals_for_the_program() -> Iterator[Callable[[subprocess.Popen[bytes]], N
         if program and program[0].poll() is None and not (number == signal.SIGINT and _is_in_foreground()):
             program[0].send_signal(number)
 
-    names = ("SIGINT", "SIGTERM", "SIGHUP")
+    names = ("SIGINT", "SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, pass_on) for number in numbers}
     try:
@@ -248,16 +249,19 @@ def _wait(process: subprocess.Popen[bytes], output: Path, on_progress: Callable[
 
 
 def _lines_from(path: Path, at: int) -> tuple[int, int]:
-    """Count the lines of a file from a position on; return their number and the new position."""
+    """Count the lines of a file that are no comments, from a position on; return their number and the new position."""
     count = 0
     try:
         with path.open("rb") as file:
-            file.seek(at)
-            while piece := file.read(1 << 20):
-                count += piece.count(b"\n")
-            return count, file.tell()
+            while True:
+                file.seek(max(at - 1, 0))
+                piece = file.read(1 << 20)
+                count += piece.count(b"\n[")
+                if file.tell() == at:
+                    return count, at
+                at = file.tell()
     except OSError:  # It is made with the first call.
-        return 0, at
+        return count, at
 
 
 def _listings(output: Path) -> list[Path]:
@@ -283,11 +287,14 @@ def _recording(options: RecordOptions, output: Path, exit_code: int) -> Recordin
     calls, is_cut = 0, False
     for path in listings:
         lines, size = _lines_from(path, 0)
-        with path.open("r+b") as file:
-            file.seek(max(size - 200, 0))
-            is_cut |= _STOPPED in file.read()
-            file.write(b"// ended " + _ending(exit_code).encode() + b"\n")
-        calls += lines - 1
+        calls += lines
+        try:
+            with path.open("r+b") as file:
+                file.seek(max(size - 200, 0))
+                is_cut |= _STOPPED in file.read()
+                file.write(b"// ended " + _ending(exit_code).encode() + b"\n")
+        except OSError:  # The disk is full: calls may be missing, too.
+            is_cut = True
     recording = Recording(listings=tuple(listings), calls=calls, exit_code=exit_code, is_cut=is_cut)
     if listings and not recording.was_not_loaded:
         return recording

@@ -1,0 +1,482 @@
+"""Programs of several languages, recorded: what is in the listing, and when."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support.recorded import calls, compiled, library_folder, lines, needs_compiler, needs_cxx, times
+
+from gusjob.config.machine import Abi
+from gusjob.record.recording import Fault, Recording, RecordOptions, record
+
+pytestmark = needs_compiler
+
+BEGIN = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "gts.h"
+static TCrdPrm prm = {2, {1, 2}, 500, 20, 0, 1, {0}};
+static void begin(void) { GT_Open(0, 1); GT_SetCrdPrm(1, &prm); GT_CrdClear(1, 0); }
+"""
+OPENED = [
+    "GT_Open(0,1) = 0",
+    "GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},500,20,0,1,{0,0,0,0,0,0,0,0}}) = 0",
+    "GT_CrdClear(1,0) = 0",
+]
+
+
+def recorded(tmp_path: Path, *command: object, **options: object) -> Recording:
+    """Record a program into calls.gts."""
+    chosen = RecordOptions(command=tuple(map(str, command)), output=tmp_path / "calls.gts", **options)  # type: ignore[arg-type]
+    recording = record(chosen)
+    assert isinstance(recording, Recording), recording
+    return recording
+
+
+def of_c(tmp_path: Path, body: str, *, abi: Abi = Abi.GUS, **options: object) -> Recording:
+    """Record a C program with this main()."""
+    program = compiled(tmp_path, f"{BEGIN}\nint main(void)\n{{\n{body}\nreturn 0;\n}}\n", abi)
+    return recorded(tmp_path, program, abi=abi, **options)
+
+
+def test_loops_functions_conditions(tmp_path: Path) -> None:
+    """The program writes its own log of what it sends; the listing is the same."""
+    source = (
+        BEGIN
+        + """
+static FILE *own;
+static int line(long x, long y, double vel)
+{
+    short code = GT_LnXY(1, x, y, vel, 2, 0, 0);
+    fprintf(own, "GT_LnXY(1,%ld,%ld,%.17g,2,0,0) = %d\\n", x, y, vel, code);
+    return code;
+}
+static void power(double p)
+{
+    fprintf(own, "GT_BufLaserPrfCmd(1,%.17g,0,0) = %d\\n", p, GT_BufLaserPrfCmd(1, p, 0, 0));
+}
+static int hatch(int lines, long width, double vel)
+{
+    int failed = 0;
+    for (int i = 0; i < lines; i++) {
+        if (i % 3 == 2)
+            continue;
+        power(i % 2 ? 12.5 : i);
+        failed |= line(i % 2 ? width : -width, 100L * i, vel);
+    }
+    return failed;
+}
+int main(int count, char **args)
+{
+    own = fopen(args[1], "w");
+    begin();
+    while (--count > 1)
+        hatch(atoi(args[count]), 4000, count == 2 ? 50 : 62.5);
+    line(1, 2, 0);             /* Refused: velocity 0. */
+    line(2000000000, 2, 50);   /* Refused: too far. */
+    return 0;
+}
+"""
+    )
+    program = compiled(tmp_path, source)
+    recording = recorded(tmp_path, program, tmp_path / "own.txt", 5, 7)
+    own = (tmp_path / "own.txt").read_text(encoding="ascii").splitlines()
+    assert calls(tmp_path / "calls.gts") == OPENED + own
+    assert own[-2:] == ["GT_LnXY(1,1,2,0,2,0,0) = 7", "GT_LnXY(1,2000000000,2,50,2,0,0) = 7"]
+    assert len(own) == 2 * (4 + 5) + 2
+    assert (recording.exit_code, recording.calls) == (0, len(own) + 3)
+
+
+@needs_cxx
+def test_default_arguments_of_cpp(tmp_path: Path) -> None:
+    source = """
+extern "C" {
+short GT_Open(short channel = 0, short param = 1);
+short GT_BufLaserOn(short crd, short fifo = 0, short channel = 0);
+short GT_LaserPowerMode(short mode, double maxValue, double minValue, short channel = 0, short delaymode = 0);
+short GT_LnXY(short crd, long x, long y, double synVel, double synAcc, double velEnd = 0, short fifo = 0);
+short GT_GetSts(short axis, long *pSts, short count = 1, unsigned long *pClock = nullptr);
+}
+struct Head {
+    ~Head() { GT_BufLaserOn(1); }
+    void to(long x, long y) { GT_LnXY(1, x, y, 50, 2); }
+};
+int main()
+{
+    GT_Open();
+    GT_LaserPowerMode(0, 100, 0);
+    { Head head; head.to(1, 2); }
+    long status[2];
+    GT_GetSts(1, status, 2);
+    return status[0] == 0xa00 && status[1] == 0xa00 ? 0 : 1;
+}
+"""
+    program = compiled(tmp_path, source, Abi.GTS, language="cpp")
+    assert recorded(tmp_path, program, abi=Abi.GTS).exit_code == 0
+    assert calls(tmp_path / "calls.gts") == [
+        "GT_Open(0,1) = 0",
+        "GT_LaserPowerMode(0,100,0,0,0) = 0",
+        "GT_LnXY(1,1,2,50,2,0,0) = 1",  # There is no coordinate system.
+        "GT_BufLaserOn(1,0,0) = 1",
+        "GT_GetSts(1,{2560,2560},2,clock) = 0",
+    ]
+
+
+def test_python(tmp_path: Path) -> None:
+    """The loader finds the library by its name alone."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        """
+import ctypes, sys, time
+gts = ctypes.CDLL("libgts.dylib" if sys.platform == "darwin" else "libgts.so")
+gts.GT_Open(0, 1)
+pos, scale = (ctypes.c_long * 4)(1, -2, 3), (ctypes.c_double * 4)(1000, 1000, 1, 0.1)
+gts.GT_SetLaserDisMode(1, 0, pos, scale, 1)
+time.sleep(0.25)
+gts.GT_LaserPrfCmd(ctypes.c_double(1 / 3), 1)
+sys.exit(3)
+""",
+        encoding="ascii",
+    )
+    recording = recorded(tmp_path, sys.executable, program)
+    assert recording.exit_code == 3
+    assert calls(tmp_path / "calls.gts") == [
+        "GT_Open(0,1) = 0",
+        "GT_SetLaserDisMode(1,0,{1,-2,3,0},{1000,1000,1,0.1},1) = 0",
+        "GT_LaserPrfCmd(0.3333333333333333,1) = 0",
+    ]
+    slept = times(tmp_path / "calls.gts")[2] - times(tmp_path / "calls.gts")[1]
+    assert 250 <= slept < 2000
+    assert (tmp_path / "calls.gts").read_text(encoding="ascii").splitlines()[0] == (
+        "// recorded by gusjob record, ABI gus, time fast"
+    )
+    assert (tmp_path / "calls.gts").read_text(encoding="ascii").splitlines()[-1] == "// ended with exit code 3"
+
+
+POLLING = """
+short run; long segment; double pos[2]; long polls = 0;
+begin();
+GT_BufLaserOn(1, 0, 0);
+GT_LnXY(1, 10000, 0, 50, 2, 0, 0);
+GT_BufLaserOff(1, 0, 0);
+GT_CrdStart(1, 0);
+do {
+    GT_CrdStatus(1, &run, &segment, 0);
+    GT_GetCrdPos(1, pos);
+    polls++;
+} while (run == 1);
+printf("%ld %g %ld\\n", segment, pos[0], polls);
+"""
+MOTION_MS = 225.0
+"""10000 pulse at 50 pulse/ms with 2 pulse/ms^2: 200 ms of path, and 25 ms for both ramps."""
+
+
+def test_polls_in_fast_time(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Each reading takes 2.02 ms; those that follow each other are two lines. The motion ends on its own time."""
+    of_c(tmp_path, POLLING)
+    segment, position, polls = map(float, capfd.readouterr().out.split())
+    assert (segment, position) == (3, 10000)
+    assert polls == pytest.approx(MOTION_MS / 4.04, abs=2)
+    start = next(
+        t
+        for t, line in zip(times(tmp_path / "calls.gts"), lines(tmp_path / "calls.gts"), strict=True)
+        if "Start" in line
+    )
+    status, place, rest, *last = lines(tmp_path / "calls.gts")[7:]
+    assert status.startswith(f"[{start + 2.02:g}] GT_CrdStatus(1,1,1,0) = 0 // {polls - 1:.0f} times, the last at ")
+    assert place.startswith(f"[{start + 4.04:g}] GT_GetCrdPos(1,{{") and place.count(" times, ") == 1
+    assert rest.endswith("] AT_REST(1)")
+    assert float(rest[1 : rest.index("]")]) == pytest.approx(start + MOTION_MS, abs=1e-3)
+    assert {line.partition("] ")[2].partition(" //")[0] for line in last} == {
+        "GT_CrdStatus(1,0,3,0) = 0",
+        "GT_GetCrdPos(1,{10000,0}) = 0",
+    }
+
+
+def test_polls_in_real_time(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    began = time.monotonic()
+    of_c(tmp_path, POLLING, is_real_time=True)
+    assert time.monotonic() - began >= MOTION_MS / 1000
+    assert float(capfd.readouterr().out.split()[2]) > 100
+    rest = next(line for line in lines(tmp_path / "calls.gts") if "AT_REST" in line)
+    started = next(line for line in lines(tmp_path / "calls.gts") if "GT_CrdStart" in line)
+    took = float(rest[1 : rest.index("]")]) - float(started[1 : started.index("]")])
+    assert took == pytest.approx(MOTION_MS, abs=1e-3)
+    assert len(lines(tmp_path / "calls.gts")) <= 12  # GT_CrdStatus and GT_GetCrdPos once or twice each.
+
+
+@pytest.mark.parametrize("is_real", [False, True])
+@pytest.mark.parametrize(
+    "wait",
+    [
+        "do GT_GetSts(1, &status, 1, 0); while (status & 0x400);",
+        "do GT_GetPrfPos(1, &x, 1, 0); while (x < 1000);",
+        "do GT_CrdSpace(1, &left, 0); while (left < 4096);",
+        "do GT_GetRemainderSegNum(1, &left, 0); while (left);",
+        "do GT_GetCrdVel(1, &x); while (x > 0);",
+    ],
+)
+def test_every_way_to_wait_ends(tmp_path: Path, wait: str, is_real: bool) -> None:
+    extra = """
+short GT_GetSts(short, long *, short, unsigned long *);
+short GT_GetPrfPos(short, double *, short, unsigned long *);
+short GT_GetRemainderSegNum(short, long *, short);
+short GT_GetCrdVel(short, double *);
+long status, left; double x;
+begin(); GT_LnXY(1, 1000, 0, 50, 20, 0, 0); GT_CrdStart(1, 0);
+"""
+    of_c(tmp_path, extra + wait + "GT_Close();", is_real_time=is_real)
+    assert len(lines(tmp_path / "calls.gts")) <= 9
+    assert "AT_REST(1)" in lines(tmp_path / "calls.gts")[-2] + lines(tmp_path / "calls.gts")[-3]
+
+
+def test_a_full_fifo_is_tried_again(tmp_path: Path) -> None:
+    """Refused calls that follow each other are one line; in the end all have been taken, in order."""
+    body = """
+begin();
+for (int i = 1; i <= 6000; i++) {
+    while (GT_LnXY(1, i, 0, 50, 20, 20, 0) != 0)
+        ;
+    if (i == 4000)
+        GT_CrdStart(1, 0);
+}
+"""
+    of_c(tmp_path, body)
+    found = calls(tmp_path / "calls.gts")
+    assert [c for c in found if c.startswith("GT_LnXY") and c.endswith("= 0")] == [
+        f"GT_LnXY(1,{i},0,50,20,20,0) = 0" for i in range(1, 6001)
+    ]
+    assert 0 < sum(c.endswith("= 1") for c in found) < 3000
+
+
+def test_a_pause_of_the_program_takes_time(tmp_path: Path) -> None:
+    """While it sleeps for 60 ms the motion of 30 ms ends."""
+    body = """
+begin(); GT_LnXY(1, 1000, 0, 50, 5, 0, 0); GT_CrdStart(1, 0);
+{ struct timespec nap = {0, 60000000}; nanosleep(&nap, 0); }
+GT_Close();
+"""
+    program = compiled(
+        tmp_path, f"#define _GNU_SOURCE\n#include <time.h>\n{BEGIN}\nint main(void)\n{{{body}\nreturn 0;\n}}\n"
+    )
+    recorded(tmp_path, program)
+    *_, start, rest, close = times(tmp_path / "calls.gts")
+    assert rest == pytest.approx(start + 30, abs=1e-3)
+    assert close >= start + 60
+
+
+@pytest.mark.parametrize("end", ["abort();", "*(volatile int *)8 = 1;", "kill(getpid(), 9);", "_exit(7);"])
+def test_a_program_that_breaks_off(tmp_path: Path, end: str) -> None:
+    """No call is lost: each is in the file before it returns."""
+    source = f"""#define _GNU_SOURCE
+#include <signal.h>
+#include <unistd.h>
+{BEGIN}
+int main(void)
+{{
+    begin();
+    for (int i = 0; i < 100; i++)
+        GT_LnXY(1, i, 0, 50, 2, 0, 0);
+    {end}
+}}
+"""
+    recording = recorded(tmp_path, compiled(tmp_path, source))
+    assert calls(tmp_path / "calls.gts") == OPENED + [f"GT_LnXY(1,{i},0,50,2,0,0) = 0" for i in range(100)]
+    assert recording.exit_code == {"a": -signal.SIGABRT, "*": -signal.SIGSEGV, "k": -9, "_": 7}[end[0]]
+    ending = "with exit code 7" if end[0] == "_" else f"by signal {-recording.exit_code}"
+    assert (tmp_path / "calls.gts").read_text(encoding="ascii").endswith(f"\n// ended {ending}\n")
+
+
+def test_the_recorder_and_its_program_are_killed(tmp_path: Path) -> None:
+    """What the program had sent is there, up to a call that was not yet over."""
+    source = f"""#define _GNU_SOURCE
+#include <unistd.h>
+{BEGIN}
+int main(void)
+{{
+    begin();
+    for (int i = 0; ; i++) {{
+        GT_LaserPrfCmd(i % 100, 0);
+        if (write(1, "x", 1) < 0)
+            return 1;
+    }}
+}}
+"""
+    program = compiled(tmp_path, source)
+    command = [sys.executable, "-m", "gusjob", "record", "-o", str(tmp_path / "calls.gts"), "--", str(program)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True) as process:
+        assert process.stdout is not None
+        sent = len(process.stdout.read(2000))
+        os.killpg(process.pid, signal.SIGKILL)
+        sent += len(process.stdout.read())
+    found = calls(tmp_path / "calls.gts")
+    assert found[: 3 + sent] == OPENED + [f"GT_LaserPrfCmd({i % 100},0) = 0" for i in range(sent)]
+    assert len(found) <= 3 + sent + 1
+    assert (tmp_path / "calls.gts").read_bytes().endswith(b"\n")
+
+
+def test_several_cards(tmp_path: Path) -> None:
+    """Each card is a machine of its own, with a listing of its own; their clocks are the same."""
+    source = """
+#include "multi.h"
+int main(void)
+{
+    TCrdPrm prm = {2, {1, 2}, 500, 20, 0, 1, {0}};
+    short run; long segment, bad;
+    for (short card = 0; card < 3; card += 2) {
+        GT_Open(card, 0, 1);
+        GT_SetCrdPrm(card, 1, &prm);
+        GT_LnXY(card, 1, 1000 + card, 0, 50, 5, 0, 0);
+    }
+    GT_CrdStart(2, 1, 0);
+    do GT_CrdStatus(2, 1, &run, &segment, 0); while (run);
+    GT_CrdStatus(0, 1, &run, &segment, 0);
+    bad = GT_Open(99, 0, 1);
+    return segment == 0 && bad == 7 ? 0 : 1;
+}
+"""
+    text = (Path(__file__).parents[1] / "vendor" / "gts.h").read_text(encoding="ascii")
+    (tmp_path / "multi.h").write_text(text.replace("(short ", "(short card, short "), encoding="ascii")
+    program = compiled(tmp_path, source, Abi.GTS_MULTI, f"-I{tmp_path}")
+    recording = recorded(tmp_path, program, abi=Abi.GTS_MULTI)
+    assert [path.name for path in recording.listings] == ["calls.gts", "calls.card2.gts"]
+    assert recording.exit_code == 0
+    prm = "GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},500,20,0,1,{0,0,0,0,0,0,0,0}}) = 0"
+    first, second = recording.listings
+    assert calls(first) == ["GT_Open(0,1) = 0", prm, "GT_LnXY(1,1000,0,50,5,0,0) = 0", "GT_CrdStatus(1,0,0,0) = 0"]
+    assert [c for c in calls(second) if "Status" not in c] == [
+        "GT_Open(0,1) = 0",
+        prm,
+        "GT_LnXY(1,1002,0,50,5,0,0) = 0",
+        "GT_CrdStart(1,0) = 0",
+    ]
+    assert times(second)[0] == pytest.approx(0.06)
+    assert times(first)[-1] > times(second)[-1] > 30
+    assert second.read_text(encoding="ascii").startswith(
+        "// recorded by gusjob record, ABI gts-multi, card 2, time fast\n"
+    )
+
+
+def test_a_program_that_selects_its_card(tmp_path: Path) -> None:
+    """GT_SetCardNo of the library without card numbers (sister)."""
+    body = """
+short GT_SetCardNo(short); short GT_GetCardNo(short *); short card = 9;
+GT_Open(0, 1); GT_SetCardNo(1); GT_Open(0, 1); GT_GetCardNo(&card); GT_SetCardNo(0); GT_Close();
+if (card != 1) return 1;
+"""
+    recording = of_c(tmp_path, body, abi=Abi.GTS)
+    assert recording.exit_code == 0
+    assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0", "GT_SetCardNo(1) = 0", "GT_Close() = 0"]
+    assert calls(tmp_path / "calls.card1.gts") == ["GT_Open(0,1) = 0", "GT_GetCardNo(1) = 0", "GT_SetCardNo(0) = 0"]
+
+
+def test_texts_and_functions_without_a_model(tmp_path: Path) -> None:
+    """They return 0 and are recorded; a text is a string of C, whatever is in it."""
+    body = r"""
+short GT_PrfTrap(short); short GT_SetTrapPrm(short, void *); short GT_GetPrfVel(short, double *, short, void *);
+short GT_LnXYZ(short, long, long, long, double, double, double, short);
+short GT_BufIO(short, unsigned short, unsigned short, unsigned short, short);
+double vel = 7;
+GT_PrfTrap(1);
+begin();
+GT_LoadConfig("C:\\a \"b\".cfg\nGT_LaserPrfCmd(1,0)\303\244");
+if (GT_PrfTrap(1) || GT_SetTrapPrm(1, &prm) || GT_GetPrfVel(1, &vel, 1, 0) || vel != 0) return 1;
+if (GT_LnXYZ(1, 10, 20, 30, 50, 2, 0, 0) || GT_BufIO(1, 12, 1, 65535, 0)) return 2;
+{ long left; GT_CrdSpace(1, &left, 0); if (left != 4094) return 3; }
+"""
+    assert of_c(tmp_path, body).exit_code == 0
+    assert calls(tmp_path / "calls.gts") == [
+        "GT_PrfTrap(1) = -6",
+        *OPENED,
+        r'GT_LoadConfig("C:\\a \"b\".cfg\012GT_LaserPrfCmd(1,0)\303\244") = 0',
+        "GT_PrfTrap(1) = 0",
+        "GT_SetTrapPrm(1,pointer) = 0",
+        "GT_GetPrfVel(1,pointer,1,pointer) = 0",
+        "GT_LnXYZ(1,10,20,30,50,2,0,0) = 0",
+        "GT_BufIO(1,12,1,65535,0) = 0",
+        "GT_CrdSpace(1,4094,0) = 0",
+    ]
+
+
+def test_faults(tmp_path: Path) -> None:
+    """A call that fails has no effect: 2 lines are queued."""
+    body = """
+long left; begin();
+for (int i = 0; i < 5; i++) GT_LnXY(1, i, 0, 50, 2, 0, 0);
+GT_CrdStart(1, 0); GT_CrdStart(1, 0);
+GT_CrdSpace(1, &left, 0);
+return left == 4094 ? 0 : 1;
+"""
+    faults = (
+        Fault(name="GT_LnXY", nth=2, code=-7),
+        Fault(name="GT_LnXY", nth=4, code=1, lasts=True),
+        Fault(name="GT_CrdStart", nth=1, code=8, lasts=True),
+    )
+    assert of_c(tmp_path, body, faults=faults).exit_code == 0
+    assert [c.rpartition(" ")[2] for c in calls(tmp_path / "calls.gts")[3:]] == ["0", "-7", "0", "1", "1", "8", "0"]
+
+
+def test_a_listing_with_a_limit(tmp_path: Path) -> None:
+    """The program goes on; the listing ends with a whole line and says so."""
+    body = "GT_Open(0, 1); for (int i = 0; i < 5000; i++) GT_LaserPrfCmd(i % 100, 0);"
+    recording = of_c(tmp_path, body, limit_bytes=2000)
+    text = (tmp_path / "calls.gts").read_text(encoding="ascii")
+    assert recording.is_cut and recording.exit_code == 0
+    assert 2000 < len(text) < 2300
+    assert text.splitlines()[-2] == (
+        "// stopped: the listing has reached its limit of 2000 bytes, later calls are missing"
+    )
+    assert len(calls(tmp_path / "calls.gts")) == recording.calls == len(lines(tmp_path / "calls.gts"))
+
+
+def test_a_second_process_has_a_listing_of_its_own(tmp_path: Path) -> None:
+    """A program that is forked after its first calls."""
+    source = f"""#define _GNU_SOURCE
+#include <sys/wait.h>
+#include <unistd.h>
+{BEGIN}
+int main(void)
+{{
+    begin();
+    if (fork() == 0) {{ GT_LaserPrfCmd(1, 0); _exit(0); }}
+    wait(0);
+    GT_LaserPrfCmd(2, 0);
+    return 0;
+}}
+"""
+    recording = recorded(tmp_path, compiled(tmp_path, source))
+    assert [path.name for path in recording.listings] == ["calls.gts", "calls.2.gts"]
+    assert calls(tmp_path / "calls.gts") == [*OPENED, "GT_LaserPrfCmd(2,0) = 0"]
+    assert calls(tmp_path / "calls.2.gts") == ["GT_LaserPrfCmd(1,0) = 0"]
+
+
+def test_files_of_an_earlier_recording_are_replaced(tmp_path: Path) -> None:
+    """All of them, but no file of somebody else."""
+    for name in ("calls.gts", "calls.card1.gts", "calls.2.gts", "calls.3.card4.gts"):
+        (tmp_path / name).write_text("// recorded by gusjob record, ABI gus\n", encoding="ascii")
+    for name in ("calls.card3.gts", "calls.txt", "mycalls.gts", "calls.card.gts"):
+        (tmp_path / name).write_text("GT_Close()\n", encoding="ascii")
+    of_c(tmp_path, "GT_Open(0, 1);")
+    assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0"]
+    kept = {"calls.card3.gts", "calls.txt", "mycalls.gts", "calls.card.gts"}
+    assert {path.name for path in tmp_path.glob("*calls*")} == {"calls.gts", *kept}
+
+
+def test_the_library_alone(tmp_path: Path) -> None:
+    """Without gusjob: calls.gts in the current folder, and an older one is kept."""
+    program = compiled(tmp_path, f"{BEGIN}int main(void) {{ return GT_Open(0, 1); }}")
+    variable = "DYLD_LIBRARY_PATH" if sys.platform == "darwin" else "LD_LIBRARY_PATH"
+    environ = {variable: str(library_folder(tmp_path / "link", Abi.GUS)), "GUSJOB_RECORD_FAULTS": "GT_Open:2:5"}
+    for _ in range(2):
+        subprocess.run([program], cwd=tmp_path, env=environ, check=True)
+    for name in ("calls.gts", "calls.2.gts"):
+        assert calls(tmp_path / name) == ["GT_Open(0,1) = 0"]
+    environ["GUSJOB_RECORD"] = str(tmp_path / "none" / "x.gts")
+    done = subprocess.run([program], cwd=tmp_path, env=environ, check=True, capture_output=True, text=True)
+    assert done.stderr == f"gusjob record: {tmp_path}/none/x.gts: can't be written, no call is recorded\n"
