@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from support.cli import gusjob, write
-from support.recorded import calls, compiled, needs_compiler
+from support.recorded import CC, calls, compiled, needs_compiler
 
 from gusjob.config.machine import Abi
 
@@ -99,11 +99,18 @@ def test_wrong_usage(tmp_path: Path, program: Path, args: list[str], message: st
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="the loader of Linux")
 def test_a_missing_function_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """The loader ends the program at the call; the stand-in has all functions but this one."""
+    """A program of a newer library. The loader ends it at the call, or before it begins."""
+    newer = tmp_path / "newer"
+    newer.mkdir()
+    functions = write(
+        newer, "short GT_Open(short a, short b) { return a + b; } short GT_Teleport(short a) { return a; }", "x.c"
+    )
+    assert CC is not None
+    subprocess.run([CC, "-shared", "-fPIC", "-o", newer / "libgts.so", functions], check=True)
     source = '#include "gts.h"\nshort GT_Teleport(short);\nint main(void) { GT_Open(0, 1); return GT_Teleport(1); }'
-    flags = "-Wl,-undefined,dynamic_lookup" if sys.platform == "darwin" else "-Wl,--unresolved-symbols=ignore-all"
-    program = compiled(tmp_path, source, Abi.GUS, flags, "-Wl,-z,lazy")
+    program = compiled(tmp_path, source, Abi.GUS, f"-L{newer}", "-Wl,-z,lazy")
     done = gusjob("record", "--", program)
     assert done.exit_code == 1
     assert "GT_Teleport" in capfd.readouterr().err
