@@ -93,7 +93,7 @@ def own_target() -> Target | None:
 
 def library_name(stem: str, target: Target | None) -> str:
     """Return gts.dll, libgts.so or libgts.dylib."""
-    system = _system(target)
+    system = system_of(target)
     return f"{stem}.dll" if system == "windows" else f"lib{stem}{_ENDINGS[system]}"
 
 
@@ -179,7 +179,8 @@ def _user_cache(environ: Mapping[str, str]) -> Path:
     return Path(named) if named and Path(named).is_absolute() else Path.home() / ".cache"
 
 
-def _system(target: Target | None) -> str:
+def system_of(target: Target | None) -> str:
+    """Return windows, linux or macos; None is for this computer."""
     if target is not None:
         return target.system
     return {"win32": "windows", "darwin": "macos"}.get(sys.platform, "linux")
@@ -192,7 +193,7 @@ def _flags(abi: Abi, target: Target | None, compiler: Compiler) -> tuple[str, ..
         flags += ["-fno-sanitize=undefined"]
         if target is not None:
             flags += ["-target", _ZIG_TARGETS[target]]
-    if _system(target) == "windows":
+    if system_of(target) == "windows":
         flags += [] if compiler.is_zig else ["-static-libgcc"]
     else:
         flags += ["-fPIC"]

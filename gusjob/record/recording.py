@@ -19,7 +19,7 @@ from types import FrameType
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.inputs import exists
-from gusjob.record.build import Target, built_library, library_name
+from gusjob.record.build import Target, built_library, library_name, system_of
 from gusjob.record.stand_in_source import exported
 
 HEADER = b"// recorded by gusjob record"
@@ -153,12 +153,18 @@ def record(
     problem = refusal(options)
     if problem is not None:
         return problem
+    other = vendor_library(options)
+    if other is not None:
+        return Phrase(
+            "{path} would be loaded in place of the stand-in, and could drive the controller: move it to another "
+            "folder while you record, or put a stand-in beside the program (--build-library)",
+            path=other,
+        )
     library = built_library(options.abi, options.target, on_build)
     output = options.output.absolute()
     with tempfile.TemporaryDirectory(prefix="gusjob-record-") as name:
         folder = Path(name)
-        for file_name in (*(library_name(stem, options.target) for stem in LIBRARY_STEMS), *options.library_names):
-            shutil.copy(library, folder / file_name)
+        _place_library(library, folder, _file_names(options))
         for path in _listings(output):
             path.unlink()
         with _signals_for_the_program() as follow:
@@ -173,13 +179,50 @@ def record(
     return _recording(options, output, exit_code)
 
 
+def _file_names(options: RecordOptions) -> tuple[str, ...]:
+    """Return the names under which programs may load the library."""
+    return (*(library_name(stem, options.target) for stem in LIBRARY_STEMS), *options.library_names)
+
+
+def _place_library(library: Path, folder: Path, names: Sequence[str]) -> None:
+    """Put the library into a folder under all names: one file, so that a program that loads two has one machine."""
+    first = folder / names[0]
+    shutil.copy(library, first)
+    for name in names[1:]:
+        try:
+            (folder / name).hardlink_to(first)
+        except FileExistsError:
+            continue
+        except OSError:
+            shutil.copy(library, folder / name)
+
+
+def vendor_library(options: RecordOptions) -> Path | None:
+    """Return a library that a Windows program would load in place of the stand-in, None if there is none.
+
+    Windows searches the program's folder, its own folders and the current folder before PATH. The vendor's library
+    would drive the real controller.
+    """
+    if system_of(options.target) != "windows":
+        return None
+    own = [Path(arg).resolve().parent for arg in options.command if exists(arg) and Path(arg).is_file()]
+    program = shutil.which(options.command[0])
+    own = [Path(program).resolve().parent, *own] if program is not None else own
+    root = os.environ.get("SYSTEMROOT", "") if sys.platform == "win32" else ""
+    systems = [Path(root) / name for name in ("System32", "SysWOW64", "System", ".")] if root else []
+    for name in _file_names(options):
+        found = [folder / name for folder in (*own, *systems, Path.cwd()) if exists(folder / name)]
+        if found and not _is_stand_in(found[0]):
+            return found[0]
+    return None
+
+
 def _environment(options: RecordOptions, output: Path, folder: Path) -> dict[str, str]:
     """Return the program's environment: the library's folder comes first, and the library's own variables."""
-    system = options.target.system if options.target is not None else {"win32": "windows"}.get(sys.platform, "")
+    system = system_of(options.target)
     under_wine = system == "windows" and sys.platform != "win32"
-    variable = {"windows": "WINEPATH" if under_wine else "PATH", "macos": "DYLD_LIBRARY_PATH"}.get(
-        system or ("macos" if sys.platform == "darwin" else ""), "LD_LIBRARY_PATH"
-    )
+    variable = {"windows": "PATH", "macos": "DYLD_LIBRARY_PATH", "linux": "LD_LIBRARY_PATH"}[system]
+    variable = "WINEPATH" if under_wine else variable
     separator = ";" if system == "windows" else ":"
     own = _wine_path(folder) if under_wine else str(folder)
     environ = dict(os.environ)

@@ -480,3 +480,57 @@ def test_the_library_alone(tmp_path: Path) -> None:
     environ["GUSJOB_RECORD"] = str(tmp_path / "none" / "x.gts")
     done = subprocess.run([program], cwd=tmp_path, env=environ, check=True, capture_output=True, text=True)
     assert done.stderr == f"gusjob record: {tmp_path}/none/x.gts: can't be written, no call is recorded\n"
+
+
+def test_two_names_of_the_library_are_one_machine(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import ctypes\nctypes.CDLL('libgts.so').GT_Open(0, 1)\nctypes.CDLL('libgus.so').GT_Close()\n", encoding="ascii"
+    )
+    assert recorded(tmp_path, sys.executable, program).exit_code == 0
+    assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0", "GT_Close() = 0"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="binds processes to one processor as on Linux")
+def test_a_busy_computer_takes_no_time(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The program computes for 60 ms, which take much longer, since six others use its processor: it has not waited."""
+    source = f"""#define _GNU_SOURCE
+#include <sched.h>
+#include <signal.h>
+#include <time.h>
+#include <unistd.h>
+{BEGIN}
+static double now(clockid_t clock)
+{{
+    struct timespec t;
+    clock_gettime(clock, &t);
+    return t.tv_sec * 1e3 + t.tv_nsec / 1e6;
+}}
+int main(void)
+{{
+    pid_t others[6];
+    cpu_set_t one;
+    double began, end;
+    CPU_ZERO(&one);
+    CPU_SET(sched_getcpu(), &one);
+    sched_setaffinity(0, sizeof one, &one);
+    for (int i = 0; i < 6; i++)
+        if ((others[i] = fork()) == 0)
+            for (;;)
+                ;
+    GT_Open(0, 1);
+    began = now(CLOCK_MONOTONIC);
+    end = now(CLOCK_PROCESS_CPUTIME_ID) + 60;
+    while (now(CLOCK_PROCESS_CPUTIME_ID) < end)
+        ;
+    printf("%g\\n", now(CLOCK_MONOTONIC) - began);
+    GT_Close();
+    for (int i = 0; i < 6; i++)
+        kill(others[i], SIGKILL);
+    return 0;
+}}
+"""
+    recorded(tmp_path, compiled(tmp_path, source))
+    assert float(capfd.readouterr().out) > 200
+    first, last = times(tmp_path / "calls.gts")
+    assert 50 < last - first < 100

@@ -96,3 +96,17 @@ def test_a_library_beside_the_program(tmp_path: Path, quiet: dict[str, str]) -> 
         subprocess.run([WINE, program], cwd=tmp_path, env=quiet, check=True)
     for name in ("calls.gts", "calls.2.gts"):
         assert calls(tmp_path / name)[: len(SENT)] == SENT
+
+
+def test_the_vendors_library_beside_the_program(tmp_path: Path) -> None:
+    """Windows would load it first, and the program would drive the real controller: it is not started."""
+    (tmp_path / "gts.dll").write_bytes(b"the vendor's own")
+    program = compiled_for_windows(tmp_path, PROGRAM)
+    assert WINE is not None
+    options = RecordOptions(
+        command=(WINE, str(program)), output=tmp_path / "calls.gts", abi=Abi.GTS, target=Target.X86_64_WINDOWS
+    )
+    refused = record(options)
+    assert isinstance(refused, str)
+    assert refused.startswith(f"{tmp_path}/gts.dll would be loaded in place of the stand-in")
+    assert not (tmp_path / "calls.gts").exists()

@@ -15,6 +15,7 @@ static int chosen_card; /* of a library without card numbers: what GT_SetCardNo 
 
 #include "more_symbols.h"
 
+#include "gap.h"
 #include "listing.h"
 #ifndef WITHOUT_FUNCTIONS
 #include "functions.h" /* generated: the functions without a model */
@@ -25,7 +26,7 @@ static int chosen_card; /* of a library without card numbers: what GT_SetCardNo 
 
 static int is_real;
 static double loaded_ms;        /* wall clock */
-static double last_call_ms = -1; /* its end, wall clock */
+static Moment last_call;        /* its end */
 static double owed_ms;          /* virtual time that the next call takes more */
 
 static void configure(void)
@@ -46,7 +47,7 @@ static int polls(const char *name)
 
 static double waited_ms(void)
 {
-    double gap = last_call_ms < 0 ? 0 : wall_ms() - last_call_ms, owed = owed_ms;
+    double gap = last_call.wall_ms > 0 ? gap_ms(last_call) : 0, owed = owed_ms;
     owed_ms = 0;
     return owed + (gap >= WAITED_MS ? gap : 0);
 }
@@ -64,7 +65,7 @@ static void log_call(const Call *call, int code, const double *out)
 {
     write_call(call, m->origin + m->t, code, out);
     owed_ms = code == REFUSED ? REFUSED_MS : 0;
-    last_call_ms = wall_ms();
+    last_call = moment();
 }
 
 /* NAME:N:CODE,NAME:N+:CODE */
