@@ -24,6 +24,7 @@ from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.record.stand_in_source import (
     ABI_NUMBERS,
+    AUDIT_FILE,
     GENERATED,
     MAIN_FILE,
     exported,
@@ -116,12 +117,31 @@ def built_library(
     """
     compiler = find_compiler(target, environ)
     flags = _flags(abi, target, compiler)
-    generated = generated_functions()
-    folder = cache_folder(environ) / _hash(compiler, flags, generated)
-    library = folder / library_name("gts", target)
+    library = cache_folder(environ) / _hash(compiler, flags) / library_name("gts", target)
     if not library.is_file():
         on_build()
-        _build(compiler, flags, generated, library)
+        _build(compiler, flags, MAIN_FILE, library)
+    return library
+
+
+def built_audit(environ: Mapping[str, str] = os.environ) -> Path | None:
+    """Return the library that makes Linux load the stand-in wherever a program looks for the vendor's library.
+
+    None on other systems, and where the C library has no LD_AUDIT.
+
+    Raises:
+        BuildError: there is no compiler, or no safe place for the library.
+    """
+    if sys.platform != "linux":
+        return None
+    compiler = find_compiler(None, environ)
+    flags = _flags(Abi.GUS, None, compiler)
+    library = cache_folder(environ) / _hash(compiler, flags) / "audit.so"
+    if not library.is_file():
+        try:
+            _build(compiler, flags, AUDIT_FILE, library)
+        except BuildError:
+            return None
     return library
 
 
@@ -136,6 +156,7 @@ def find_compiler(target: Target | None = None, environ: Mapping[str, str] = os.
         for words in filter(None, [shlex.split(environ.get("CC", "")), *([name] for name in _COMPILERS)]):
             path = shutil.which(words[0], path=environ.get("PATH"))
             if path is not None:
+                path = str(Path(path).absolute())
                 about = Path(path).resolve().stat()
                 identity = f"{path} {about.st_size} {about.st_mtime_ns}"
                 return Compiler(command=(path, *words[1:]), identity=identity)
@@ -200,22 +221,22 @@ def _flags(abi: Abi, target: Target | None, compiler: Compiler) -> tuple[str, ..
     return tuple(flags)
 
 
-def _hash(compiler: Compiler, flags: tuple[str, ...], generated: str) -> str:
+def _hash(compiler: Compiler, flags: tuple[str, ...]) -> str:
     hashed = hashlib.sha256()
     for path in source_files():
         hashed.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    for text in (generated, *compiler.command, compiler.identity, *flags):
+    for text in (generated_functions(), *compiler.command, compiler.identity, *flags):
         hashed.update(text.encode() + b"\0")
     return hashed.hexdigest()[:32]
 
 
-def _build(compiler: Compiler, flags: tuple[str, ...], generated: str, library: Path) -> None:
+def _build(compiler: Compiler, flags: tuple[str, ...], source: Path, library: Path) -> None:
     """Build into a folder of its own, then move the library to its place: two processes may build at once."""
     with tempfile.TemporaryDirectory(prefix="building-", dir=library.parent.parent) as name:
         folder = Path(name)
-        (folder / GENERATED).write_text(generated, encoding="ascii")
+        (folder / GENERATED).write_text(generated_functions(), encoding="ascii")
         built = folder / library.name
-        files = [f"-I{folder}", "-o", str(built), str(MAIN_FILE)]
+        files = [f"-I{folder}", "-o", str(built), str(source)]
         if library.suffix == ".dll":
             exports = folder / "exports.def"  # GT_LnXY, not GT_LnXY@44 as __stdcall functions are named on 32 bits.
             exports.write_text("\n".join(["EXPORTS", *sorted(exported()), ""]), encoding="ascii")

@@ -19,7 +19,7 @@ from types import FrameType
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.inputs import exists
-from gusjob.record.build import Target, built_library, library_name, system_of
+from gusjob.record.build import Target, built_audit, built_library, library_name, own_target, system_of
 from gusjob.record.stand_in_source import exported
 
 HEADER = b"// recorded by gusjob record"
@@ -161,6 +161,7 @@ def record(
             path=other,
         )
     library = built_library(options.abi, options.target, on_build)
+    audit = built_audit() if options.target in (None, own_target()) else None
     output = options.output.absolute()
     with tempfile.TemporaryDirectory(prefix="gusjob-record-") as name:
         folder = Path(name)
@@ -169,7 +170,7 @@ def record(
             path.unlink()
         with _signals_for_the_program() as follow:
             try:
-                process = subprocess.Popen(options.command, env=_environment(options, output, folder))
+                process = subprocess.Popen(options.command, env=_environment(options, output, folder, audit))
             except OSError as error:
                 return Phrase("{path}: can't be started: {reason}", path=options.command[0], reason=reason_of(error))
             except ValueError:
@@ -217,7 +218,7 @@ def vendor_library(options: RecordOptions) -> Path | None:
     return None
 
 
-def _environment(options: RecordOptions, output: Path, folder: Path) -> dict[str, str]:
+def _environment(options: RecordOptions, output: Path, folder: Path, audit: Path | None) -> dict[str, str]:
     """Return the program's environment: the library's folder comes first, and the library's own variables."""
     system = system_of(options.target)
     under_wine = system == "windows" and sys.platform != "win32"
@@ -227,6 +228,9 @@ def _environment(options: RecordOptions, output: Path, folder: Path) -> dict[str
     own = _wine_path(folder) if under_wine else str(folder)
     environ = dict(os.environ)
     environ[variable] = separator.join(part for part in (own, environ.get(variable, "")) if part)
+    if audit is not None:
+        environ["LD_AUDIT"] = ":".join(part for part in (str(audit), environ.get("LD_AUDIT", "")) if part)
+        environ["GUSJOB_RECORD_FOLDER"] = str(folder)
     environ[FILE_VARIABLE] = _wine_path(output) if under_wine else str(output)
     environ[TIME_VARIABLE] = "real" if options.is_real_time else "fast"
     environ[FAULTS_VARIABLE] = ",".join(map(str, options.faults))

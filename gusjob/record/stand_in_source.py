@@ -15,6 +15,7 @@ from gusjob.controllers.gus.functions import Effect, FunctionArg, LibraryFunctio
 
 FOLDER = Path(__file__).with_name("stand_in")
 MAIN_FILE = FOLDER / "library.c"
+AUDIT_FILE = FOLDER / "audit.c"
 GENERATED = "functions.h"
 ABI_NUMBERS = {Abi.GUS: 0, Abi.GTS: 1, Abi.GTS_MULTI: 2}
 """VC_ABI of the C source."""

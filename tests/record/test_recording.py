@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.recorded import calls, compiled, library_folder, lines, needs_compiler, needs_cxx, times
+from support.recorded import CC, calls, compiled, library_folder, lines, needs_compiler, needs_cxx, times
 
 from gusjob.config.machine import Abi
 from gusjob.record.recording import Fault, Recording, RecordOptions, record
@@ -534,3 +534,24 @@ int main(void)
     assert float(capfd.readouterr().out) > 200
     first, last = times(tmp_path / "calls.gts")
     assert 50 < last - first < 100
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the loader of Linux")
+@pytest.mark.parametrize("way", ["rpath", "path"])
+def test_the_vendors_library_is_not_loaded(tmp_path: Path, way: str) -> None:
+    """A program that was linked with the path to it, and one that names its path."""
+    folder = tmp_path / "vendor"
+    folder.mkdir()
+    source = tmp_path / "vendor.c"
+    source.write_text("#include <stdlib.h>\nshort GT_Open(short a, short b) { exit(a + b + 40); }\n", encoding="ascii")
+    assert CC is not None
+    subprocess.run([CC, "-shared", "-fPIC", "-o", folder / "libgts.so", source], check=True)
+    program = tmp_path / "program.py"
+    program.write_text(f"import ctypes; ctypes.CDLL('{folder}/libgts.so').GT_Open(0, 1)", encoding="ascii")
+    command: tuple[object, ...] = (sys.executable, program)
+    if way == "rpath":
+        link = (f"-L{folder}", f"-Wl,--disable-new-dtags,-rpath,{folder}")
+        command = (compiled(tmp_path, '#include "gts.h"\nint main(void) { return GT_Open(0, 1); }', Abi.GUS, *link),)
+    assert subprocess.run(list(map(str, command)), check=False).returncode == 41
+    assert recorded(tmp_path, *command).exit_code == 0
+    assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0"]
