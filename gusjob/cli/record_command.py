@@ -18,15 +18,16 @@ if TYPE_CHECKING:  # Start-up time is part of the tool.
     from gusjob.record.recording import Fault, Recording, RecordOptions
 
 _HOW_TO_USE = (
-    Phrase("Windows: put it beside the program, whose own copy of the vendor's library you keep elsewhere."),
+    Phrase("Windows: put it beside the program, and the vendor's library somewhere else."),
     Phrase("Linux: put its folder into LD_LIBRARY_PATH. macOS: into DYLD_LIBRARY_PATH."),
     Phrase("It reads these environment variables:"),
-    Phrase("  GUSJOB_RECORD         the listing; default: calls.gts in the program's current folder"),
-    Phrase("  GUSJOB_RECORD_TIME    fast (default) or real"),
-    Phrase("  GUSJOB_RECORD_FAULTS  NAME:N:CODE,NAME:N+:CODE"),
-    Phrase("  GUSJOB_RECORD_LIMIT   longest listing in bytes; default: 1000000000"),
-    Phrase("It never overwrites a listing: the next ones are calls.2.gts, calls.3.gts."),
 )
+_VARIABLES = {
+    "GUSJOB_RECORD": Phrase("the listing; by default calls.gts in the program's current folder, then calls.2.gts"),
+    "GUSJOB_RECORD_TIME": Phrase("fast (default) or real"),
+    "GUSJOB_RECORD_FAULTS": Phrase("calls that fail: NAME:N:CODE,NAME:N+:CODE"),
+    "GUSJOB_RECORD_LIMIT": Phrase("longest listing in bytes; default: {bytes}", bytes=1_000_000_000),
+}
 _TARGETS = ("x86_64-windows", "x86-windows", "x86_64-linux", "aarch64-linux", "x86_64-macos", "aarch64-macos")
 
 
@@ -118,7 +119,7 @@ def command(
     """Run a program with a virtual controller and record its GT_ calls as a listing.
 
     The program runs as it is, in any language: the command puts a stand-in for the vendor's library into its library
-    path. No hardware is used. gusjob report, check and the other commands read the listing. The stand-in is built
+    path. It needs no hardware. gusjob report, check and the other commands read the listing. The stand-in is built
     with this computer's C compiler, or with the package ziglang. Exit status: 0 if the program ended with 0 and made
     calls, 1 otherwise, 2 if it was not started.
     """
@@ -236,3 +237,5 @@ def _build(folder: Path, abi: Abi, target: Target | None, names: tuple[str, ...]
         click.echo(str(path))
     for line in _HOW_TO_USE:
         click.echo(localized(line))
+    for name, meaning in _VARIABLES.items():
+        click.echo(f"  {name:22}{localized(meaning)}")
