@@ -211,7 +211,12 @@ def _outcome(recording: Recording) -> list[Phrase]:
             )
         )
     if recording.is_cut:
-        lines.append(Phrase("the listing is not complete: its last lines say why"))
+        lines.append(
+            Phrase(
+                "the listing is not complete: it has reached its limit, the disk is full, or a process of the program "
+                "still records"
+            )
+        )
     if recording.exit_code < 0:
         lines.append(Phrase("the program was ended by signal {number}", number=-recording.exit_code))
     elif recording.exit_code > 0:

@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+if sys.platform != "win32":
+    import fcntl
+
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.inputs import exists
@@ -89,7 +92,7 @@ class Recording:
         listings: the files that were made, that of card 0 first.
         calls: lines of calls and rests in them.
         exit_code: of the program; the negative number of a signal.
-        is_cut: a listing has reached its limit, or the disk is full.
+        is_cut: a listing has reached its limit, the disk is full, or a process of the program still records.
         missing: functions of the program that the stand-in lacks, if the program could not be loaded or made no call.
     """
 
@@ -163,7 +166,7 @@ def record(
     library = built_library(options.abi, options.target, on_build)
     audit = built_audit() if options.target in (None, own_target()) else None
     output = options.output.absolute()
-    with tempfile.TemporaryDirectory(prefix="gusjob-record-") as name:
+    with tempfile.TemporaryDirectory(prefix="gusjob-record-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         _place_library(library, folder, _file_names(options))
         for path in _listings(output):
@@ -336,17 +339,29 @@ def _recording(options: RecordOptions, output: Path, exit_code: int) -> Recordin
         lines, size = _lines_from(path, 0)
         calls += lines
         try:
-            with path.open("r+b") as file:
-                file.seek(max(size - 200, 0))
-                is_cut |= _STOPPED in file.read()
-                file.write(b"// ended " + _ending(exit_code).encode() + b"\n")
-        except OSError:  # The disk is full: calls may be missing, too.
+            is_cut |= _mark_end(path, size, exit_code)
+        except OSError:  # The disk is full, or another process of the program still records.
             is_cut = True
     recording = Recording(listings=tuple(listings), calls=calls, exit_code=exit_code, is_cut=is_cut)
     if listings and not recording.was_not_loaded:
         return recording
     missing = missing_functions(options.command)
     return Recording(listings=tuple(listings), calls=calls, exit_code=exit_code, is_cut=is_cut, missing=missing)
+
+
+def _mark_end(path: Path, size: int, exit_code: int) -> bool:
+    """Write how the program ended; return whether the listing was stopped before.
+
+    Raises:
+        OSError: it can't be written. A process that still records has locked it.
+    """
+    with path.open("r+b") as file:
+        if sys.platform != "win32":
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        file.seek(max(size - 200, 0))
+        is_stopped = _STOPPED in file.read()
+        file.write(b"// ended " + _ending(exit_code).encode() + b"\n")
+    return is_stopped
 
 
 def _ending(exit_code: int) -> str:

@@ -8,11 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 from support.cli import gusjob, write
 from support.recorded import CC, calls, compiled, needs_compiler
 
+from gusjob.cli.record_command import command
 from gusjob.config.machine import Abi
+from gusjob.record.build import Target
 
 pytestmark = needs_compiler
 
@@ -186,3 +189,17 @@ def test_signals_are_for_the_program(tmp_path: Path, number: signal.Signals) -> 
     assert process.returncode == 1
     assert errors.splitlines()[-1] == "gusjob: the program ended with exit code 5"
     assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0", "GT_Stop(256,0) = 0", "GT_Close() = 0"]
+
+
+def test_the_targets_of_the_option() -> None:
+    (option,) = (parameter for parameter in command.params if parameter.name == "target")
+    assert isinstance(option.type, click.Choice)
+    assert list(option.type.choices) == list(Target)
+
+
+def test_a_listing_that_is_cut(tmp_path: Path) -> None:
+    body = "GT_Open(0, 1); for (int i = 0; i < 40000; i++) GT_LaserPrfCmd(i % 100, 0); return 0;"
+    done = gusjob("record", "--limit", 1, "--", compiled(tmp_path, f'#include "gts.h"\nint main(void) {{ {body} }}'))
+    assert done.exit_code == 1
+    assert "the listing is not complete: it has reached its limit" in done.output
+    assert 1_000_000 <= (tmp_path / "calls.gts").stat().st_size < 1_000_300

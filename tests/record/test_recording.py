@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support.cli import gusjob
 from support.recorded import CC, calls, compiled, library_folder, lines, needs_compiler, needs_cxx, times
 
 from gusjob.config.machine import Abi
@@ -555,3 +557,80 @@ def test_the_vendors_library_is_not_loaded(tmp_path: Path, way: str) -> None:
     assert subprocess.run(list(map(str, command)), check=False).returncode == 41
     assert recorded(tmp_path, *command).exit_code == 0
     assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0"]
+
+
+def test_a_process_that_goes_on(tmp_path: Path) -> None:
+    """The program leaves a process behind that still makes calls: its listing stays as it writes it."""
+    source = f"""#define _GNU_SOURCE
+#include <unistd.h>
+{BEGIN}
+int main(void)
+{{
+    int ready[2];
+    char c;
+    if (pipe(ready) != 0)
+        return 1;
+    if (fork() == 0) {{
+        begin();
+        if (write(ready[1], "x", 1) != 1)
+            return 1;
+        usleep(700000);
+        GT_Close();
+        return 0;
+    }}
+    return read(ready[0], &c, 1) == 1 ? 0 : 1;
+}}
+"""
+    recording = recorded(tmp_path, compiled(tmp_path, source))
+    assert recording.is_cut
+    assert calls(tmp_path / "calls.gts") == OPENED
+    end = time.monotonic() + 20
+    while len(calls(tmp_path / "calls.gts")) == 3 and time.monotonic() < end:
+        time.sleep(0.05)
+    assert calls(tmp_path / "calls.gts") == [*OPENED, "GT_Close() = 0"]
+    assert "ended" not in (tmp_path / "calls.gts").read_text(encoding="ascii")
+
+
+def test_it_is_read_back(tmp_path: Path) -> None:
+    """The report of a recorded program is that of its calls one by one, apart from their lines."""
+    body = """
+short run; long segment;
+begin();
+GT_SetAxisMode(7, 1); GT_LaserPowerMode(0, 100, 0, 0); GT_LaserOutFrq(10, 0);
+for (int stage = 0; stage < 2; stage++) {
+    GT_BufLaserOn(1, 0, 0);
+    for (int i = 1; i <= 4; i++) {
+        GT_BufLaserPrfCmd(1, 10.5 * i, 0, 0);
+        if (i != 3)
+            GT_LnXY(1, 2000 * i, stage ? 3000 : 0, i == 2 ? 80 : 50, 2, 0, 0);
+    }
+    GT_BufLaserOff(1, 0, 0);
+    GT_CrdStart(1, 0);
+    do GT_CrdStatus(1, &run, &segment, 0); while (run);
+    GT_CrdClear(1, 0);
+}
+"""
+    by_hand = [
+        OPENED[1].removesuffix(" = 0"),
+        "GT_CrdClear(1,0)",
+        "GT_SetAxisMode(7,1)",
+        "GT_LaserPowerMode(0,100,0,0)",
+    ]
+    by_hand += ["GT_LaserOutFrq(10,0)"]
+    for y in (0, 3000):
+        by_hand.append("GT_BufLaserOn(1,0,0)")
+        for i, vel in ((1, 50), (2, 80), (3, 0), (4, 50)):
+            by_hand.append(f"GT_BufLaserPrfCmd(1,{10.5 * i},0,0)")
+            by_hand += [f"GT_LnXY(1,{2000 * i},{y},{vel},2,0,0)"] if vel else []
+        by_hand += ["GT_BufLaserOff(1,0,0)", "GT_CrdStart(1,0)", "GT_CrdStatus(1,run,segment,0)", "GT_CrdClear(1,0)"]
+    (tmp_path / "by_hand.gts").write_text("\n".join(by_hand) + "\n", encoding="ascii")
+    of_c(tmp_path, body)
+    reports = [
+        json.loads(gusjob("report", "--format", "json", tmp_path / f"{name}.gts").stdout)
+        for name in ("calls", "by_hand")
+    ]
+    for report in reports:
+        del report["job"], report["segments"]["line"], report["diagnostics"]
+        report.pop("marks", None)
+    assert len(reports[0]["segments"]["kind"]) == 6
+    assert reports[0] == reports[1]

@@ -24,7 +24,7 @@ static long process_number(void)
     return (long)GetCurrentProcessId();
 }
 
-/* Creates a file, never an existing one; NO_OUTPUT if that fails. */
+/* Creates a file, never an existing one; NO_OUTPUT if that fails. It is locked as long as this process lives. */
 static Output create_output(const PathChar *path, int *exists)
 {
     Output made = CreateFileW(path, GENERIC_WRITE, FILE_SHARE_READ, NULL, CREATE_NEW, FILE_ATTRIBUTE_NORMAL, NULL);
@@ -65,8 +65,11 @@ static long process_number(void)
 
 static Output create_output(const PathChar *path, int *exists)
 {
+    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
     Output made = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     *exists = made == NO_OUTPUT && errno == EEXIST;
+    if (made != NO_OUTPUT)
+        (void)fcntl(made, F_SETLK, &lock);
     return made;
 }
 
