@@ -103,7 +103,12 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     metavar="DIR",
     help="Run nothing: write the library into this folder, to use it elsewhere.",
 )
-@click.option("--target", type=click.Choice(_TARGETS), help="System that the library is for. Default: this one.")
+@click.option(
+    "--target",
+    type=click.Choice(_TARGETS),
+    metavar="SYSTEM",
+    help=f"System that the library is for: {', '.join(_TARGETS)}. Default: this one.",
+)
 @click.argument("program", nargs=-1, type=click.UNPROCESSED, metavar="-- PROGRAM [ARG]...")
 def command(
     abi: str | None,
@@ -183,7 +188,8 @@ def _record(options: RecordOptions) -> int:
 
 def _say_build() -> None:
     """Say why the first time takes longer."""
-    click.echo(f"gusjob: {localized(Phrase('building the stand-in; the first time may take a minute'))}", err=True)
+    text = Phrase("building the stand-in; the first time may take a minute")
+    click.echo(f"gusjob: {localized(text)}", err=True)
 
 
 def _show_progress(lines: int) -> None:
