@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream
 from gusjob.controllers.gus.execution import AcceptedCall, Execution
-from gusjob.controllers.gus.ranges import PowerMode
+from gusjob.controllers.gus.ranges import CHANNELS, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Span
 from gusjob.ir.job import Job
@@ -49,8 +49,9 @@ _OPS = {
     Buffered.POWER: Op.POWER,
     Buffered.FOLLOW: Op.FOLLOW,
     Buffered.FOLLOW_REAL: Op.FOLLOW,
+    Buffered.FOLLOW_OFF: Op.POWER,
 }
-"""The operation of each buffered call. The others, of the sister series, are in no job."""
+"""The operation of each buffered call. After the end of a follow the power is 0. The others are in no job."""
 _OP_OF_KIND = np.array([_OPS.get(kind, 0) for kind in Buffered], dtype=np.uint8)
 _IS_IN_JOB = np.array([kind in _OPS for kind in Buffered])
 
@@ -120,7 +121,7 @@ def _path(calls: BufferedCalls, vel_max: Floats) -> Path:
         acc_in_mm=_all(n, value=False),
         end_in_mm=_all(n, value=False),
         dwell_ms=_where(dwell, calls.p),
-        power=_where(power, calls.p),
+        power=_where(power, np.where(calls.kind == Buffered.FOLLOW_OFF, 0.0, calls.p)),
         low=_where(follow, calls.q),
         high=_where(follow, calls.r),
         ratio=_where(follow, calls.p),
@@ -212,6 +213,10 @@ class _Setups:
                 if not accepted.moving and stage > self.stages:
                     self.stages = stage
                     self.append(call, stage, Wait())
+            case "GT_Reset":
+                self.modes, self.carrier_khz, self.width_us, self.distance = {}, {}, {}, {}
+                for channel in CHANNELS:
+                    self.append(call, stage, SwitchNow(on=False), channel)
             case "GT_LaserPowerMode":
                 self.set_mode(call, stage)
             case "GT_LaserOutFrq":
@@ -229,8 +234,10 @@ class _Setups:
                 if statement is not None:
                     self.append(call, stage, statement)
 
-    def append(self, call: Call, stage: int, statement: SetupStatement) -> None:
-        channel = 0 if isinstance(statement, Wait) else _channel(call)
+    def append(self, call: Call, stage: int, statement: SetupStatement, channel: int | None = None) -> None:
+        """Add a statement; `channel` None: the one of the call."""
+        if channel is None:
+            channel = 0 if isinstance(statement, Wait) else _channel(call)
         order, row = len(self.found), self.firsts[stage]
         self.found.append(
             Setup(statement=statement, order=order, row=row, line=call.line, channel=channel, word=call.name)

@@ -71,26 +71,11 @@ _IN_CALLS: dict[str, str] = {
 """What the words of a job are in calls."""
 
 
-_OF_A_STAGE = frozenset(
-    (
-        "GT_LaserOutFrq",
-        "GT_SetPulseWidth",
-        "GT_SetWaitPulse",
-        "GT_SetPreVltg",
-        "GT_SetLevelDelay",
-        "GT_EnaFPK",
-        "GT_DisFPK",
-        "GT_SetLaserDisMode",
-    )
-)
-"""Settings for a whole stage. Power, switch and the ratio of distance follow may change at any time (M 五.2)."""
-
-
 def rule_diagnostics(stream: Stream, execution: Execution, trace: Trace, machine: Machine) -> list[Diagnostic]:
-    """Find what breaks a rule of jobs in the executed calls of a stream, and settings at the wrong time."""
+    """Find what breaks a rule of jobs in executed calls, and coordinate systems that lack an axis of their motion."""
     context = lint_context(lift(stream, execution), machine)
     found = run_checks(CHECKS_OF_CALLS, context, _CallReporter(context, Collector(stream.name)))
-    return [*found, *_fast_arcs(trace, machine), *_order(stream, execution)]
+    return [*found, *_fast_arcs(trace, machine), *_axes_missing(stream, execution)]
 
 
 def _fast_arcs(trace: Trace, machine: Machine) -> list[Diagnostic]:
@@ -112,24 +97,17 @@ def _fast_arcs(trace: Trace, machine: Machine) -> list[Diagnostic]:
     return collector.finish(rules.NOT_LISTED)
 
 
-def _order(stream: Stream, execution: Execution) -> list[Diagnostic]:
-    """Report settings while the motion runs, and coordinate systems that lack an axis of the motion."""
+def _axes_missing(stream: Stream, execution: Execution) -> list[Diagnostic]:
+    """Report coordinate systems that lack an axis of their motion."""
     collector = Collector(stream.name)
     kind, crd = stream.buffered.kind, stream.buffered.crd
     for accepted in execution.accepted:
         call = accepted.call
-        reason = ""
-        if accepted.moving and call.name in _OF_A_STAGE:
-            if (kind[execution.stages[accepted.stage].rows] <= Buffered.DELAY).any():
-                reason = Phrase(
-                    "the coordinate system is moving, so it is not known from where on the call has an effect (the "
-                    "start of the stage is assumed); wait for the end of the motion first (GT_CrdStatus)"
-                )
-        elif call.name == "GT_SetCrdPrm":
-            reason = _missing_axis(call.args[1])
-            moves = (kind <= Buffered.ARC_RADIUS) & (crd == call.args[0])
-            reason = reason if reason and moves.any() else ""
-        if reason:
+        if call.name != "GT_SetCrdPrm":
+            continue
+        reason = _missing_axis(call.args[1])
+        moves = (kind <= Buffered.ARC_RADIUS) & (crd == call.args[0])
+        if reason and moves.any():
             collector.add(rules.QUESTIONABLE_CALL, Span(line=call.line), {"call": call.name, "reason": reason})
     return collector.finish(rules.NOT_LISTED)
 
