@@ -4,7 +4,7 @@
 
 A text is refused (any error), or the calls that were read are the calls that the compiled program made, or else they
 disagree: then it is shown, made as short as it can be (--all: every text, else one for each piece). --piece: only
-texts with pieces whose names contain the words, one piece in each.
+texts with pieces whose names contain the words, one piece in each ('' for each piece in turn).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pathlib import Path
 from support.c_oracle import Ending, Oracle, Outcome
 from support.c_programs import PIECES, Program, programs, with_pieces
 
-from gusjob.controllers.gus.calls import IGNORED_CALLS
+from gusjob.controllers.gus.calls import SIGNATURES
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.frontend.reader import read_listing
@@ -95,7 +95,7 @@ def calls_of(lines: Sequence[str]) -> list[CallValues]:
         match = _CALL.match(line)
         assert match is not None, line
         name, arguments = match.groups()
-        if name in IGNORED_CALLS:
+        if name not in SIGNATURES:
             continue
         text = _NAME.sub("null", arguments).replace("{", "[").replace("}", "]")
         call = (name, json.loads(f"[{text}]"))
@@ -146,7 +146,7 @@ def show(comparison: Comparison) -> None:
 
 def chosen_texts(arguments: argparse.Namespace) -> Iterator[Program]:
     """The texts of the command line."""
-    if not arguments.piece:
+    if arguments.piece is None:
         yield from programs(arguments.count, arguments.seed)
         return
     names = [name for name in PIECES if arguments.piece in name and not name.startswith("whole")]
@@ -184,7 +184,7 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("count", type=int)
     parser.add_argument("seed", type=int)
-    parser.add_argument("--piece", default="")
+    parser.add_argument("--piece", help="part of a piece's name; '' for each piece in turn")
     parser.add_argument("--all", action="store_true")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -306,7 +306,7 @@ class _Writer:
         first = rng.choice(("", "short rtn = 0;", "short rtn = 0;", "short rtn;\nrtn = GT_Open(0, 1);"))
         yield rng.choice(("", "// a listing\n", "/* a\n   listing */\n", '#include "gts.h"\n')) + first
         yield from map(self.dressed, self.plain_middle())
-        if rng.random() < 0.2:
+        if rng.random() < 0.06:
             yield rng.choice(("return;", "return 0;", "return rtn;"))
 
     def plain_middle(self) -> Iterator[str]:
@@ -403,7 +403,7 @@ class _Writer:
         """Wait for the end of the motion, as the vendor's examples do."""
         call = "rtn = GT_CrdStatus(1, &run, &segment, 0);"
         forms = (
-            call,
+            *(call,) * 12,
             f"do\n{{\n    {call}\n}} while (run == 1);",
             f"do {{ {call} }} while (run);",
             f"do {{ Sleep(10); {call} }} while (1 == run);",
