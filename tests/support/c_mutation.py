@@ -19,12 +19,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 
 from support.c_oracle import Ending, Oracle, Outcome
 from support.c_programs import PIECES, Program, programs, with_pieces
 
+from gusjob.controllers.gus.arguments import range_error
 from gusjob.controllers.gus.calls import SIGNATURES
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics.model import Severity, has_errors
@@ -39,7 +40,7 @@ _NAME = re.compile(r"\b[A-Za-z_]\w*\b")
 _STATUS = ("GT_CrdStatus",)
 _MAX_SHOWN = 40
 
-CallValues = tuple[str, object]
+CallValues = tuple[str, list[object]]
 """A call's name, and its arguments as numbers, lists of them, and None for names."""
 
 
@@ -72,7 +73,11 @@ def compare(program: Program, outcome: Outcome) -> Comparison:
     elif reasons:
         verdict = Verdict.REFUSED
     else:
-        verdict = Verdict.AGREES if calls_of(read) == calls_of(done) else Verdict.DISAGREES
+        pairs = zip_longest(calls_of(read), calls_of(done))
+        wrong = next((pair for pair in pairs if pair[0] != pair[1]), None)
+        verdict = Verdict.AGREES if wrong is None else Verdict.DISAGREES
+        if wrong is not None and wrong[0] is not None and is_refused_later(wrong[0]):
+            verdict, reasons = Verdict.REFUSED, ["GJ701, by the checks of the calls"]
     return Comparison(program=program, outcome=outcome, verdict=verdict, read=tuple(read), reasons=tuple(reasons))
 
 
@@ -102,6 +107,15 @@ def calls_of(lines: Sequence[str]) -> list[CallValues]:
         if name not in _STATUS or not calls or calls[-1] != call:
             calls.append(call)
     return calls
+
+
+def is_refused_later(call: CallValues) -> bool:
+    """Whether the checks of the calls refuse an argument: `gusjob check` and `report` end with an error."""
+    name, values = call
+    for arg, value in zip(SIGNATURES[name].args, values, strict=True):
+        if arg.range is not None and isinstance(value, float | int) and range_error(arg.range, arg.name, value):
+            return True
+    return False
 
 
 def compare_all(texts: Iterator[Program], oracle: Oracle) -> Iterator[Comparison]:
