@@ -6,14 +6,17 @@ By hand, with more texts and with what they show: `PYTHONPATH=tests python -m su
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
-from support.c_mutation import LEAST_READ, Verdict, compare_all
+from support.c_mutation import LEAST_READ, Verdict, calls_of, compare_all
 from support.c_oracle import Ending, Oracle
 from support.c_programs import PIECES, Program, piece_alone, programs
 from support.controller import needs_controller
 
 pytestmark = needs_controller
+
+LISTINGS = Path(__file__).parents[2] / "listings"
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +63,23 @@ def test_the_oracle_tells_texts_without_a_meaning(oracle: Oracle, text: str, end
     good = Program(number=1, text="GT_DisFPK(1);", pieces=())
     bad, fine = oracle.run([Program(number=0, text=text, pieces=()), good])
     assert (bad.ending, fine.ending, fine.calls) == (ending, Ending.RAN, ((0, "GT_DisFPK(1)"),))
+
+
+def _listings_in_c() -> list[Path]:
+    """The listings with calls that a C compiler takes as they are: for one card, without GTN_ calls, in UTF-8."""
+    others = ("gbk", "gsn", "multi_card", "other_calls", "utf16", "utf8_bom", "manual_comment")
+    return [p for p in sorted(LISTINGS.glob("*.c")) if _calls(p).exists() and not p.name.startswith(others)]
+
+
+def _calls(listing: Path) -> Path:
+    return listing.with_name(f"{listing.name}.calls")
+
+
+@pytest.mark.parametrize("listing", _listings_in_c(), ids=lambda p: p.name)
+def test_the_calls_of_listings_are_what_c_makes(oracle: Oracle, listing: Path) -> None:
+    (outcome,) = oracle.run([Program(number=0, text=listing.read_text("utf-8"), pieces=())])
+    assert outcome.ending is Ending.RAN
+    assert calls_of(_calls(listing).read_text("utf-8").splitlines()) == calls_of([call for _, call in outcome.calls])
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,0 +1,6 @@
+#ifdef WITH_FRAME                                // error: ?
+GT_LnXY(1, 0, 30000, 50, 2, 0, 0);
+#endif
+#if 0                                            // error: ?
+GT_LnXY(1, 0, 0, 50, 2, 0, 0);
+#endif

@@ -1,0 +1,10 @@
+GT_BufLaserOn(1, 0, 0);
+if (passes > 1)                                  // error: ?
+{
+    GT_BufLaserPrfCmd(1, 80, 0, 0);
+}
+else
+{
+    GT_BufLaserPrfCmd(1, 35, 0, 0);
+}
+GT_LnXY(1, 7000, 7000, 60, 2, 0, 0);

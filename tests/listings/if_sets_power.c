@@ -1,0 +1,3 @@
+double watts = 60;
+if (foil) watts = 15;                            // error: ?
+GT_BufLaserPrfCmd(1, watts, 0, 0);

@@ -1,0 +1,14 @@
+long position;
+double now[2];
+GT_SetCrdStopDec(1, 5, 20);
+GT_LnXYG0(1, 3000, 0, 200, 4, 0);
+GT_BufLaserFollowMode(1, 0, 0, 0, 0);
+GT_BufLaserFollowRatio(1, 0.5, 10, 80, 0, 0);
+GT_BufLaserOn(1, 0, 0);
+GT_LnXY(1, 9000, 0, 50, 2, 0, 0);
+GT_BufLaserFollowOff(1, 0, 0);
+GT_BufLaserOff(1, 0, 0);
+GT_CrdStart(1, 0);
+GT_GetPrfPos(1, now, 2, NULL);
+GT_GetSts(1, &position, 1, NULL);
+GT_Stop(1 << 8, 0);

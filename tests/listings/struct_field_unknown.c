@@ -1,0 +1,4 @@
+TCrdPrm prm = {0};
+prm.dimension = 2;
+prm.synVelocityMax = 400;                        // error: ?
+GT_SetCrdPrm(1, &prm);

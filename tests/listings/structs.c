@@ -1,0 +1,11 @@
+TCrdPrm prm, other;
+memset(&prm, 0, sizeof(prm));
+prm.dimension = 2;
+prm.profile[0] = 1;
+prm.profile[1] = 2;
+prm.synVelMax = 400;
+prm.synAccMax = 1.5;
+other = prm;
+prm.originPos[1] = 250;
+GT_SetCrdPrm(1, &prm);
+GT_SetCrdPrm(2, &other);

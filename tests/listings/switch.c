@@ -1,0 +1,5 @@
+switch (material)                                // error: ?
+{
+case 1: GT_BufLaserPrfCmd(1, 20, 0, 0); break;
+default: GT_BufLaserPrfCmd(1, 70, 0, 0);
+}

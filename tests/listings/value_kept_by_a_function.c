@@ -1,0 +1,5 @@
+long x = 100;
+Watch(&x);
+x = 300;
+Step();
+GT_LnXY(1, x, 0, 50, 2, 0, 0);                   // error: ?
