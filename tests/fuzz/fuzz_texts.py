@@ -26,7 +26,7 @@ with atheris.instrument_imports(include=["gusjob"]):
     from gusjob.diagnostics.model import Diagnostic, has_errors
     from gusjob.frontend import check_text, read_job, read_listing
     from gusjob.frontend.expand import ledger
-    from gusjob.frontend.listing.listing_reader import looks_like_listing
+    from gusjob.frontend.source import is_listing_text
     from gusjob.lint import check
     from gusjob.report.rows import make_report
 
@@ -45,7 +45,7 @@ def one(data: bytes) -> None:
         localized(diagnostics)
         return
     machine = UNEQUAL if data[-1:] == b"u" else MACHINE
-    if looks_like_listing(source.data):
+    if is_listing_text("", source.data):
         stream, diagnostics = read_listing(source)
         localized(diagnostics)
         if not has_errors(diagnostics):

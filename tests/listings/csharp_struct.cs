@@ -3,4 +3,4 @@ mc.TCrdPrm prm = new mc.TCrdPrm();
 prm.dimension = 2;
 prm.synVelMax = 400;
 prm.synAccMax = 4;
-rtn = mc.GT_SetCrdPrm(1, ref prm);               // error: ?
+rtn = mc.GT_SetCrdPrm(1, ref prm);               // error: GJ114

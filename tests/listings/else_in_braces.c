@@ -1,5 +1,5 @@
 GT_BufLaserOn(1, 0, 0);
-if (passes > 1)                                  // error: ?
+if (passes > 1)                                  // error: GJ117
 {
     GT_BufLaserPrfCmd(1, 80, 0, 0);
 }

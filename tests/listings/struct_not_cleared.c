@@ -1,4 +1,4 @@
 TCrdPrm prm;
 prm.dimension = 2;
 prm.synVelMax = 400;
-GT_SetCrdPrm(1, &prm);                           // error: ?
+GT_SetCrdPrm(1, &prm);                           // error: GJ114

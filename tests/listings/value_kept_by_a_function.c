@@ -2,4 +2,4 @@ long x = 100;
 Watch(&x);
 x = 300;
 Step();
-GT_LnXY(1, x, 0, 50, 2, 0, 0);                   // error: ?
+GT_LnXY(1, x, 0, 50, 2, 0, 0);                   // error: GJ114

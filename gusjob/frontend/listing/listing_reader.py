@@ -182,6 +182,8 @@ class _ListingReader:
     """First and last line that belong to the statement of a later line: templates must not read them."""
     open_braces: int = 0
     """Braces that a refused statement has left open."""
+    awaits_block: bool = False
+    """The block of the control flow that was refused may be in the next lines."""
     refused_line: int = 0
     """Last line of the last statement that was refused as control flow."""
     has_conditional_text: bool = False
@@ -365,10 +367,30 @@ class _ListingReader:
             self.pending_from = self.first_line
             return
         self.end_statement(number)
-        for item in items:
+        if self.awaits_block and code.lstrip().startswith("{"):
+            self.refused_line, self.awaits_block = number, False
+            return
+        self.awaits_block = self.awaits_block and not code.strip()
+        refused = self.refused_line
+        for item, following in zip(items, [*items[1:], None], strict=True):
             self.item(item)
+            if following is not None and self.lacks_semicolon(item, following):
+                break
+        if self.refused_line != refused:
+            self.refused_line = number
         if code.strip():
             self.unterminated = unterminated
+
+    def lacks_semicolon(self, item: Tree[Token], following: Tree[Token]) -> bool:
+        """Whether a statement does not end before another one in its line; it is reported."""
+        token = first_token(following)
+        if token is None or item.data not in ("statement", "stamped") or subtrees(item)[-1].data == "end":
+            return False
+        *_, last = item.scan_values(lambda t: isinstance(t, Token))
+        if last.line != token.line:
+            return False
+        self.report_at(rules.CALL_SYNTAX, token, found=f"'{token}'")
+        return True
 
     def end_statement(self, number: int) -> None:
         """Note that the lines up to this one are read; the first of them was pending."""
@@ -390,6 +412,9 @@ class _ListingReader:
         if self.open_braces > 0 and _BRACES.fullmatch(code):
             self.open_braces = max(0, self.open_braces + code.count("{") - code.count("}"))
             return
+        if self.awaits_block and code.lstrip().startswith("{"):
+            self.refused_line, self.awaits_block = number, False
+            return
         self.open_braces += max(0, code.count("{") - code.count("}"))
         control = _CONTROL.search(code)
         if control is None and code.strip().startswith("{"):
@@ -406,6 +431,7 @@ class _ListingReader:
     def report_control_flow(self, control: re.Match[str], code: str, number: int) -> None:
         """Report control flow, once for an if with its else."""
         word = control[0].strip()
+        self.awaits_block = "{" not in code
         if word == "else" and self.refused_line and self.is_next_code(self.refused_line, self.first_line):
             self.refused_line = number
             return
