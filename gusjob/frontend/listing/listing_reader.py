@@ -373,9 +373,9 @@ class _ListingReader:
         self.awaits_block = self.awaits_block and not code.strip()
         refused = self.refused_line
         for item, following in zip(items, [*items[1:], None], strict=True):
-            self.item(item)
             if following is not None and self.lacks_semicolon(item, following):
                 break
+            self.item(item)
         if self.refused_line != refused:
             self.refused_line = number
         if code.strip():
