@@ -10,7 +10,7 @@ from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import Schedule, schedule
 from gusjob.kinematics.trapezoids import REACHED, distance_run
-from gusjob.simulate.events import Events
+from gusjob.simulate.events import Events, MotionEvents
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +93,17 @@ class Motion:
 
 def motion_of(events: Events) -> Motion:
     """Schedule the segments of all stages."""
-    motion = events.motion
+    return scheduled(events.motion, events.stage_first, tuple(stage.axes for stage in events.stages))
+
+
+def scheduled(motion: MotionEvents, stage_first: Indices, axes: tuple[tuple[int, int], ...]) -> Motion:
+    """Schedule segments.
+
+    Args:
+        motion: The segments, m.
+        stage_first: Number of each stage's first segment, and m, (s+1,).
+        axes: Of each stage, the axes (from 0) that X and Y drive.
+    """
     return Motion(
         schedule=schedule(
             length=motion.segments.length,
@@ -102,9 +112,9 @@ def motion_of(events: Events) -> Motion:
             vel_end=motion.vel_end,
             dwell=motion.dwell,
             dwell_ms=motion.dwell_ms,
-            stage_first=events.stage_first,
+            stage_first=stage_first,
             even_time_ms=motion.even_time_ms,
         ),
         segments=motion.segments,
-        axes=tuple(stage.axes for stage in events.stages),
+        axes=axes,
     )

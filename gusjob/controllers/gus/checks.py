@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
@@ -36,11 +38,27 @@ def limit_diagnostics(path: str, motion: MotionEvents, too_fast: Bools, too_stro
     return reporter.done()
 
 
-def listing_diagnostics(calls: BufferedCalls, execution: Execution, events: Events) -> list[Diagnostic]:
-    """Report what the planner would not make: arcs that do not fit their ends, and full FIFOs."""
-    reporter = segment_reporter(events.name, events.motion)
+def listing_diagnostics(execution: Execution, events: Events, trace: Trace) -> list[Diagnostic]:
+    """Report what the planner would not make: arcs that do not fit their ends, full FIFOs, stops with the laser on."""
+    calls, reporter = execution.run.calls, segment_reporter(events.name, events.motion)
     _report_arcs(calls, events.motion, reporter)
-    return [*reporter.done(), *_full_fifos(calls, execution, events.name)]
+    return [*reporter.done(), *_full_fifos(calls, execution, events.name), *_stopped_on(execution, trace)]
+
+
+def _stopped_on(execution: Execution, trace: Trace) -> Iterator[Diagnostic]:
+    """Report stops that leave a laser on (sister: nothing says that a stop switches it off)."""
+    ends = trace.schedule.stage_end()
+    for number, stage in enumerate(execution.stages):
+        if stage.stop is None or stage.stop.name != "GT_Stop":
+            continue
+        for channel in trace.channels:
+            on = channel.emission.switch
+            if ((on.stage == number) & (on.end_ms == ends[number])).any():
+                name = channel.channel
+                reason = Phrase("the laser of channel {channel} stays on: a stop does not switch it off", channel=name)
+                fields = {"call": stage.stop.name, "reason": reason}
+                span = Span(line=stage.stop.line)
+                yield Diagnostic(rule=rules.QUESTIONABLE_CALL, span=span, fields=fields, path=trace.name)
 
 
 def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import Call
+from gusjob.controllers.gus.calls import BufferedCalls, Call
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.kinematics.arrays import Indices
+from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.simulate.events import ImmediateAction, LaserState
 
 
@@ -28,12 +28,57 @@ class CrdSettings:
     origin_pulse: tuple[float, float] = (0.0, 0.0)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunCalls:
+    """The buffered calls that run: those of a stream, then (k,) what became of those in which a stop came.
+
+    `made_from` (k,): the row of the stream. `made_piece` (k,): it runs exactly as it is, whatever the limits.
+    """
+
+    calls: BufferedCalls
+    made_from: Indices
+    made_piece: Bools
+
+    @classmethod
+    def of(cls, calls: BufferedCalls) -> RunCalls:
+        """Make those of a stream that nothing stops."""
+        return cls(calls=calls, made_from=np.empty(0, dtype=np.intp), made_piece=np.empty(0, dtype=np.bool_))
+
+    @property
+    def sent(self) -> int:
+        """Number of calls of the stream."""
+        return len(self.calls) - len(self.made_from)
+
+    def source(self, row: Indices) -> Indices:
+        """Return the rows of the stream that rows are, or are made from."""
+        if not len(self.made_from):
+            return row
+        return np.where(row < self.sent, row, self.made_from[np.maximum(row - self.sent, 0)])
+
+    def is_piece(self, row: Indices) -> Bools:
+        """Return which rows run exactly as they are."""
+        if not len(self.made_from):
+            return np.zeros(len(row), dtype=np.bool_)
+        return np.asarray((row >= self.sent) & self.made_piece[np.maximum(row - self.sent, 0)])
+
+    def with_made(self, made: BufferedCalls, made_from: Indices, made_piece: Bools) -> RunCalls:
+        """Add rows that are made from rows of these calls."""
+        names = BufferedCalls.__slots__
+        both = {name: np.concatenate([self.calls.column(name), made.column(name)]) for name in names}
+        return RunCalls(
+            calls=BufferedCalls(**both),
+            made_from=np.concatenate([self.made_from, self.source(made_from)]),
+            made_piece=np.concatenate([self.made_piece, made_piece]),
+        )
+
+
 @dataclass(slots=True, kw_only=True)
 class StageRun:
     """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
 
     `waiting`: how many of the first parts are in the FIFO before the start. `settings`: of its coordinate system.
-    `start_ms`: time of its GT_CrdStart on the recorder's clock, NaN if that is not known.
+    `start_ms`: time of its GT_CrdStart on the recorder's clock, NaN if that is not known. `stop`: the GT_Stop that ends
+    it; its motion then ends `stop_ms` after its start.
     """
 
     crd: int
@@ -46,6 +91,8 @@ class StageRun:
     settings: CrdSettings = CrdSettings()
     start_ms: float = math.nan
     waiting: int = 0
+    stop: Call | None = None
+    stop_ms: float = math.inf
 
     @property
     def rows(self) -> Indices:
@@ -67,13 +114,14 @@ class AcceptedCall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Execution:
-    """Everything that the controller does with a stream.
+    """Everything that the controller does with a stream. Rows are those of `run`.
 
     `at_end`: immediate actions after the last stage. `lasers`: state after it. `channels`: those that any call names.
     `is_known`: whether the stream determines what runs: no call stops a stage at an unknown time. `accepted`:
     in order.
     """
 
+    run: RunCalls
     stages: tuple[StageRun, ...]
     at_end: tuple[ImmediateAction, ...]
     lasers: tuple[LaserState, LaserState]

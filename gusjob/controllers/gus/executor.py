@@ -21,7 +21,7 @@ from gusjob.controllers.gus.arguments import (
     range_error,
 )
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
-from gusjob.controllers.gus.execution import AcceptedCall, CrdSettings, Execution, StageRun
+from gusjob.controllers.gus.execution import AcceptedCall, CrdSettings, Execution, RunCalls, StageRun
 from gusjob.controllers.gus.ranges import (
     DIMENSION,
     DISTANCE_LIMIT,
@@ -31,6 +31,7 @@ from gusjob.controllers.gus.ranges import (
     PowerMode,
     Range,
 )
+from gusjob.controllers.gus.stops import stop_stage
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase
@@ -48,7 +49,12 @@ def execute(stream: Stream, *, has_scanner: bool = False) -> Execution:
         stream: The calls.
         has_scanner: The machine has a scanner model, so that the actual position differs from the planned one.
     """
-    executor = _CallExecutor(stream=stream, collector=Collector(stream.name), has_scanner=has_scanner)
+    executor = _CallExecutor(
+        stream=stream,
+        run=RunCalls.of(stream.buffered),
+        collector=Collector(stream.name),
+        has_scanner=has_scanner,
+    )
     for first, last, call in stream.parts():
         executor.queue(first, last)
         if call is not None:
@@ -61,6 +67,7 @@ class _CallExecutor:
     """State of the controller between two calls. `queues`: buffered rows by coordinate system and FIFO."""
 
     stream: Stream
+    run: RunCalls
     collector: Collector
     has_scanner: bool
     lasers: list[LaserState] = field(default_factory=lambda: [LaserState(), LaserState()])
@@ -79,6 +86,10 @@ class _CallExecutor:
     accepted: list[AcceptedCall] = field(default_factory=list)
     refused: int = 0
     """Number of calls that were refused."""
+    stop_dec: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """Deceleration of smooth and abrupt stops of each coordinate system that GT_SetCrdStopDec has set."""
+    left: dict[tuple[int, int], Call] = field(default_factory=dict)
+    """The GT_Stop that left buffered calls, by coordinate system and FIFO."""
 
     # Reporting.
 
@@ -106,7 +117,7 @@ class _CallExecutor:
         for key in np.unique(keys).tolist():
             crd, fifo = key // 2, key % 2
             part = rows[keys == key] if len(np.unique(keys)) > 1 else rows
-            if self.running is not None and self.running.crd == crd:
+            if self.running is not None and self.running.crd == crd and self.running.stop is None:
                 if self.running.fifo != fifo:
                     runs = self.running.fifo
                     reason = Phrase("FIFO {fifo} can't be filled while FIFO {other} runs", fifo=fifo, other=runs)
@@ -133,6 +144,10 @@ class _CallExecutor:
 
     def call(self, call: Call) -> None:
         """Execute one call, or refuse it."""
+        if self.running is not None and self.running.stop is not None:
+            since_ms = call.time_ms - self.running.start_ms
+            if not since_ms < self.running.stop_ms:
+                self.running = None
         reason = argument_error(call)
         if reason:
             self.refuse(call.name, call.line, PARAMETER_ERROR, reason)
@@ -302,10 +317,10 @@ class _CallExecutor:
         else:
             self.systems[crd] = CrdSettings()  # A struct whose fields the listing does not give.
 
-    def position(self) -> tuple[float, float]:
-        """Return where the last motion so far ends, pulse on the machine; 0, 0 before any motion."""
-        calls = self.stream.buffered
-        for stage in reversed(self.stages):
+    def position(self, stages: int | None = None) -> tuple[float, float]:
+        """Return where the last motion so far, or of some first stages, ends: pulse on the machine, at first 0, 0."""
+        calls = self.run.calls
+        for stage in reversed(self.stages[:stages]):
             rows = stage.rows
             moves = rows[calls.kind[rows] < Buffered.DELAY]
             if len(moves):
@@ -319,6 +334,7 @@ class _CallExecutor:
             self.refuse(call.name, call.line, EXECUTION_ERROR, _MOVING)
             return
         self.drop(call, self.queues.pop((crd, fifo), []))
+        self.left.pop((crd, fifo), None)
 
     def drop(self, call: Call, parts: list[Indices]) -> None:
         """Report buffered calls that a call removes from their FIFO."""
@@ -342,6 +358,7 @@ class _CallExecutor:
                 self.diagnostic(rules.TWO_SYSTEMS_AT_ONCE, call.line)
             return
         parts = self.queues.pop((crd, fifo), [])
+        self.left.pop((crd, fifo), None)
         self.running = StageRun(
             crd=crd,
             fifo=fifo,
@@ -367,17 +384,45 @@ class _CallExecutor:
         self.running = None
 
     def stop(self, call: Call) -> None:
-        """GT_Stop: bits 8 and 9 of the mask are coordinate systems 1 and 2, bits 0 to 7 axes (sister).
+        """GT_Stop: bits 8 and 9 are coordinate systems 1 and 2, bits 0 to 7 axes; option 1: abrupt (sister).
 
         At rest it has no effect.
         """
-        if self.running is not None and int(self.number(call, 0)):
-            self.refuse_to_guess(call, self.running)
+        stage, mask, option = self.running, int(self.number(call, 0)), int(self.number(call, 1))
+        if stage is None:
+            return
+        own, axes = 1 << (7 + stage.crd), sum(1 << axis for axis in stage.settings.axes)
+        smooth, abrupt = self.stop_dec.get(stage.crd, (0.0, math.inf))
+        if mask & own:
+            self.end_stage(call, stage, abrupt if option & own else smooth)
+        elif mask & axes:
+            self.give_up(call, stage, Phrase("it stops an axis, not the coordinate system"))
+
+    def end_stage(self, call: Call, stage: StageRun, dec_pulse_per_ms2: float) -> bool:
+        """Stop the stage that moves; return whether it is known what runs then."""
+        time_ms = call.time_ms - stage.start_ms
+        if math.isnan(time_ms):
+            return self.give_up(call, stage, Phrase("this listing does not say when"))
+        if stage.stop is not None:
+            return self.give_up(call, stage, Phrase("it is stopping already"))
+        start = self.position(len(self.stages) - 1)
+        stopped = stop_stage(self.run, stage, start, max(time_ms, 0.0), dec_pulse_per_ms2)
+        if stopped is None:
+            return self.give_up(call, stage, Phrase("the deceleration of GT_SetCrdStopDec is below that of the path"))
+        self.run, stage.parts = stopped.run, [stopped.rows]
+        stage.stop, stage.stop_ms = call, stopped.end_ms
+        if len(stopped.rest):
+            self.queues[stage.crd, stage.fifo] = [stopped.rest]
+            self.left[stage.crd, stage.fifo] = call
+        return True
+
+    def stop_dec_of(self, call: Call) -> None:
+        """GT_SetCrdStopDec."""
+        self.stop_dec[int(self.number(call, 0))] = (self.number(call, 1), self.number(call, 2))
 
     def reset(self, call: Call) -> None:
-        """GT_Reset: the state at power-up (sister). Where the axes are does not change."""
-        if self.running is not None:
-            self.refuse_to_guess(call, self.running)
+        """GT_Reset: the state at power-up (sister); a motion stops at once. Where the axes are does not change."""
+        if self.running is not None and not self.end_stage(call, self.running, math.inf):
             return
         buffered = [part for parts in self.queues.values() for part in parts]
         self.drop(call, buffered)
@@ -389,26 +434,29 @@ class _CallExecutor:
             self.act(call, channel, power=math.nan)
         self.lasers = [LaserState(), LaserState()]
         self.axis_called, self.axis_ever = [False, False], [False, False]
-        self.systems, self.queues = {}, {}
+        self.systems, self.queues, self.stop_dec, self.left = {}, {}, {}, {}
+        self.running = None
 
-    def refuse_to_guess(self, call: Call, stage: StageRun) -> None:
-        """Report a call that stops a stage at a moment that the listing does not give."""
+    def give_up(self, call: Call, stage: StageRun, reason: str) -> bool:
+        """Report a call after which it is not known what runs."""
         self.is_known = False
-        self.diagnostic(rules.UNKNOWN_STOP, call.line, call=call.name, crd=stage.crd)
-
-    def passed_over(self, call: Call) -> None:
-        """Nothing that the simulation shows depends on the call."""
+        self.diagnostic(rules.UNKNOWN_STOP, call.line, call=call.name, crd=stage.crd, reason=reason)
+        return False
 
     def finish(self) -> Execution:
         """End the last stage; report calls that are never started."""
         calls = self.stream.buffered
         for (crd, fifo), parts in self.queues.items():
-            count = sum(map(len, parts))
-            if count:
+            count, stop = sum(map(len, parts)), self.left.get((crd, fifo))
+            if count and stop is not None:
+                reason = Phrase("{count} buffered calls are left in the FIFO and never run", count=count)
+                self.diagnostic(rules.QUESTIONABLE_CALL, stop.line, call=stop.name, reason=reason)
+            elif count:
                 self.diagnostic(rules.NEVER_STARTED, int(calls.line[parts[0][0]]), count=count, crd=crd, fifo=fifo)
         if len(calls) and not self.systems:
             self.diagnostic(rules.ASSUMED_CRD, int(calls.line[0]))
         return Execution(
+            run=self.run,
             stages=tuple(self.stages),
             at_end=tuple(self.actions),
             lasers=(self.lasers[0], self.lasers[1]),
@@ -484,7 +532,7 @@ _HANDLERS: dict[str, Callable[[_CallExecutor, Call], None]] = {
     "GT_CrdClear": _CallExecutor.clear,
     "GT_CrdStart": _CallExecutor.start,
     "GT_CrdStatus": _CallExecutor.wait,
-    "GT_SetCrdStopDec": _CallExecutor.passed_over,
+    "GT_SetCrdStopDec": _CallExecutor.stop_dec_of,
     "GT_Stop": _CallExecutor.stop,
     "GT_Reset": _CallExecutor.reset,
 }

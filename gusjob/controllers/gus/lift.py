@@ -62,11 +62,11 @@ def lift(stream: Stream, execution: Execution) -> Job:
     Its rows are the buffered calls that run, in their order; its setup statements the accepted calls between them. A
     call made while a stage moves acts before the stage's first row, and so is written there.
     """
-    kinds = stream.buffered.kind
+    kinds = execution.run.calls.kind
     per_stage = [stage.rows[_IS_IN_JOB[kinds[stage.rows]]] for stage in execution.stages]
     counts = np.array([len(rows) for rows in per_stage], dtype=np.intp)
     rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
-    calls = stream.buffered.pick(rows)
+    calls = execution.run.calls.pick(rows)
     vel_max = np.repeat([stage.settings.vel_max_pulse_per_ms for stage in execution.stages], counts)
     path = _path(calls, vel_max)
     setups = _Setups(firsts=np.concatenate([[0], np.cumsum(counts)]).tolist())

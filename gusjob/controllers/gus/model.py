@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import FOLLOW_KINDS, POWER_KINDS, Buffered, BufferedCalls, Stream
 from gusjob.controllers.gus.checks import carrier_diagnostics, limit_diagnostics, listing_diagnostics
-from gusjob.controllers.gus.execution import CrdSettings, Execution
+from gusjob.controllers.gus.execution import Execution
 from gusjob.controllers.gus.executor import execute
-from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.listing_checks import rule_diagnostics
+from gusjob.controllers.gus.motions import limited_motions
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.simulate import Trace, simulate
@@ -40,7 +42,7 @@ def simulate_stream(
     diagnostics += found
     if trace is not None:
         if is_listing:
-            diagnostics += listing_diagnostics(stream.buffered, execution, events)
+            diagnostics += listing_diagnostics(execution, events, trace)
             diagnostics += rule_diagnostics(stream, execution, trace, machine)
         diagnostics += carrier_diagnostics(trace)
     return trace, diagnostics
@@ -57,7 +59,7 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
     Returns:
         The events, and diagnostics of the calls that the controller refuses or treats in an unexpected way.
     """
-    calls, stages = stream.buffered, execution.stages
+    calls, stages = execution.run.calls, execution.stages
     per_stage = [stage.rows for stage in stages]
     rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
     stage_of_row = np.repeat(np.arange(len(stages)), [len(r) for r in per_stage])
@@ -70,7 +72,7 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
     channels = tuple(
         ChannelEvents(
             channel=channel,
-            switch=_switch(stream, rows, stage_of_row, segment_of_row, channel),
+            switch=_switch(stream, calls, rows, stage_of_row, segment_of_row, channel),
             power=_power(calls, rows, stage_of_row, segment_of_row, channel),
             laser_at_end=execution.lasers[channel],
         )
@@ -100,34 +102,22 @@ def _motion(
     stream: Stream, execution: Execution, row: Indices, stage: Indices
 ) -> tuple[MotionEvents, list[Diagnostic]]:
     """Make the motions and dwells that run, from their rows and stages, (m,)."""
-    calls = stream.buffered
-    dwell = calls.kind[row] == Buffered.DELAY
-    settings = [s.settings for s in execution.stages] or [CrdSettings()]
-    vel_max = np.array([s.vel_max_pulse_per_ms for s in settings])[stage]
-    acc_max = np.array([s.acc_max_pulse_per_ms2 for s in settings])[stage]
-    even_time = np.array([s.even_time_ms for s in settings])
-    origin = np.array([s.origin_pulse for s in settings])
-    motion = MotionEvents(
-        segments=call_segments(calls, row, dwell, origin=tuple(origin[stage].T) if origin.any() else None),
-        vel=np.where(dwell, 1.0, np.minimum(calls.vel[row], vel_max)),
-        acc=np.minimum(calls.acc[row], acc_max),
-        even_time_ms=even_time[stage] if even_time.any() else None,
-        vel_end=np.where(dwell, 0.0, calls.vel_end[row]),
-        dwell=dwell,
-        dwell_ms=calls.p[row],
-        line=calls.line[row],
-        call=row,
-        run_kind=None if stream.intent is None else stream.intent.run[row],
-    )
-    too_fast = ~dwell & (calls.vel[row] > vel_max * (1 + 1e-9))
-    too_strong = ~dwell & (calls.acc[row] > acc_max * (1 + 1e-9))
-    return motion, limit_diagnostics(stream.name, motion, too_fast, too_strong)
+    made = limited_motions(execution.run, row, stage, [s.settings for s in execution.stages])
+    motion = made.events
+    if stream.intent is not None:
+        motion = replace(motion, run_kind=stream.intent.run[row])
+    return motion, limit_diagnostics(stream.name, motion, made.too_fast, made.too_strong)
 
 
 def _switch(
-    stream: Stream, rows: Indices, stage_of_row: Indices, segment_of_row: Indices, channel: int
+    stream: Stream,
+    calls: BufferedCalls,
+    rows: Indices,
+    stage_of_row: Indices,
+    segment_of_row: Indices,
+    channel: int,
 ) -> LaserSwitchEvents:
-    calls, kind = stream.buffered, stream.buffered.kind[rows]
+    kind = calls.kind[rows]
     mine = np.flatnonzero(((kind == Buffered.ON) | (kind == Buffered.OFF)) & (calls.channel[rows] == channel))
     segment, on = segment_of_row[mine], kind[mine] == Buffered.ON
     mark_segment = segment

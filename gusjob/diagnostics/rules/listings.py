@@ -162,9 +162,8 @@ FIFO_FULL = rule(
 UNKNOWN_STOP = rule(
     "GJ725",
     ERROR,
-    title="stop at an unknown time",
-    text="{call} stops coordinate system {crd} while it moves, and this listing does not say when: "
-    "what runs then is not known",
+    title="stop that can't be simulated",
+    text="{call} stops coordinate system {crd} while it moves, and what runs then is not known: {reason}",
     why="What is marked depends on how far the motion has come at the stop.",
     bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_Stop(256,0)\n",
     good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\nGT_Stop(256,0)\n",
