@@ -165,7 +165,7 @@ def find_compiler(target: Target | None = None, environ: Mapping[str, str] = os.
 
         zig = (sys.executable, "-m", "ziglang", "cc")
         return Compiler(command=zig, identity=f"ziglang {version('ziglang')}", is_zig=True)
-    how = Phrase('python -m pip install "gusjob[record]"')
+    how = 'python -m pip install "gusjob[record]"'
     if is_native:
         raise BuildError(Phrase("there is no C compiler (cc, gcc, clang): install one, or {how}", how=how))
     raise BuildError(Phrase("a library for {target} needs the package ziglang: {how}", target=target, how=how))

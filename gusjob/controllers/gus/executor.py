@@ -374,10 +374,14 @@ class _CallExecutor:
         self.stages.append(self.running)
 
     def wait(self, call: Call) -> None:
-        """GT_CrdStatus: the host program has waited for the end of the motion. A mere reading has no effect."""
+        """GT_CrdStatus: the host program has waited for the end of the motion. A mere reading has no effect.
+
+        A recorder knows when a coordinate system is at rest, whatever FIFO ran.
+        """
         if not call.waits or self.running is None:
             return
-        asked, running = (int(self.number(call, 0)), int(self.number(call, 3))), (self.running.crd, self.running.fifo)
+        running = self.running.crd, self.running.fifo
+        asked = int(self.number(call, 0)), int(self.number(call, 3)) if math.isnan(call.time_ms) else self.running.fifo
         if asked != running:
             self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=_does_not_run(asked, running))
             return
