@@ -77,6 +77,14 @@ def test_the_switch_acts_at_its_time_with_its_delays() -> None:
     assert ran.column("ch0_power_ms") == pytest.approx([50 * 200.4])
 
 
+def test_a_switch_in_a_stage_is_no_switch_at_its_start() -> None:
+    """There the laser would be switched on twice."""
+    parts = HEAD, POWER, ON, LINE, OFF, BACK, START
+    assert recorded(*parts, "[1100] GT_SetHSIOOpt(0,0)\n[1200] GT_SetHSIOOpt(1,0)\n").codes() == []
+    retraced = recorded(HEAD, POWER, LINE, BACK, START, "[1100] GT_SetHSIOOpt(1,0)\nAT_REST(1)\n")
+    assert retraced.codes() == ["GJ708"]
+
+
 def test_the_switch_acts_between_those_that_are_buffered() -> None:
     parts = HEAD, POWER, ON, LINE, ON, BACK, OFF, START
     off = recorded(*parts, "[1500] GT_SetHSIOOpt(0,0)\n")

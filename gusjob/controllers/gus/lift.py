@@ -7,6 +7,7 @@ calls that somebody else wrote.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -60,7 +61,8 @@ def lift(stream: Stream, execution: Execution) -> Job:
     """Make the job that the executed calls of a stream amount to.
 
     Its rows are the buffered calls that run, in their order; its setup statements the accepted calls between them. A
-    call made while a stage moves acts before the stage's first row, and so is written there.
+    call made while a stage moves acts before the stage's first row, and so is written there, but for a switch whose
+    time is known.
     """
     kinds = execution.run.calls.kind
     per_stage = [stage.rows[_IS_IN_JOB[kinds[stage.rows]]] for stage in execution.stages]
@@ -71,7 +73,10 @@ def lift(stream: Stream, execution: Execution) -> Job:
     path = _path(calls, vel_max)
     setups = _Setups(firsts=np.concatenate([[0], np.cumsum(counts)]).tolist())
     for accepted in execution.accepted:
-        setups.add(accepted)
+        # A switch at a known time acts within the stage: here it is in force after the stage.
+        timed = accepted.moving and math.isfinite(accepted.call.time_ms - execution.stages[accepted.stage].start_ms)
+        later = timed and accepted.call.name == "GT_SetHSIOOpt"
+        setups.add(replace(accepted, stage=accepted.stage + 1) if later else accepted)
     places = setups.places
 
     def locate(line: int, word: str) -> Span:
@@ -81,7 +86,7 @@ def lift(stream: Stream, execution: Execution) -> Job:
         name=stream.name,
         path=path,
         speeds=_speeds(path),
-        setups=tuple(setups.found),
+        setups=setups.in_order(),
         locate=locate,
         text_of=lambda span: "",
         name_remarks=lambda line, word: (),
@@ -233,6 +238,11 @@ class _Setups:
                 statement = _statement(call)
                 if statement is not None:
                     self.append(call, stage, statement)
+
+    def in_order(self) -> tuple[Setup, ...]:
+        """Return the statements in the order of their rows."""
+        found = sorted(self.found, key=lambda setup: setup.row)
+        return tuple(replace(setup, order=order) for order, setup in enumerate(found))
 
     def append(self, call: Call, stage: int, statement: SetupStatement, channel: int | None = None) -> None:
         """Add a statement; `channel` None: the one of the call."""
