@@ -480,3 +480,13 @@ OUTPUT_CALL = rule(
     good="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
     section="sister",
 )
+NOT_SIMULATED = rule(
+    "GJ154",
+    WARNING,
+    title="recorded call is not simulated",
+    text="{call} was recorded but is not simulated: {reason}",
+    why="The report shows the calls without this one. In a listing that is not recorded it is an error (GJ120).",
+    bad="[0] GT_SetOverride(1,0.5) = 0\n[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
+    good="[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
+    section="sister",
+)

@@ -21,6 +21,8 @@ _REASONS = {
     "GT_CrdData": _CARD_LOOK_AHEAD,
     "GT_ZeroPos": Phrase("after motion it moves the origin"),
 }
+_MOTION = ("GT_Ln", "GT_Arc", "GT_Helix", "GT_BufMove", "GT_BufGear", "GT_BufStopMotion", "GT_BufJump", "GT_CrdStart")
+"""Beginnings of the names of calls that move X and Y, or decide what does."""
 _PREFIX_REASONS = (
     ("GT_BufIO", _OUTPUT),
     ("GT_BufDA", _OUTPUT),
@@ -54,7 +56,8 @@ class Reading(Enum):
 class LibraryCall:
     """A call by its name. `leading`: how many numbers precede the manual's arguments (a card, a core).
 
-    `reason`: why there is no model. `least`, `most`: how many arguments it may have, the leading ones included.
+    `reason`: why there is no model; `is_essential`: without it the report would show another path or other light.
+    `least`, `most`: how many arguments it may have, the leading ones included.
     `trailing`: how many arguments follow the manual's own, each with 0 as the only value that is read.
     """
 
@@ -66,6 +69,7 @@ class LibraryCall:
     most: int = 0
     trailing: int = 0
     reason: str = ""
+    is_essential: bool = True
 
     def fits(self, count: int) -> bool:
         """Whether the call takes so many arguments."""
@@ -118,6 +122,7 @@ def library_call(text: str, abi: Abi | None, *, several_cards: bool) -> LibraryC
         least=leading + function.least,
         most=leading + function.most,
         reason=reason,
+        is_essential=function.effect is Effect.LASER or name.startswith(_MOTION),
     )
 
 

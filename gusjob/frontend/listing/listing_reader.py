@@ -619,7 +619,9 @@ class _ListingReader:
             self.simulated_call(token, found, args)
             return
         elif found.reading is Reading.NO_MODEL and not self.is_harmless(found, args):
-            self.report_at(rules.NO_MODEL, token, call=text, reason=found.reason)
+            is_recorded = not math.isnan(self.time_ms)
+            rule = rules.NOT_SIMULATED if is_recorded and not found.is_essential else rules.NO_MODEL
+            self.report_at(rule, token, call=text, reason=found.reason)
         elif found.reading is Reading.OUTPUT:
             self.report_at(rules.OUTPUT_CALL, token, call=text)
         else:
