@@ -10,7 +10,11 @@
 short rtn, run;
 long segment, space;
 int i, j, k, n, fast, more, thin;
-long g_power, g_pos[4];
+short stale;
+long g_power, g_pos[4], *g_alias = g_pos;
+unsigned g_unsigned;
+_Bool g_flag;
+struct { long len, wid; short s; } g_pt;
 unsigned char g_small;
 float g_float;
 TCrdPrm g_prm;
@@ -29,6 +33,10 @@ static void set_globals(void)
     g_power = 30;
     g_small = 3;
     g_float = 3;
+    stale = 3;
+    g_unsigned = 0;
+    g_flag = 0;
+    memset(&g_pt, 0, sizeof g_pt);
     for (int at = 0; at < 4; at++)
         g_pos[at] = 100 + at;
     memset(&g_prm, 0, sizeof g_prm);
@@ -54,6 +62,10 @@ static void Sleep(unsigned ms) {}
 static void CHECK(short code) {}
 static void commandhandler(const char *name, short code) {}
 
+static void Poke(long address) { *(long *)address = 55; }
+static void DrawFrame(void) { GT_LnXY(1, 111, 222, 50, 2, 0, 0); }
+static void Write(const char *text, ...) { g_power = 66; }
+
 static void Touch(void)
 {
     g_power = 63;
@@ -71,7 +83,14 @@ static struct machine {
 #define exit(code) siglongjmp(out_of_text, 1)
 #define abort() siglongjmp(out_of_text, 1)
 #define assert(what) ((void)0)
+#define ASSERT(what) ((void)0)
+#define _ASSERTE(what) ((void)0)
+#define TRACE(...) ((void)0)
 #define FAST 1
+#define g_other g_power
+#define WHEN(what) if (what)
+#define REPEAT(times) for (int at_ = 0; at_ < (times); at_++)
+#define LASER_ON GT_BufLaserOn(1, 0, 0);
 
 static void leave(int signal)
 {

@@ -29,7 +29,7 @@ _FLAGS = ("-std=gnu17", "-O0", "-w", "-shared", "-fPIC", "-fsanitize=undefined,f
 _TRAP = "-fsanitize-undefined-trap-on-error"
 _NOT_TRAPPED = "-fno-sanitize=shift-base,alignment,vptr"
 _DEFINED = re.compile(r"(?:#|%:)(?:\s|/\*.*?\*/)*(?:define|undef)\s+([A-Za-z_]\w*)", re.DOTALL)
-_HARNESS_MACROS = {"FAST", "printf", "exit", "abort", "assert", "NULL"}
+_HARNESS_MACROS = {"FAST", "printf", "exit", "abort", "assert", "ASSERT", "NULL", "TRACE", "WHEN", "REPEAT", "LASER_ON"}
 
 
 class Ending(StrEnum):
