@@ -204,7 +204,7 @@ OPERATORS = {*FUNCTIONS, "and", "or", "not"}
 _CALLS = {**SIGNATURES, **HOST_CALLS}
 ARGUMENTS = {*functions(), *(a.name for s in _CALLS.values() for a in s.args), *(f[0] for f in CRD_FIELDS)}
 """Calls that are passed over (printf), arguments of calls, fields of their structs."""
-OF_CALLS = ("GJ7", *(f"GJ11{number}" for number in range(1, 7)))
+OF_CALLS = ("GJ7", "GJ152", *(f"GJ11{number}" for number in range(1, 7)))
 CODEC_TEXTS = {"invalid start byte", "invalid continuation byte", "unexpected end of data"}
 SYSTEM_TEXTS = {os.strerror(number).lower() for number in errno.errorcode}
 

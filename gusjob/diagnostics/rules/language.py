@@ -152,11 +152,11 @@ CONTROL_FLOW = rule(
     bad="while (parts > 0) GT_CrdStart(1,0);\n",
     good="GT_CrdClear(1,0);\nGT_CrdStart(1,0);\n",
 )
-UNKNOWN_C_FUNCTION = rule(
+UNREAD_FUNCTION = rule(
     "GJ118",
-    WARNING,
+    ERROR,
     title="function is not read",
-    text="gusjob does not know what {call} does: GT_ calls in it are not read",
+    text="gusjob does not know what {call} does: GT_ calls in it would be missing",
     why="A function of the program can make calls that the report does not show. `gusjob record` sees them.",
     bad="StartPosition();\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
     good="GT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
@@ -489,4 +489,13 @@ NOT_SIMULATED = rule(
     bad="[0] GT_SetOverride(1,0.5) = 0\n[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
     good="[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
     section="sister",
+)
+FUNCTION_OF_VALUES = rule(
+    "GJ155",
+    WARNING,
+    title="function that gives values is not read",
+    text="{call} is taken to give values only: GT_ calls in it would be missing",
+    why="What the function gives is not known either: using it in a call is an error (GJ114).",
+    bad="power = ReadPower();\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
+    good="GT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
 )

@@ -37,13 +37,12 @@ from gusjob.i18n.phrases import Phrase, did_you_mean
 _LIBRARY = re.compile(r"GTN?_\w+|AT_REST")
 _CONSTANTS = {"true": 1.0, "false": 0.0, "TRUE": 1.0, "FALSE": 0.0}
 HARMLESS_FUNCTIONS = frozenset({
-    "printf", "fprintf", "puts", "fputs", "putchar", "fflush", "perror", "getchar", "clock", "time", "sleep", "usleep",
-    "nanosleep", "delay", "Sleep", "Delay", "TRACE", "OutputDebugString", "MessageBox", "AfxMessageBox", "_getch",
-    "getch", "GetTickCount", "Write", "WriteLine", "ReadKey", "ReadLine",
+    "printf", "fprintf", "puts", "fputs", "putchar", "fflush", "perror", "getchar", "clock", "sleep", "usleep",
+    "nanosleep", "Sleep", "OutputDebugString", "MessageBox", "AfxMessageBox", "_getch", "getch", "GetTickCount",
 })  # fmt: skip
 """Functions of the C library, Windows and .NET that make no call of the library and change no variable."""
-_NOT_EVALUATED = ("assert", "ASSERT", "Assert")
-"""Functions whose argument some builds leave out."""
+_NOT_EVALUATED = re.compile(r"_?assert|_?ASSERTE?|Assert|ATLASSERT|(?:ATL)?TRACE\d?|static_assert|_Static_assert")
+"""Functions and macros whose arguments some builds leave out."""
 _STREAMS = ("cout", "cerr", "clog")
 _PROBE_DEPTH = 20
 """Macros that may stand for each other."""
@@ -93,9 +92,11 @@ class CEvaluator:
     macros: dict[str, CMacro] = field(default_factory=dict)
     checks: int = 0
     """Checks of return codes that were passed over."""
-    known_functions: set[str] = field(default_factory=set)
-    """Functions that were reported already."""
+    reported_functions: set[str] = field(default_factory=set)
+    """Functions that were reported already, by name, or by rule and name."""
     _depth: int = 0
+    _alone: Tree[Token] | None = None
+    """The expression that is a statement of its own: nobody uses its value."""
 
     # Statements.
 
@@ -124,6 +125,7 @@ class CEvaluator:
                 self.report(rules.CALL_SYNTAX, token, found=Phrase("'{text}', which does nothing", text=str(token)))
             return
         if self._is_ordered(tree):
+            self._alone = tree
             self.expression(tree)
 
     def _is_ordered(self, tree: Tree[Token]) -> bool:
@@ -156,6 +158,12 @@ class CEvaluator:
         name = str(token)
         dimensions = [p for p in parts if p.data == "dimension"]
         initial = next((p for p in parts if p.data != "dimension"), None)
+        braces = [p for p in parts if p.data in ("members", "dimension") and _has_effect(p)]
+        if braces:
+            self.report(rules.CALL_SYNTAX, token, found=Phrase("calls or changes inside braces or brackets"))
+            return
+        if initial is not None and not stars:
+            self._keep_addresses(initial)
         kind = number_type(type_words)
         default: CValue = ZERO if is_static else unknown(NEVER_SET)
         value: CValue
@@ -360,8 +368,8 @@ class CEvaluator:
             self.report(rules.CALL_SYNTAX, tokens(tree)[0], found=Phrase("{call} without arguments", call=name))
             return UnknownValue(reason="", is_reported=True)
         if macro is None:
-            constant = _CONSTANTS.get(name)
-            return self.variables.get(name) if constant is None else CNumber(value=constant)
+            is_constant = name in _CONSTANTS and name not in self.variables.values
+            return CNumber(value=_CONSTANTS[name]) if is_constant else self.variables.get(name)
         if macro.tree is None or self._depth > _PROBE_DEPTH:
             return unknown(Phrase("it is a macro that is no number"))
         self._depth += 1
@@ -394,19 +402,31 @@ class CEvaluator:
         if target.data == "call":
             self.report(rules.CALL_SYNTAX, tokens(tree)[0], found=f"'{operator}'")
             return UnknownValue(reason="", is_reported=True)
+        if _has_effect(target):
+            return self._refused_place(target)
         if source.data == "new":
             return self._set(target, self._new(source))
-        if source.data not in ("assign", "call"):
-            given = self.addressed(source)
-            self.variables.escaped |= given
-            self.variables.lose(given, Phrase("a pointer to it is kept"))
+        if source.data != "assign":
+            self._keep_addresses(source)
         value = self.expression(source) if operator == "=" else self._operand(source)
         if operator != "=":
-            old = self.expression(target)
-            is_code = isinstance(value, CNumber) and value.is_code and operator in ("|=", "+=")
-            if not (is_code and isinstance(old, UnknownValue)):  # Codes are collected in what was 0.
-                value = self._binary_value(operator[:-1], old, value)
+            value = self._binary_value(operator[:-1], self.expression(target), value)
         return self._set(target, value)
+
+    def _keep_addresses(self, source: Tree[Token]) -> None:
+        """Note that the program keeps an address: what is there can change from now on."""
+        if source.data == "call":
+            return  # The call gets it, and says what becomes of it.
+        given = self.addressed(source)
+        self.variables.escaped |= given
+        self.variables.lose(given, Phrase("a pointer to it is kept"))
+
+    def _refused_place(self, target: Tree[Token]) -> CValue:
+        """Report a place that is computed by a call or a change of a variable."""
+        token = first_token(target)
+        assert token is not None
+        self.report(rules.CALL_SYNTAX, token, found=Phrase("a place that depends on a call"))
+        return UnknownValue(reason="", is_reported=True)
 
     def _new(self, tree: Tree[Token]) -> CValue:
         word, sizes = str(tokens(tree)[-1]), [self.expression(t) for t in subtrees(tree)]
@@ -464,6 +484,8 @@ class CEvaluator:
         number = self.expression(index)
         if isinstance(holder, CStruct) and not isinstance(array, CArray):
             array = self._field_array(holder, str(member), kind)
+        if name not in self.variables.declared:
+            self.variables.lose_others(name)
         if not isinstance(array, CArray):
             if name in self.variables.declared or not isinstance(number, CNumber):
                 # Not an array of this file: a pointer, which may point anywhere.
@@ -558,6 +580,8 @@ class CEvaluator:
 
     def _step(self, tree: Tree[Token]) -> CValue:
         operator, target = str(tokens(tree)[0])[0], subtrees(tree)[0]
+        if _has_effect(target):
+            return self._refused_place(target)
         before = self.expression(target)
         after = self._set(target, self._binary_value(operator, before, CNumber(value=1.0)))
         return after if isinstance(tree.children[0], Token) else before
@@ -590,6 +614,9 @@ class CEvaluator:
             assert token is not None
             self.report(rules.CALL_SYNTAX, token, found=Phrase("a call through an expression"))
             return UnknownValue(reason="", is_reported=True)
+        if any(arg.data in ("address", "by_reference", "members") and _has_effect(arg) for arg in args):
+            self.report(rules.CALL_SYNTAX, name, found=Phrase("a place that depends on a call"))
+            return UnknownValue(reason="", is_reported=True)
         if sum(map(_has_call, args)) > 1:
             self.report(rules.CONTROL_FLOW, name, word=Phrase("several calls as arguments of one"))
             return UnknownValue(reason="", is_reported=True)
@@ -602,12 +629,15 @@ class CEvaluator:
         if is_library_name(text):
             self.call_library(name, text, args)
             return CNumber(value=0.0, is_code=True)
-        return self._function(name, text, args)
+        return self._function(name, text, args, is_alone=tree is self._alone)
 
-    def _function(self, token: Token, name: str, args: Sequence[Tree[Token]]) -> CValue:
-        """Call a function that is none of the library: it may change what it can reach."""
+    def _function(self, token: Token, name: str, args: Sequence[Tree[Token]], *, is_alone: bool) -> CValue:
+        """Call a function that is none of the library: it may change what it can reach.
+
+        One that gives no value and sets nothing can only be there for what it does: it may make calls itself.
+        """
         wraps = any(map(_has_call, args))
-        if name in _NOT_EVALUATED and any(map(_has_effect, args)):
+        if _NOT_EVALUATED.fullmatch(name) and any(map(_has_effect, args)):
             self.report(rules.CONTROL_FLOW, token, word=name)
             return UnknownValue(reason="", is_reported=True)
         for arg in args:
@@ -617,6 +647,7 @@ class CEvaluator:
             return unknown(NEVER_SET)
         harmless = name in HARMLESS_FUNCTIONS
         reason = Phrase("{function}() may have changed it", function=name)
+        sets = is_alone and any(map(self.addressed, args))
         for arg in args:
             given = self.addressed(arg) if not harmless or arg.data != "name" else set()
             self.variables.escaped |= given
@@ -625,9 +656,12 @@ class CEvaluator:
                 self.variables.lose([str(tokens(arg)[0])], reason)
         if not harmless:
             self.variables.lose_escaped(reason)
-        if name not in self.known_functions and not (wraps and not harmless):
-            self.known_functions.add(name)
-            self.report(rules.CALL_IGNORED if harmless else rules.UNKNOWN_C_FUNCTION, token, call=name)
+        rule = rules.CALL_IGNORED if harmless else rules.FUNCTION_OF_VALUES
+        if is_alone and not sets and not harmless:
+            rule = rules.UNREAD_FUNCTION
+        if not self.reported_functions & {name, f"{rule.code} {name}"} and not (wraps and not harmless):
+            self.reported_functions.add(f"{rule.code} {name}")
+            self.report(rule, token, call=name)
         return unknown(Phrase("{function}() gives it", function=name))
 
     def addressed(self, tree: Tree[Token]) -> set[str]:
@@ -652,36 +686,33 @@ class CEvaluator:
         return holder.fields.get(str(tokens(member)[-1])) if isinstance(holder, CStruct) else None
 
     def _memset(self, args: Sequence[Tree[Token]]) -> bool:
-        """Run memset(&name, 0, sizeof(name)); False for any other use."""
-        if len(args) != 3 or args[2].data != "size":
+        """Run memset(&name, 0, sizeof(name)) or memset(&name, 0, sizeof(TCrdPrm)); False for any other use."""
+        if len(args) != 3 or args[2].data != "size" or any(t.type == "STAR" for t in tokens(args[2])):
             return False
-        given, value = _given_name(args[0]), self.expression(args[1])
-        of = _given_name(subtrees(args[2])[0]) if subtrees(args[2])[0].data == "name" else STRUCT_TYPE
-        old = self.variables.values.get(given or "")
-        is_struct = isinstance(old, CStruct) and old.is_crd
-        if not isinstance(value, CNumber) or value.value != 0 or given is None:
+        place, (size,) = args[0], subtrees(args[2])
+        target = subtrees(place)[0] if place.data == "address" else place
+        if target.data != "name" or args[1].data != "number" or self.expression(args[1]) != ZERO:
             return False
-        if of == STRUCT_TYPE and (is_struct or (given not in self.variables.values and _names(args[2], STRUCT_TYPE))):
-            self.variables.values[given] = crd_struct(ZERO)
-            return True
-        if of != given:
+        name = str(tokens(target)[0])
+        old = self.variables.values.get(name)
+        is_whole = size.data == "name" and str(tokens(size)[0]) == name
+        is_crd = size.data == "type" and str(tokens(size)[-1]).endswith(STRUCT_TYPE)
+        if place.data == "name":  # Of an array: a struct has no address without &.
+            if is_whole and isinstance(old, CArray) and old.element is not None:
+                old.values[:] = [converted(ZERO, old.element)] * len(old.values)
+                return True
             return False
-        if is_struct:
-            self.variables.values[given] = crd_struct(ZERO)
+        if is_crd and (old is None or isinstance(old, CStruct)):
+            self.variables.values[name] = crd_struct(ZERO)
             return True
-        if isinstance(old, CArray) and old.element is not None:
-            old.values[:] = [converted(ZERO, old.element)] * len(old.values)
-            return True
-        if given not in self.variables.declared and args[0].data == "address" and not isinstance(old, CNumber):
-            self.variables.values[given] = CStruct(fields=crd_struct(ZERO).fields)
+        if is_whole and isinstance(old, CStruct) and old.is_crd:
+            self.variables.values[name] = crd_struct(ZERO)
             return True
         return False
 
     def _give_away(self, tree: Tree[Token]) -> None:
         """Evaluate what a pointer is set to: what it points to can change from now on."""
-        if tree.data == "new" or tree.data == "members":
-            return
-        if tree.data not in ("address", "null"):
+        if tree.data not in ("address", "null", "new", "members"):
             self.expression(tree)
         for token in tree.scan_values(lambda t: isinstance(t, Token) and t.type == "NAME"):
             self.variables.escaped.add(str(token))
@@ -818,7 +849,3 @@ def _given_name(arg: Tree[Token]) -> str | None:
     if tree.data == "name":
         return str(tokens(tree)[0])
     return None
-
-
-def _names(tree: Tree[Token], word: str) -> bool:
-    return any(str(t).endswith(word) for t in tree.scan_values(lambda t: isinstance(t, Token)))

@@ -47,12 +47,16 @@ INT_MIN, INT_MAX, UINT_MAX = -(2**31), 2**31 - 1, 2**32 - 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberType:
-    """A C type of numbers: a whole type with its range, or a floating one."""
+    """A C type of numbers: a whole type with its range, or a floating one.
+
+    `c`: its name where the library takes arrays of it, else ''.
+    """
 
     kind: NumberKind
     low: float = -math.inf
     high: float = math.inf
     is_bool: bool = False
+    c: str = ""
 
     def convert(self, number: CNumber) -> CNumber | None:
         """Convert a number to the type, as an assignment or a cast does; None where compilers differ."""
@@ -69,6 +73,7 @@ class NumberType:
 
 
 _INT = NumberType(kind=NumberKind.INT, low=INT_MIN, high=INT_MAX)
+_LONG = NumberType(kind=NumberKind.INT, low=INT_MIN, high=INT_MAX, c="long")
 _UINT = NumberType(kind=NumberKind.UNSIGNED, low=0, high=UINT_MAX)
 _SHORT = NumberType(kind=NumberKind.INT, low=-(2**15), high=2**15 - 1)
 _USHORT = NumberType(kind=NumberKind.INT, low=0, high=2**16 - 1)
@@ -76,7 +81,7 @@ _BYTE = NumberType(kind=NumberKind.INT, low=0, high=255)
 _CHAR = NumberType(kind=NumberKind.INT, low=0, high=127)
 """Plain char may be signed or not."""
 _BOOL = NumberType(kind=NumberKind.INT, is_bool=True)
-_DOUBLE = NumberType(kind=NumberKind.DOUBLE)
+_DOUBLE = NumberType(kind=NumberKind.DOUBLE, c="double")
 _FLOAT = NumberType(kind=NumberKind.FLOAT)
 _SBYTE = NumberType(kind=NumberKind.INT, low=-128, high=127)
 
@@ -90,10 +95,10 @@ _TYPES = {
     "int": _INT,
     "signed": _INT,
     "signed int": _INT,
-    "long": _INT,
-    "long int": _INT,
-    "signed long": _INT,
-    "signed long int": _INT,
+    "long": _LONG,
+    "long int": _LONG,
+    "signed long": _LONG,
+    "signed long int": _LONG,
     "unsigned": _UINT,
     "unsigned int": _UINT,
     "unsigned long": _UINT,
@@ -118,7 +123,7 @@ _TYPES = {
     "USHORT": _USHORT,
     "INT": _INT,
     "UINT": _UINT,
-    "LONG": _INT,
+    "LONG": _LONG,
     "ULONG": _UINT,
     "DOUBLE": _DOUBLE,
     "FLOAT": _FLOAT,
@@ -158,15 +163,15 @@ def literal(text: str) -> CNumber | None:
         return None
     digits, suffix = match["digits"], match["suffix"] or match["hex_suffix"] or ""
     if match["hex"] is None and ("." in digits or "e" in digits or suffix in ("f", "d")):
-        if suffix not in ("", "f", "d", "l"):
-            return None
+        if suffix not in ("", "f", "d"):
+            return None  # The precision of long double depends on the compiler.
         value = float(digits)
         return CNumber(value=_single(value) if suffix == "f" else value, kind=_floating(suffix))
     if not re.fullmatch("u?l{0,2}|l{1,2}u", suffix):
         return None
     whole = int(match["hex"], 16) if match["hex"] else int(digits)
     unsigned = "u" in suffix or (match["hex"] is not None and whole > INT_MAX)
-    if unsigned and whole > UINT_MAX:
+    if whole > UINT_MAX:
         return None
     return CNumber(value=float(whole), kind=NumberKind.UNSIGNED if unsigned else NumberKind.INT)
 
@@ -197,6 +202,10 @@ def binary(operator: str, left: CNumber, right: CNumber) -> CNumber | None:
     kind = max(left.kind, right.kind)
     if NumberKind.OPEN in (left.kind, right.kind) and kind >= NumberKind.FLOAT:
         kind = NumberKind.DOUBLE
+    if any(n.kind is NumberKind.INT and not INT_MIN <= n.value <= INT_MAX for n in (left, right)):
+        return None
+    if kind is NumberKind.FLOAT:
+        a, b = _single(a), _single(b)
     if kind is NumberKind.UNSIGNED and operator not in ("<<", ">>") and (a < 0 or b < 0):
         return None  # The negative number becomes a large one.
     if operator in _COMPARISONS:
@@ -268,7 +277,10 @@ def _checked(number: CNumber) -> CNumber | None:
     value = number.value
     if number.kind >= NumberKind.FLOAT:
         return number if math.isfinite(value) else None
+    # An open number may be unsigned, or have any whole type.
     low, high = (0, UINT_MAX) if number.kind is NumberKind.UNSIGNED else (INT_MIN, INT_MAX)
+    if number.kind is NumberKind.OPEN:
+        low, high = 0, INT_MAX
     return replace(number, value=value + 0.0) if low <= value <= high else None
 
 

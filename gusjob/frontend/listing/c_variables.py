@@ -11,8 +11,9 @@ from gusjob.i18n.phrases import Phrase
 
 MAX_ARRAY = 4096
 """Elements of an array whose values are kept."""
-_FITS_EVERY_TYPE = range(128)
-"""Numbers that every type of C holds, char included."""
+_MAY_BE_THE_SAME = Phrase("a name that is declared elsewhere may be a pointer to it")
+_FITS_EVERY_TYPE = (0, 1)
+"""Numbers that every type of C holds, bool included."""
 NEVER_SET = Phrase("it is never set in this file")
 _FIELD_TYPES: dict[str, tuple[CType, int]] = {name: (c, count) for name, c, count, _ in CRD_FIELDS}
 STRUCT_TYPE = "TCrdPrm"
@@ -90,7 +91,9 @@ class CVariables:
         types: Types of those that the text declares as numbers.
         declared: Names that the text declares: no function elsewhere can change them.
         escaped: Names whose address was given away.
-        codes: Names that a template sets to a call's return code, in lines that are not evaluated in their order.
+        codes: Names that a template sets to a call's return code, in lines that are not evaluated in their order, each
+            with the first of these lines.
+        line: The line that is read now.
         mixed: Those of them that are set to something else, too.
     """
 
@@ -98,14 +101,15 @@ class CVariables:
     types: dict[str, NumberType] = field(default_factory=dict)
     declared: set[str] = field(default_factory=set)
     escaped: set[str] = field(default_factory=set)
-    codes: set[str] = field(default_factory=set)
+    codes: dict[str, int] = field(default_factory=dict)
     mixed: set[str] = field(default_factory=set)
+    line: int = 0
 
     def get(self, name: str) -> CValue:
         """Return the value of a name."""
         if name in self.mixed:
             return unknown(Phrase("it is set to return codes and to other values"))
-        if name in self.codes:
+        if self.codes.get(name, self.line) < self.line:
             return CNumber(value=0.0, is_code=True)
         return self.values.get(name, unknown(NEVER_SET))
 
@@ -121,6 +125,9 @@ class CVariables:
     def set(self, name: str, value: CValue) -> None:
         """Set a name to a value, as an assignment does."""
         kind = self.types.get(name)
+        if name not in self.declared:
+            hidden = [n for n, v in self.values.items() if isinstance(v, CArray) and n not in self.declared | {name}]
+            self.lose(hidden, _MAY_BE_THE_SAME)
         if name in self.codes and not (isinstance(value, CNumber) and value.value == 0):
             self.mixed.add(name)
         if isinstance(value, CNumber):
@@ -137,6 +144,11 @@ class CVariables:
     def lose_escaped(self, reason: str) -> None:
         """Forget what a function elsewhere can change: what is not declared here, or whose address it may have."""
         self.lose([name for name in self.values if name not in self.declared or name in self.escaped], reason)
+
+    def lose_others(self, name: str) -> None:
+        """Forget what a name that is declared elsewhere may point to: what is not declared here, and what escaped."""
+        known = self.declared - self.escaped
+        self.lose([other for other in self.values if other != name and other not in known], _MAY_BE_THE_SAME)
 
     def lose_all(self, reason: str) -> None:
         """Forget every value that a pointer may point to."""

@@ -31,7 +31,8 @@ class CleanText:
     Attributes:
         data: The text in UTF-8. Comments that begin with // are left as they are.
         unfinished_comment: Position in the text of a comment that never ends, or -1.
-        continued_lines: Numbers of lines whose // comment ends with a backslash, from 1.
+        continued_lines: Numbers of lines that a comment joins with the next one where nobody expects it, from 1: a //
+            comment that ends with a backslash, and a /* comment in a line of the preprocessor.
         carriage_return: Position in `data` of a carriage return inside a line, or -1.
     """
 
@@ -54,19 +55,24 @@ def clean_text(data: bytes) -> CleanText:
     unfinished = -1
     continued: list[int] = []
 
+    def is_of_directive(position: int) -> bool:
+        """Whether the line of a position is one of the preprocessor."""
+        return text[text.rfind("\n", 0, position) + 1 : position].lstrip().startswith("#")
+
     def blanked(match: re.Match[str]) -> str:
         nonlocal unfinished
         found = match[0]
         if found.startswith("//"):
-            if found.rstrip("\r ").endswith("\\"):
+            if found.rstrip().endswith("\\"):
                 continued.append(text.count("\n", 0, match.start()) + 1)
             return found
         if found.startswith("\\"):
-            of_directive = text[text.rfind("\n", 0, match.start()) + 1 : match.start()].lstrip().startswith("#")
-            return found if of_directive else " " + found[1:]
+            return found if is_of_directive(match.start()) else " " + found[1:]
         if found.startswith("/*"):
             if len(found) < 4 or not found.endswith("*/"):
                 unfinished = match.start()
+            if "\n" in found and is_of_directive(match.start()):
+                continued.append(text.count("\n", 0, match.start()) + 1)
             return re.sub(r"[^\n]", " ", found)
         return found[0] + re.sub(r"[^\n]", "_", found[1:-1]) + found[-1] if len(found) > 1 else found
 

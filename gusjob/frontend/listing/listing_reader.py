@@ -26,7 +26,16 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span, has_errors
 from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro, first_token, is_library_name
 from gusjob.frontend.listing.c_numbers import CNumber
-from gusjob.frontend.listing.c_variables import CArray, CStruct, CValue, UnknownValue, plain, sets_it, why_unknown
+from gusjob.frontend.listing.c_variables import (
+    CArray,
+    CStruct,
+    CValue,
+    UnknownValue,
+    plain,
+    sets_it,
+    unknown,
+    why_unknown,
+)
 from gusjob.frontend.listing.call_rows import (
     CALL_OP,
     COLUMNS,
@@ -213,7 +222,7 @@ class _ListingReader:
             found = Phrase("a carriage return inside a line, which some compilers take for a line end")
             self.report(rules.CALL_SYNTAX, line, 1, 2, found=found)
         for line in clean.continued_lines:
-            found = Phrase("a comment that a backslash continues on the next line")
+            found = Phrase("a comment that joins this line with the next one")
             self.report(rules.CALL_SYNTAX, line, 1, 2, found=found)
         rows = scan(clean.data, semicolon_comments=False, learn=self.learn, parse_line=self.parse_line)
         further = self.finish()
@@ -288,8 +297,14 @@ class _ListingReader:
         template = self.template(builder, found, [token for token in numbers if token is not None], logged)
         if template is not None and logged.set_name is not None:
             self.named_by_templates.add(logged.set_name)
-            self.evaluator.variables.codes.add(logged.set_name)
+            self.evaluator.variables.codes[logged.set_name] = self.first_code_line(logged.set_name)
         return template
+
+    def first_code_line(self, name: str) -> int:
+        """Return the first line that sets a name to the code of a call."""
+        pattern = rb"^[^/\n]*(?<![\w.])" + name.encode() + rb"\s*=\s*GTN?_"
+        match = re.search(pattern, self.text.data, re.MULTILINE)
+        return self.text.count_lines() if match is None else self.text.data.count(b"\n", 0, match.end()) + 1
 
     def template(
         self, builder: TemplateBuilder, found: LibraryCall, numbers: list[Token], logged: _LoggedCall
@@ -356,6 +371,7 @@ class _ListingReader:
 
     def parse(self, code: str, number: int) -> None:
         """Parse and run the code of the lines from `first_line` to `number`."""
+        self.evaluator.variables.line = self.first_line
         try:
             tree = parser(LISTING_GRAMMAR).parse(code)
         except UnexpectedInput as error:
@@ -488,6 +504,8 @@ class _ListingReader:
         name = match[1] if match else ""
         if match is None or name in self.named_by_templates or not _is_free_name(name):
             column = len(code) - len(code.lstrip()) + 1
+            if (called := re.match(r"[A-Za-z_]\w*", rest)) is not None:
+                self.evaluator.reported_functions.add(called[0])
             found = Phrase("a macro with arguments, or of a name that has a meaning")
             self.report(rules.CALL_SYNTAX, number, column, len(code.rstrip()) + 1, found=found)
             return
@@ -742,6 +760,8 @@ class _ListingReader:
             value = self.evaluator.expression(tree)
             if not isinstance(value, CArray):
                 return value
+            if (value.element.c if value.element is not None else "") != arg.c:
+                return unknown(Phrase("it is not declared as an array of {type}", type=arg.c.value))
             values = value.values[start : max(arg.count, 0)]
         wanted = arg.count
         return CArray(values=values) if len(values) == wanted else UnknownValue(reason="")
