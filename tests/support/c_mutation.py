@@ -38,7 +38,8 @@ _CHUNK = 500
 _CALL = re.compile(r"(\w+)\((.*)\)$", re.DOTALL)
 _NAME = re.compile(r"\b[A-Za-z_]\w*\b")
 _STATUS = ("GT_CrdStatus",)
-_MAX_SHOWN = 40
+_MAX_SHOWN = 60
+_MAX_TRIES = 150
 
 CallValues = tuple[str, list[object]]
 """A call's name, and its arguments as numbers, lists of them, and None for names."""
@@ -128,24 +129,28 @@ def compare_all(texts: Iterator[Program], oracle: Oracle) -> Iterator[Comparison
 
 
 def shortest(comparison: Comparison, oracle: Oracle) -> Comparison:
-    """Leave out lines of a text that disagrees, as long as it still does."""
+    """Leave out lines of a text that disagrees, as long as it still does; after some tries it is short enough."""
     found = comparison
-    size = max(len(found.program.text.split("\n")) // 2, 1)
-    while size:
+    size, tries = max(len(found.program.text.split("\n")) // 2, 1), _MAX_TRIES
+    while size and tries > 0:
         lines = found.program.text.split("\n")
-        tries = [
-            replace(found.program, number=at, text="\n".join(lines[:at] + lines[at + size :]))
-            for at in range(0, len(lines), size)
-        ]
-        # Each alone: a text that is cut anywhere could disturb its neighbours.
-        outcomes = [oracle.run([p])[0] for p in tries]
-        shorter = (c for c in map(compare, tries, outcomes) if c.verdict is Verdict.DISAGREES)
-        better = next(shorter, None)
-        if better is None:
-            size //= 2
+        texts = ("\n".join(lines[:at] + lines[at + size :]) for at in range(0, len(lines), size))
+        for at, text in enumerate(islice(texts, tries)):
+            tries -= 1
+            # Each alone: a text that is cut anywhere could disturb its neighbours.
+            shorter = replace(found.program, number=at, text=text)
+            tried = compare(shorter, oracle.run([shorter])[0])
+            if tried.verdict is Verdict.DISAGREES:
+                found = tried
+                break
         else:
-            found = better
+            size //= 2
     return found
+
+
+def _some(lines: Sequence[str]) -> str:
+    """The lines, without the middle of many."""
+    return "\n".join(lines if len(lines) <= _MAX_SHOWN else [*lines[:5], "...", *lines[-5:]])
 
 
 def show(comparison: Comparison) -> None:
@@ -153,9 +158,10 @@ def show(comparison: Comparison) -> None:
     program, width = comparison.program, 100
     print("-" * width)
     print(f"pieces: {', '.join(program.pieces) or 'none'}{' (whole program)' if program.whole else ''}")
-    print(program.text.replace("\r", "\\r").replace("\f", "\\f").replace("\v", "\\v"))
-    print("read:", *comparison.read, sep="\n    ")
-    print("the program called:", *(call for _, call in comparison.outcome.calls), sep="\n    ", flush=True)
+    print(_some(program.text.replace("\r", "\\r").replace("\f", "\\f").replace("\v", "\\v").split("\n")))
+    print(f"read {len(comparison.read)}:", _some(comparison.read), sep="\n")
+    print(f"the program called {len(comparison.outcome.calls)}:")
+    print(_some([call for _, call in comparison.outcome.calls]), flush=True)
 
 
 def chosen_texts(arguments: argparse.Namespace) -> Iterator[Program]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 ITEMS = Path(__file__).with_name("c_items.txt")
 
-_PLACEHOLDER = re.compile(r"\$(body|bom|use\(|ff|vt|cr|ls|nel|sp|[cstnkvwzfei])")
+_PLACEHOLDER = re.compile(r"\$(body|many|bom|use\(|ff|vt|cr|ls|nel|sp|[cstnkvwzfei])")
 _CHARACTERS = {
     "ff": "\f",
     "vt": "\v",
@@ -483,6 +483,8 @@ class _Writer:
                 return self.rng.choice((f"{self.call()};", f"rtn = {self.call()};", f"CHECK({self.call()});"))
             case "body":
                 return " ".join(f"{self.call()};" for _ in range(self.rng.randint(1, 3)))
+            case "many":
+                return "\n".join(f"GT_LnXY(1,{self.number()},{i},50,2,0,0);" for i in range(260))
             case "t":
                 return self.rng.choice(_CONDITIONS)
             case "n":
