@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from support.cli import gusjob
-from support.recorded import CC, calls, compiled, library_folder, lines, needs_compiler, needs_cxx, times
+from support.recorded import CC, LINE, calls, compiled, library_folder, lines, needs_compiler, needs_cxx, times
 
 from gusjob.config.machine import Abi
 from gusjob.record.recording import Fault, Recording, RecordOptions, record
@@ -161,6 +163,7 @@ sys.exit(3)
     assert (tmp_path / "calls.gts").read_text(encoding="ascii").splitlines()[-1] == "// ended with exit code 3"
 
 
+REPEATED = re.compile(r"\[(?P<first>[0-9.]+)\] .* = 1 // (?P<count>\d+) times, the last at (?P<last>[0-9.]+)")
 POLLING = """
 short run; long segment; double pos[2]; long polls = 0;
 begin();
@@ -243,7 +246,7 @@ def test_a_full_fifo_is_tried_again(tmp_path: Path) -> None:
     body = """
 begin();
 for (int i = 1; i <= 6000; i++) {
-    while (GT_LnXY(1, i, 0, 50, 20, 20, 0) != 0)
+    while (GT_LnXY(1, 200L * i, 0, 50, 20, 20, 0) != 0)
         ;
     if (i == 4000)
         GT_CrdStart(1, 0);
@@ -252,9 +255,13 @@ for (int i = 1; i <= 6000; i++) {
     of_c(tmp_path, body)
     found = calls(tmp_path / "calls.gts")
     assert [c for c in found if c.startswith("GT_LnXY") and c.endswith("= 0")] == [
-        f"GT_LnXY(1,{i},0,50,20,20,0) = 0" for i in range(1, 6001)
+        f"GT_LnXY(1,{200 * i},0,50,20,20,0) = 0" for i in range(1, 6001)
     ]
-    assert 0 < sum(c.endswith("= 1") for c in found) < 3000
+    refused = [match for line in lines(tmp_path / "calls.gts") if (match := REPEATED.fullmatch(line))]
+    assert refused
+    for match in refused:  # The program needs 2 ms to try again.
+        first, count, last = float(match["first"]), int(match["count"]), float(match["last"])
+        assert last - first == pytest.approx((count - 1) * 2.02, abs=1e-3)
 
 
 def test_a_pause_of_the_program_takes_time(tmp_path: Path) -> None:
@@ -634,3 +641,25 @@ for (int stage = 0; stage < 2; stage++) {
         report.pop("marks", None)
     assert len(reports[0]["segments"]["kind"]) == 6
     assert reports[0] == reports[1]
+
+
+def test_every_line_is_whole_when_a_program_breaks_off(tmp_path: Path) -> None:
+    """Also when the last reading is shorter than the one that it replaces."""
+    body = """
+double pos[2];
+begin(); GT_LnXY(1, 1000, -700, 50, 20, 0, 0); GT_CrdStart(1, 0);
+for (int i = 0; i < atoi(args[1]); i++)
+    GT_GetCrdPos(1, pos);
+kill(getpid(), 9);
+"""
+    head = "#define _GNU_SOURCE\n#include <signal.h>\n#include <unistd.h>\n"
+    source = f"{head}{BEGIN}\nint main(int n, char **args)\n{{{body}}}\n"
+    program = compiled(tmp_path, source)
+    lengths = []
+    for polls in range(1, 11):
+        recorded(tmp_path, program, polls)
+        (last,) = lines(tmp_path / "calls.gts")[5:]
+        lengths.append(len(last.partition(" // ")[0]))
+        assert LINE.fullmatch(last.rstrip())
+        assert re.search(rf" // {polls} times, the last at [0-9.]+ *$", last) or polls == 1
+    assert any(after < before for before, after in itertools.pairwise(lengths))
