@@ -87,7 +87,10 @@ def read_text(program: Program) -> tuple[list[str], list[str]]:
     source, found = check_text(program.data, "x.c")
     if source is None:
         return [], [f"{found[0].rule.code}: {found[0].message}"]
-    stream, found = read_listing(source)
+    try:
+        stream, found = read_listing(source)
+    except Exception as error:  # noqa: BLE001 (the text that does it must be shown)
+        return [f"CRASH({error!r})"], []
     if has_errors(found):
         errors = {d.rule.code: f"{d.rule.code}: {d.message}" for d in found if d.severity is Severity.ERROR}
         return [], list(errors.values())
@@ -101,6 +104,8 @@ def calls_of(lines: Sequence[str]) -> list[CallValues]:
         match = _CALL.match(line)
         assert match is not None, line
         name, arguments = match.groups()
+        if name == "CRASH":
+            calls.append((name, []))
         if name not in SIGNATURES:
             continue
         text = _NAME.sub("null", arguments).replace("{", "[").replace("}", "]")
@@ -113,6 +118,8 @@ def calls_of(lines: Sequence[str]) -> list[CallValues]:
 def is_refused_later(call: CallValues) -> bool:
     """Whether the checks of the calls refuse an argument: `gusjob check` and `report` end with an error."""
     name, values = call
+    if name not in SIGNATURES:
+        return False
     for arg, value in zip(SIGNATURES[name].args, values, strict=True):
         if arg.range is not None and isinstance(value, float | int) and range_error(arg.range, arg.name, value):
             return True

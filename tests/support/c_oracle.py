@@ -13,6 +13,7 @@ import re
 import subprocess
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import count
@@ -87,15 +88,15 @@ class Oracle:
                     outcomes |= self._run_library(library, members)
         return [outcomes[p.number] for p in programs]
 
-    def _build(self, programs: list[Program]) -> list[tuple[Path | None, list[Program]]]:
+    def _build(self, programs: list[Program]) -> list[tuple[ctypes.CDLL | None, list[Program]]]:
         """Compile programs into one library; where that fails, into more, down to what does not compile."""
-        path = self._compile(programs)
-        if path is not None or len(programs) == 1:
-            return [(path, programs)]
+        library = self._compile(programs)
+        if library is not None or len(programs) == 1:
+            return [(library, programs)]
         middle = len(programs) // 2
         return self._build(programs[:middle]) + self._build(programs[middle:])
 
-    def _compile(self, programs: list[Program]) -> Path | None:
+    def _compile(self, programs: list[Program]) -> ctypes.CDLL | None:
         assert CC is not None
         stem = f"texts{next(self.numbers)}"
         source, library = self.folder / f"{stem}.c", self.folder / f"{stem}.so"
@@ -108,12 +109,13 @@ class Oracle:
         command = [CC, *_FLAGS, _TRAP, _NOT_TRAPPED, "-I", str(self.folder), "-o", str(library), str(source)]
         rpath = f"-Wl,-rpath,{self.library.parent}"
         done = subprocess.run([*command, str(self.library), rpath, "-lm"], capture_output=True, check=False)
-        return library if done.returncode == 0 else None
+        with suppress(OSError):  # A name that nothing defines.
+            return ctypes.CDLL(str(library)) if done.returncode == 0 else None
+        return None
 
-    def _run_library(self, path: Path | None, programs: list[Program]) -> dict[int, Outcome]:
-        if path is None:
+    def _run_library(self, library: ctypes.CDLL | None, programs: list[Program]) -> dict[int, Outcome]:
+        if library is None:
             return {p.number: Outcome(ending=Ending.NOT_C) for p in programs}
-        library = ctypes.CDLL(str(path))
         return {p.number: self._run_one(library, at) for at, p in enumerate(programs)}
 
     def _run_one(self, library: ctypes.CDLL, at: int) -> Outcome:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from gusjob.i18n.phrases import Phrase
+
 _NOT_CODE = re.compile(
     r"//[^\n]*"  # To the end of its line, whatever it holds.
     r"|/\*.*?(?:\*/|\Z)"
@@ -20,26 +22,20 @@ _NEEDS_CLEANING = re.compile(rb"/\*|[\"'\\]|(?<![0-9A-Za-z_.])0[0-9]")
 _LONE_RETURN = re.compile(rb"\r(?!\r*(?:\n|\Z))")
 _ZEROS = re.compile(r"(?<![0-9A-Za-z_.])0+(?=0(?![0-9.xX]))")
 _OCTAL = re.compile(r"(?<![0-9A-Za-z_.])0(?=[0-9]+(?![0-9.eE]))")
+_JOINS_LINES = Phrase("a comment that joins this line with the next one")
 OCTAL_MARK = "⓪"
 """Stands for the leading zero of an octal number, so that no line with one has the shape of a line without."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CleanText:
-    """A text without comments that end before their line does, and places where compilers differ.
+    """A text in UTF-8 without comments that end before their line does; those that begin with // are left.
 
-    Attributes:
-        data: The text in UTF-8. Comments that begin with // are left as they are.
-        unfinished_comment: Position in the text of a comment that never ends, or -1.
-        continued_lines: Numbers of lines that a comment joins with the next one where nobody expects it, from 1: a //
-            comment that ends with a backslash, and a /* comment in a line of the preprocessor.
-        carriage_return: Position in `data` of a carriage return inside a line, or -1.
+    `problems`: places where compilers differ, or that nobody expects: a line from 1, and what it has.
     """
 
     data: bytes
-    unfinished_comment: int = -1
-    continued_lines: tuple[int, ...] = ()
-    carriage_return: int = -1
+    problems: tuple[tuple[int, str], ...] = ()
 
 
 def clean_text(data: bytes) -> CleanText:
@@ -47,44 +43,41 @@ def clean_text(data: bytes) -> CleanText:
 
     A comment mark inside a string or inside another comment is none, as in C.
     """
-    lone = _LONE_RETURN.search(data) if b"\r" in data else None
-    carriage_return = -1 if lone is None else lone.start()
+    problems: list[tuple[int, str]] = []
+    if b"\r" in data and (lone := _LONE_RETURN.search(data)) is not None:
+        found = Phrase("a carriage return inside a line, which some compilers take for a line end")
+        problems.append((data.count(b"\n", 0, lone.start()) + 1, found))
     if not _NEEDS_CLEANING.search(data):
-        return CleanText(data=data, carriage_return=carriage_return)
+        return CleanText(data=data, problems=tuple(problems))
     text = data.decode("utf-8")
-    unfinished = -1
-    continued: list[int] = []
+
+    def report(position: int, found: str) -> None:
+        problems.append((text.count("\n", 0, position) + 1, found))
 
     def is_of_directive(position: int) -> bool:
         """Whether the line of a position is one of the preprocessor."""
         return text[text.rfind("\n", 0, position) + 1 : position].lstrip().startswith("#")
 
     def blanked(match: re.Match[str]) -> str:
-        nonlocal unfinished
-        found = match[0]
+        found, start = match[0], match.start()
         if found.startswith("//"):
             if found.rstrip().endswith("\\"):
-                continued.append(text.count("\n", 0, match.start()) + 1)
+                report(start, _JOINS_LINES)
             return found
         if found.startswith("\\"):
-            return found if is_of_directive(match.start()) else " " + found[1:]
+            return found if is_of_directive(start) else " " + found[1:]
         if found.startswith("/*"):
             if len(found) < 4 or not found.endswith("*/"):
-                unfinished = match.start()
-            if "\n" in found and is_of_directive(match.start()):
-                continued.append(text.count("\n", 0, match.start()) + 1)
+                report(start, Phrase("a comment that never ends"))
+            if "\n" in found and is_of_directive(start):
+                report(start, _JOINS_LINES)
             return re.sub(r"[^\n]", " ", found)
         return found[0] + re.sub(r"[^\n]", "_", found[1:-1]) + found[-1] if len(found) > 1 else found
 
-    text = _NOT_CODE.sub(blanked, text)
+    cleaned = _NOT_CODE.sub(blanked, text)
     # 00 is 0 in C as well. Any other whole number with a leading zero is octal.
-    text = _OCTAL.sub(OCTAL_MARK, _ZEROS.sub(lambda m: " " * len(m[0]), text))
-    return CleanText(
-        data=text.encode(),
-        unfinished_comment=unfinished,
-        continued_lines=tuple(continued),
-        carriage_return=carriage_return,
-    )
+    cleaned = _OCTAL.sub(OCTAL_MARK, _ZEROS.sub(lambda m: " " * len(m[0]), cleaned))
+    return CleanText(data=cleaned.encode(), problems=tuple(problems))
 
 
 _FUNCTION = re.compile(
