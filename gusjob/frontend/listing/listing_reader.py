@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
@@ -256,7 +257,7 @@ class _ListingReader:
         """Parse and run the code of the lines from `first_line` to `number`."""
         self.evaluator.variables.line = self.diagnostics.first_line
         try:
-            tree = parser(LISTING_GRAMMAR).parse(code)
+            tree = _parsed(code)
         except UnexpectedInput as error:
             self.not_code(error, code, number)
             return
@@ -472,6 +473,12 @@ class _ListingReader:
         self.statements.run(item)
         if self.statements.checks > checks and not self.first_check:
             self.first_check = self.diagnostics.first_line
+
+
+@lru_cache(maxsize=1000)
+def _parsed(code: str) -> Tree[Token]:
+    """Parse some code; a program has many lines that are the same. The trees are not changed."""
+    return parser(LISTING_GRAMMAR).parse(code)
 
 
 def _macro(text: str) -> CMacro:
