@@ -253,16 +253,27 @@ def _signals_for_the_program() -> Iterator[Callable[[subprocess.Popen[bytes]], N
     Ctrl+C on a terminal reaches the program by itself; what only this process gets is passed on.
     """
     program: list[subprocess.Popen[bytes]] = []
+    early: list[int] = []
 
     def pass_on(number: int, _frame: FrameType | None) -> None:
-        if program and program[0].poll() is None and not (number == signal.SIGINT and _is_in_foreground()):
+        if number == signal.SIGINT and _is_in_foreground():
+            return
+        if program:
             program[0].send_signal(number)
+        else:
+            early.append(number)
+
+    def follow(process: subprocess.Popen[bytes]) -> None:
+        """Pass signals on to the program, also those that came before it was known here."""
+        program.append(process)
+        for number in early:
+            process.send_signal(number)
 
     names = ("SIGINT", "SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, pass_on) for number in numbers}
     try:
-        yield program.append
+        yield follow
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -165,6 +166,7 @@ WAITING = """
 static void stop(int number) { (void)number; GT_Stop(0x100, 0); GT_Close(); _exit(5); }
 int main(void)
 {
+    alarm(30);
     signal(SIGINT, stop);
     signal(SIGTERM, stop);
     GT_Open(0, 1);
@@ -172,6 +174,25 @@ int main(void)
     for (;;) pause();
 }
 """
+
+
+def test_a_signal_that_comes_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The program runs, but its start has not yet returned."""
+    program, popen = compiled(tmp_path, WAITING), subprocess.Popen
+
+    def started(args: Any, **options: Any) -> Any:
+        if args[0] != str(program):
+            return popen(args, **options)
+        process = popen(args, **options, stdout=subprocess.PIPE)
+        assert process.stdout is not None
+        with process.stdout as output:
+            assert output.read(1) == b"x"
+        os.kill(os.getpid(), signal.SIGTERM)
+        return process
+
+    monkeypatch.setattr(subprocess, "Popen", started)
+    done = gusjob("record", "--", program)
+    assert done.output.splitlines()[-1] == "gusjob: the program ended with exit code 5"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
