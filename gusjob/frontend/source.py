@@ -19,6 +19,7 @@ MAX_FILE_MB = 1000
 _JOB_SUFFIXES = {".job"}
 _LISTING_SUFFIXES = {".gts", ".c", ".cc", ".cpp", ".cxx", ".h", ".hpp", ".cs"}
 _LISTING_CALL = re.compile(rb"\bGTN?_[A-Za-z]+\s*\(")
+_JOINED_COMMENT = re.compile(rb"//[^\n]*[\x80-\xff]\\[ \t\r]*\n")
 _SEARCHED_BYTES = 200_000
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_ENCODING = "GB18030"
@@ -34,12 +35,15 @@ class Source:
         data: UTF-8 bytes without BOM, lines ended by LF.
         path: The file it was read from, None for none.
         encoding: The encoding of a listing that is not UTF-8, else ''.
+        joined_line: In such a listing the first line with a // comment whose last byte is that of a backslash, so that
+            some compilers go on with the comment in the next line; 0 for none.
     """
 
     name: str
     data: bytes
     path: Path | None = None
     encoding: str = ""
+    joined_line: int = 0
     _ends: Indices | None = field(default=None, repr=False)
     """Positions of line ends; computed when the first line is looked up."""
 
@@ -97,7 +101,9 @@ def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source
         data.decode("utf-8") if not data.isascii() else None
     except UnicodeDecodeError as error:
         if (decoded := _decoded(data, _OTHER_ENCODING, name)) is not None:
-            return Source(name=name, data=decoded, path=path, encoding=_OTHER_ENCODING), []
+            joined = _JOINED_COMMENT.search(data)
+            line = 0 if joined is None else data.count(b"\n", 0, joined.start()) + 1
+            return Source(name=name, data=decoded, path=path, encoding=_OTHER_ENCODING, joined_line=line), []
         line = data.count(b"\n", 0, error.start) + 1
         reason = Phrase("byte {byte} in line {line}", byte=f"0x{data[error.start]:02x}", line=line)
         return None, [_diagnostic(rules.NOT_TEXT, name, line, reason=reason)]

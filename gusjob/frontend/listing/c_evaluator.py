@@ -17,16 +17,17 @@ from gusjob.diagnostics.model import Rule
 from gusjob.frontend.listing.c_numbers import CNumber, NumberType, binary, literal, number_type, unary
 from gusjob.frontend.listing.c_structs import new_struct
 from gusjob.frontend.listing.c_trees import (
-    HARMLESS_FUNCTIONS,
     called_name,
     first_token,
     given_name,
     has_call,
     has_effect,
     in_chain,
+    is_harmless_call,
     is_library_name,
     is_output,
     names_in,
+    qualifier,
 )
 from gusjob.frontend.listing.c_variables import (
     MAX_ARRAY,
@@ -48,10 +49,14 @@ from gusjob.frontend.parse.misread import nearest
 from gusjob.i18n.phrases import Phrase, did_you_mean
 
 _CONSTANTS = {"true": 1.0, "false": 0.0, "TRUE": 1.0, "FALSE": 0.0}
-_NOT_EVALUATED = re.compile(r"_?assert|_?ASSERTE?|Assert|ATLASSERT|(?:ATL)?TRACE\d?|static_assert|_Static_assert")
+_NOT_EVALUATED = re.compile(r"\w*(?:assert|debug|trace)\w*|DCHECK\w*", re.IGNORECASE)
 """Functions and macros whose arguments some builds leave out."""
-_MACRO_DEPTH = 20
+_MACRO_DEPTH = 8
 """Macros that may stand for each other."""
+_MAX_EXPANSIONS = 1000
+"""Macros that one statement may use."""
+_NUMBERED = re.compile(r"(profile|originPos)([1-8])")
+"""Fields of TCrdPrm in C#, which has one for each element."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +68,7 @@ class CMacro:
     is_operand: bool
 
 
-def _no_library(token: Token, name: str, args: Sequence[Tree[Token]]) -> None:
+def _no_library(token: Token, name: str, owner: str, args: Sequence[Tree[Token]]) -> None:
     """Make no call."""
 
 
@@ -73,17 +78,20 @@ class CEvaluator:
 
     Attributes:
         report: Called with a rule, a token and the rule's fields.
-        call_library: Called with the name of a call of the library and its arguments.
+        call_library: Called with the name of a call of the library, what qualifies it (mc in mc.GT_LnXY), and its
+            arguments.
         has_references: A function may change a variable that it is given by its name (C++).
     """
 
     report: Callable[..., None]
     has_references: bool
-    call_library: Callable[[Token, str, Sequence[Tree[Token]]], None] = _no_library
+    call_library: Callable[[Token, str, str, Sequence[Tree[Token]]], None] = _no_library
     variables: CVariables = field(default_factory=CVariables)
     macros: dict[str, CMacro] = field(default_factory=dict)
     reported_functions: set[str] = field(default_factory=set)
     """Functions that were reported already, by name, or by rule and name."""
+    expansions: int = 0
+    """Macros that the statement has used."""
     _depth: int = 0
     alone: Tree[Token] | None = None
     """The expression that is a statement of its own: nobody uses its value."""
@@ -130,8 +138,10 @@ class CEvaluator:
         if macro is None:
             is_constant = name in _CONSTANTS and name not in self.variables.values
             return CNumber(value=_CONSTANTS[name]) if is_constant else self.variables.get(name)
-        if macro.tree is None or self._depth > _MACRO_DEPTH:
-            return unknown(Phrase("it is a macro that is no number"))
+        self.expansions += 1
+        if macro.tree is None or self._depth > _MACRO_DEPTH or self.expansions > _MAX_EXPANSIONS:
+            self.report(rules.CALL_SYNTAX, tokens(tree)[0], found=Phrase("the macro {name} as a value", name=name))
+            return UnknownValue(reason="", is_reported=True)
         self._depth += 1
         value = self.expression(macro.tree)
         self._depth -= 1
@@ -221,6 +231,9 @@ class CEvaluator:
             if tokens(target)[0].type != "DOT":
                 return None
             member, target = tokens(target)[-1], subtrees(target)[0]
+            if index is None and (numbered := _NUMBERED.fullmatch(str(member))) is not None:
+                member = member.update(value=numbered[1])
+                index = Tree("number", [Token("NUMBER", str(int(numbered[2]) - 1))])
         if target.data != "name" or not self.is_plain_name(tokens(target)[0]):
             return None
         return tokens(target)[0], member, index
@@ -360,7 +373,12 @@ class CEvaluator:
 
     def _member(self, tree: Tree[Token]) -> CValue:
         kind, name = tokens(tree)
+        if has_effect(subtrees(tree)[0]):
+            return self._refused_place(tree)
         holder = self._operand(subtrees(tree)[0]) if kind.type == "DOT" else unknown(NEVER_SET)
+        if isinstance(holder, CStruct) and (numbered := _NUMBERED.fullmatch(str(name))) is not None:
+            array = holder.fields.get(numbered[1])
+            return array.values[int(numbered[2]) - 1] if isinstance(array, CArray) else unknown(NEVER_SET)
         if isinstance(holder, CStruct):
             if holder.is_crd and crd_field_type(str(name)) is None:
                 self.report_field(name)
@@ -370,7 +388,7 @@ class CEvaluator:
 
     def _call(self, tree: Tree[Token]) -> CValue:
         name, args = called_name(tree), subtrees(tree)[1:]
-        if name is None:
+        if name is None or any(map(has_effect, subtrees(subtrees(tree)[0]))):
             token = first_token(tree)
             assert token is not None
             self.report(rules.CALL_SYNTAX, token, found=Phrase("a call through an expression"))
@@ -389,17 +407,18 @@ class CEvaluator:
                 self.report(rules.CALL_SYNTAX, name, found=Phrase("the macro {name} as a call", name=str(name)))
                 return UnknownValue(reason="", is_reported=True)
         if is_library_name(text):
-            self.call_library(name, text, args)
+            self.call_library(name, text, qualifier(tree), args)
             return CNumber(value=0.0, is_code=True)
-        return self._function(name, text, args, is_alone=tree is self.alone)
+        return self._function(tree, name, text)
 
-    def _function(self, token: Token, name: str, args: Sequence[Tree[Token]], *, is_alone: bool) -> CValue:
+    def _function(self, call: Tree[Token], token: Token, name: str) -> CValue:
         """Call a function that is none of the library: it may change what it can reach.
 
         One that gives no value and sets nothing can only be there for what it does: it may make calls itself.
         """
+        args, is_alone = subtrees(call)[1:], call is self.alone
         wraps = any(map(has_call, args))
-        if _NOT_EVALUATED.fullmatch(name) and any(map(has_effect, args)):
+        if any(map(_NOT_EVALUATED.fullmatch, (name, *names_in(subtrees(call)[0])))) and any(map(has_effect, args)):
             self.report(rules.CONTROL_FLOW, token, word=name)
             return UnknownValue(reason="", is_reported=True)
         for arg in args:
@@ -407,15 +426,19 @@ class CEvaluator:
                 self.expression(arg)
         if name == "memset" and self._memset(args):
             return unknown(NEVER_SET)
-        harmless = name in HARMLESS_FUNCTIONS
+        harmless = name == str(token) and is_harmless_call(call)
+        owner = re.match(r"\w+", qualifier(call))
         reason = Phrase("{function}() may have changed it", function=name)
         sets = is_alone and any(map(self.addressed, args))
         for arg in args:
             given = self.addressed(arg) if not harmless or arg.data != "name" else set()
             self.variables.escaped |= given
             self.variables.lose(given, reason)
-            if self.has_references and not harmless and arg.data == "name":
-                self.variables.lose([str(tokens(arg)[0])], reason)
+            if self.has_references and not harmless and (place := _lvalue(arg)) is not None:
+                self.variables.escaped.add(place)
+                self.variables.lose([place], reason)
+        if owner is not None and owner[0] in self.variables.values:  # A method of the object.
+            self.variables.lose([owner[0]], reason)
         if not harmless:
             self.variables.lose_escaped(reason)
         if harmless or not wraps:
@@ -431,7 +454,10 @@ class CEvaluator:
             self.report(rule, token, call=name)
 
     def addressed(self, tree: Tree[Token]) -> set[str]:
-        """Find the variables whose address an expression gives: &x, ref x, an array, a part of one, array + 1."""
+        """Find the variables whose address an expression gives: &x, ref x, an array, a part of one, array + 1.
+
+        A macro gives those of its text.
+        """
         found = {
             name for part in tree.iter_subtrees() if (name := given_name(part)) is not None and part.data != "name"
         }
@@ -440,10 +466,23 @@ class CEvaluator:
             name = str(tokens(part)[0])
             if isinstance(self.variables.values.get(name), CArray) and id(part) not in indexed:
                 found.add(name)
+        for name in names_in(tree):
+            found |= self._names_of_macro(name)
         for part in tree.find_data("member"):
             holder = given_name(Tree("address", [part]))
             if id(part) not in indexed and holder is not None and isinstance(self._part(part), CArray):
                 found.add(holder)
+        return found
+
+    def _names_of_macro(self, name: str) -> set[str]:
+        """Find all names that a macro stands for; none for a name that is no macro."""
+        found: set[str] = set()
+        waiting = [name]
+        while waiting:
+            macro = self.macros.get(waiting.pop())
+            names = set(re.findall(r"[A-Za-z_]\w*", macro.text)) if macro is not None else set()
+            waiting += names - found
+            found |= names
         return found
 
     def _part(self, member: Tree[Token]) -> CValue | None:
@@ -460,6 +499,8 @@ class CEvaluator:
         if target.data != "name" or args[1].data != "number" or self.expression(args[1]) != ZERO:
             return False
         name = str(tokens(target)[0])
+        if name in self.macros:
+            return False
         old = self.variables.values.get(name)
         is_whole = size.data == "name" and str(tokens(size)[0]) == name
         is_crd = size.data == "type" and str(tokens(size)[-1]).endswith(STRUCT_TYPE)
@@ -473,6 +514,9 @@ class CEvaluator:
             return True
         if is_whole and isinstance(old, CStruct) and old.is_crd:
             self.variables.values[name] = crd_struct(ZERO)
+            return True
+        if is_whole and old is None:  # Declared elsewhere: if a call takes it as a TCrdPrm, it is one.
+            self.variables.values[name] = CStruct(fields=crd_struct(ZERO).fields)
             return True
         return False
 
@@ -506,6 +550,13 @@ _EXPRESSIONS: dict[str, Callable[[CEvaluator, Tree[Token]], CValue]] = {
     "member": CEvaluator._member,
     "call": CEvaluator._call,
 }
+
+
+def _lvalue(arg: Tree[Token]) -> str | None:
+    """Return the variable that a reference to an argument can change: x, x[1], x.y; None for none."""
+    while arg.data in ("index", "member"):
+        arg = subtrees(arg)[0]
+    return str(tokens(arg)[0]) if arg.data == "name" else None
 
 
 def _set_element(array: CArray, number: CValue, value: CValue) -> CValue:

@@ -154,6 +154,7 @@ _LITERAL = re.compile(
     r"(?P<hex>0x[0-9a-f]+)(?P<hex_suffix>[ul]*)|(?P<digits>[0-9.]+(?:e[+-]?[0-9]+)?)(?P<suffix>[ulfd]*)"
 )
 _MAX_DIGITS = 300
+_FLOAT_DIGITS = 16
 
 
 def literal(text: str) -> CNumber | None:
@@ -163,9 +164,12 @@ def literal(text: str) -> CNumber | None:
         return None
     digits, suffix = match["digits"], match["suffix"] or match["hex_suffix"] or ""
     if match["hex"] is None and ("." in digits or "e" in digits or suffix in ("f", "d")):
-        if suffix not in ("", "f", "d"):
-            return None  # The precision of long double depends on the compiler.
+        # The precision of long double depends on the compiler; more digits would be rounded twice.
+        if suffix not in ("", "f") or (suffix == "f" and len(digits) > _FLOAT_DIGITS):
+            return None
         value = float(digits)
+        if not math.isfinite(value):
+            return None
         return CNumber(value=_single(value) if suffix == "f" else value, kind=_floating(suffix))
     if not re.fullmatch("u?l{0,2}|l{1,2}u", suffix):
         return None
@@ -200,8 +204,8 @@ def binary(operator: str, left: CNumber, right: CNumber) -> CNumber | None:
     is_code = left.is_code or right.is_code
     a, b = left.value, right.value
     kind = max(left.kind, right.kind)
-    if NumberKind.OPEN in (left.kind, right.kind) and kind >= NumberKind.FLOAT:
-        kind = NumberKind.DOUBLE
+    if NumberKind.OPEN in (left.kind, right.kind) and (a < 0 or b < 0 or NumberKind.FLOAT in (left.kind, right.kind)):
+        return None
     if any(n.kind is NumberKind.INT and not INT_MIN <= n.value <= INT_MAX for n in (left, right)):
         return None
     if kind is NumberKind.FLOAT:
@@ -248,7 +252,11 @@ _SHIFT_LIMIT = 31
 def _whole_operator(operator: str, a: int, b: int, kind: NumberKind) -> float | None:
     match operator:
         case "%":
-            return None if b == 0 else float(a - b * int(_quotient(a, b, NumberKind.INT) or 0))
+            return (
+                None
+                if b == 0 or (a == INT_MIN and b == -1)
+                else float(a - b * int(_quotient(a, b, NumberKind.INT) or 0))
+            )
         case "<<":
             return float(a << b) if a >= 0 and 0 <= b < _SHIFT_LIMIT else None
         case ">>":

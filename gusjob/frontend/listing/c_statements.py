@@ -47,6 +47,7 @@ class CStatements:
 
     def run(self, item: Tree[Token]) -> None:
         """Run one item of a listing."""
+        self.evaluator.expansions = 0
         match item.data:
             case "declaration":
                 self._declaration(item)

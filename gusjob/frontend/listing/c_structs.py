@@ -8,7 +8,6 @@ from lark import Token, Tree
 
 from gusjob.frontend.listing.c_numbers import CNumber
 from gusjob.frontend.listing.c_variables import (
-    NEVER_SET,
     ZERO,
     CArray,
     CStruct,
@@ -27,10 +26,8 @@ _DOES_NOT_FIT = Phrase("its values do not fit the fields of TCrdPrm")
 
 
 def new_struct() -> CStruct:
-    """Make a TCrdPrm as `new` in C# does: its arrays are null until they are assigned."""
-    made = crd_struct(ZERO)
-    made.fields |= {k: unknown(NEVER_SET) for k, v in made.fields.items() if isinstance(v, CArray)}
-    return made
+    """Make a TCrdPrm as `new` in C# does, where it has a field for each element: profile1, originPos1."""
+    return crd_struct(ZERO)
 
 
 def initial_struct(members: Tree[Token], evaluate: Evaluate) -> CValue:

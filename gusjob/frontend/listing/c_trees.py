@@ -14,8 +14,11 @@ _LIBRARY = re.compile(r"GTN?_\w+|AT_REST")
 HARMLESS_FUNCTIONS = frozenset({
     "printf", "fprintf", "puts", "fputs", "putchar", "fflush", "perror", "getchar", "clock", "sleep", "usleep",
     "nanosleep", "Sleep", "OutputDebugString", "MessageBox", "AfxMessageBox", "_getch", "getch", "GetTickCount",
+    "commandhandler", "Commandhandler", "CommandHandler",
 })  # fmt: skip
-"""Functions of the C library, Windows and .NET that make no call of the library and change no variable."""
+"""Functions of the C library, Windows and the vendor's examples that make no call themselves and change no variable."""
+_OWNERS = ("std", "System", "Threading", "Thread")
+"""Namespaces and classes in which these are what they seem."""
 _STREAMS = ("cout", "cerr", "clog")
 
 
@@ -35,6 +38,29 @@ def is_library_name(name: str) -> bool:
 def first_token(tree: Tree[Token]) -> Token | None:
     """Return the first token of a tree."""
     return next((t for t in tree.scan_values(lambda _: True) if isinstance(t, Token)), None)
+
+
+def qualifier(call: Tree[Token]) -> str:
+    """Return the object of a call's function, without blanks: mc, card[1]; '' for none. A namespace is none."""
+    callee = call.children[0]
+    if not isinstance(callee, Tree) or callee.data != "member" or tokens(callee)[0].type == "SCOPE":
+        return ""
+    return "".join(str(t) for t in subtrees(callee)[0].scan_values(lambda t: isinstance(t, Token)))
+
+
+def is_harmless_call(call: Tree[Token]) -> bool:
+    """Whether a call is one of a function that makes no call itself and changes no variable."""
+    owners = re.findall(r"\w+", qualifier(call))
+    return str(called_name(call)) in HARMLESS_FUNCTIONS and all(owner in _OWNERS for owner in owners)
+
+
+def depth_of(tree: Tree[Token]) -> int:
+    """Return the number of levels of a tree."""
+    depth, level = 0, [tree]
+    while level:
+        depth += 1
+        level = [part for parent in level for part in subtrees(parent)]
+    return depth
 
 
 def names_in(tree: Tree[Token]) -> list[str]:
@@ -60,7 +86,7 @@ def status_question(tree: Tree[Token]) -> Tree[Token] | None:
 def run_name(call: Tree[Token]) -> str | None:
     """Return the variable that tells whether the motion runs: the first that GT_CrdStatus sets."""
     given = [given_name(arg) for arg in subtrees(call)[1:] if arg.data in ("address", "by_reference")]
-    return given[0] if len(given) == 2 else None
+    return given[0] if given else None
 
 
 def is_harmless(tree: Tree[Token]) -> bool:
@@ -68,7 +94,7 @@ def is_harmless(tree: Tree[Token]) -> bool:
     tree = without_void(tree)
     if tree.data != "call":
         return is_output(tree) and not has_effect(tree)
-    return str(called_name(tree)) in HARMLESS_FUNCTIONS and not any(map(has_effect, subtrees(tree)[1:]))
+    return is_harmless_call(tree) and not any(map(has_effect, subtrees(tree)[1:]))
 
 
 def is_output(tree: Tree[Token]) -> bool:

@@ -117,6 +117,7 @@ class CVariables:
         """Declare a name with its value, converted to its type already."""
         self.declared.add(name)
         self.escaped.discard(name)
+        self._mix(name)
         self.types.pop(name, None)
         if kind is not None:
             self.types[name] = kind
@@ -126,10 +127,11 @@ class CVariables:
         """Set a name to a value, as an assignment does."""
         kind = self.types.get(name)
         if name not in self.declared:
-            hidden = [n for n, v in self.values.items() if isinstance(v, CArray) and n not in self.declared | {name}]
-            self.lose(hidden, _MAY_BE_THE_SAME)
-        if name in self.codes and not (isinstance(value, CNumber) and value.value == 0):
-            self.mixed.add(name)
+            self.lose(
+                [other for other in self.values if other not in self.declared and other != name], _MAY_BE_THE_SAME
+            )
+        if not (isinstance(value, CNumber) and value.value == 0):
+            self._mix(name)
         if isinstance(value, CNumber):
             value = converted(value, kind)
         elif isinstance(value, CArray | CStruct):
@@ -139,7 +141,13 @@ class CVariables:
     def lose(self, names: Iterable[str], reason: str) -> None:
         """Forget the values of some names."""
         for name in names:
+            self._mix(name)
             self.values[name] = unknown(reason)
+
+    def _mix(self, name: str) -> None:
+        """Note that a name is set to something after a template has set it to a code: its value is not known then."""
+        if self.codes.get(name, self.line + 1) <= self.line:
+            self.mixed.add(name)
 
     def lose_escaped(self, reason: str) -> None:
         """Forget what a function elsewhere can change: what is not declared here, or whose address it may have."""

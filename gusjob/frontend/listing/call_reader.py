@@ -73,8 +73,10 @@ class CallReader:
         rows: Rows of the line that is read now.
         calls: Calls that are not buffered.
         misfits: Number of calls with too few or too many arguments, or with numbers that are none of their arguments.
+        has_defaults: Arguments may be left out (C++).
         card_calls: Number of lines, or shapes of lines, with a card number.
         leading: Leading arguments (cards, cores) of the calls.
+        owners: Objects and namespaces whose calls they are.
         passed_over: Names of calls that are passed over, in the order in which templates number them.
         refused_when_recorded: Number of calls that a log gives another code than 0.
         code, time_ms: What a log says of the call that is read now.
@@ -82,6 +84,7 @@ class CallReader:
 
     text: Source
     abi: Abi | None
+    has_defaults: bool
     several_cards: bool
     diagnostics: ListingDiagnostics
     evaluator: CEvaluator
@@ -91,13 +94,23 @@ class CallReader:
     card_calls: int = 0
     leading: set[float] = field(default_factory=set)
     passed_over: list[str] = field(default_factory=list)
+    owners: list[str] = field(default_factory=list)
     refused_when_recorded: int = 0
     code: float = 0.0
     time_ms: float = math.nan
 
-    def call(self, token: Token, text: str, args: Sequence[Tree[Token]]) -> None:
-        """Read one call of the library."""
-        found = library_call(text, self.abi, several_cards=self.several_cards)
+    def library_call(self, text: str) -> LibraryCall:
+        """Find a call by its name."""
+        return library_call(text, self.abi, several_cards=self.several_cards, has_defaults=self.has_defaults)
+
+    def call(self, token: Token, text: str, owner: str, args: Sequence[Tree[Token]]) -> None:
+        """Read one call of the library. `owner`: the object or namespace that it is of."""
+        found = self.library_call(text)
+        if owner not in self.owners:
+            self.owners.append(owner)
+            named = [name for name in self.owners if name]
+            if len(named) == 2:
+                self.diagnostics.add_at(rules.SEVERAL_CARDS, token, cards=", ".join(named))
         if found.reading is Reading.UNKNOWN:
             near = get_close_matches(text, [*SIGNATURES, *functions()], 1, cutoff=0.8)
             self.diagnostics.add_at(rules.CALL_UNKNOWN, token, call=text, hint=did_you_mean(near[0] if near else ""))
@@ -121,7 +134,7 @@ class CallReader:
     def template(self, builder: TemplateBuilder, logged: LoggedCall) -> Template | None:
         """Make the template of a call with plain numbers; None if it must be parsed."""
         name = str(logged.name)
-        found = library_call(name, self.abi, several_cards=self.several_cards)
+        found = self.library_call(name)
         numbers = [token for token in map(number_token, logged.args) if token is not None]
         if len(numbers) < len(logged.args) or not found.fits(len(numbers)) or name in self.evaluator.macros:
             return None
@@ -161,15 +174,20 @@ class CallReader:
 
     def lose_results(self, text: str, args: Sequence[Tree[Token]]) -> None:
         """Forget the variables that a call sets, after what its arguments do."""
+        reason = Phrase("{function}() may have changed it", function=text)
         for arg in args:
             self.evaluator.expression(arg)
-            reason = Phrase("{function}() may have changed it", function=text)
-            self.evaluator.variables.lose(self.evaluator.addressed(arg), reason)
+            name = variable_of(arg)
+            if name is not None:
+                given = self.evaluator.addressed(arg)
+                self.evaluator.variables.lose(given, reason)
+                if not given and name not in self.evaluator.variables.types:  # It may be a pointer.
+                    self.evaluator.variables.lose_escaped(reason)
 
     def at_rest(self, token: Token, args: Sequence[Tree[Token]]) -> None:
         """Read that a recorded motion has ended: the program has waited for it."""
         crd = self.evaluator.expression(args[0]) if len(args) == 1 else None
-        if not isinstance(crd, CNumber):
+        if not isinstance(crd, CNumber) or crd.value not in (1, 2) or self.code:
             self.diagnostics.add_at(rules.CALL_ARGUMENTS, token, call=AT_REST, wanted=1, names="crd", found=len(args))
             return
         self.add_call("GT_CrdStatus", (crd.value, "run", "segment", 0.0))
@@ -285,22 +303,34 @@ class CallReader:
     def result_argument(self, signature: Signature, tree: Tree[Token]) -> Value | None:
         """Return the variable that a call sets: its name, or the number that a log gives in its place."""
         number = number_token(tree)
-        if number is not None:
-            return float(number)
-        name = variable_of(tree)
+        value = self.evaluator.expression(tree) if number is not None else None
+        if isinstance(value, CNumber):
+            return value.value
+        if tree.data == "null":
+            return "NULL"
+        name = variable_of(tree) if number is None else None
         if name is None:
             fields = {"argument": "pointer", "call": signature.name, "wanted": EXPECTED_ARGUMENT[ArgKind.POINTER]}
             self._report_value(fields, tree, UnknownValue(reason=""))
             return None
-        self.evaluator.variables.lose([name], sets_it(signature.name))
+        self.forget(tree, name, sets_it(signature.name))
         return name
+
+    def forget(self, tree: Tree[Token], name: str, reason: str) -> None:
+        """Forget what a call sets: a variable, or what a pointer may point to."""
+        variables = self.evaluator.variables
+        given = self.evaluator.addressed(tree)
+        variables.lose({name, *given}, reason)
+        if not given:
+            variables.lose_escaped(reason)
 
     def _report_value(self, fields: dict[str, str], tree: Tree[Token], value: CValue) -> None:
         """Report an argument that has no value."""
         reason = why_unknown(value)
         if reason is not None and reason.is_reported:
             return
-        token = first_token(tree)
+        named = (t for t in tree.scan_values(lambda t: isinstance(t, Token) and t.type == "NAME"))
+        token = next(named, first_token(tree))
         found: str = str(token)[:40] if token is not None else Phrase("nothing")
         if reason is not None and reason.reason:
             found = Phrase("{text}: {reason}", text=found, reason=reason.reason)

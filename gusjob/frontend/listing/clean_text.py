@@ -18,11 +18,12 @@ _NOT_CODE = re.compile(
     r"|(?<=[\s,;(){}])\\[ \t\r]*\n",  # A line that goes on; inside of a word it is left, and not read.
     re.DOTALL,
 )
-_NEEDS_CLEANING = re.compile(rb"/\*|[\"'\\]|(?<![0-9A-Za-z_.])0[0-9]")
+_NEEDS_CLEANING = re.compile(rb"/\*|[\"'\\]|(?<![0-9A-Za-z_.])(?<![eE][-+])0[0-9]")
 _LONE_RETURN = re.compile(rb"\r(?!\r*(?:\n|\Z))")
-_ZEROS = re.compile(r"(?<![0-9A-Za-z_.])0+(?=0(?![0-9.xX]))")
-_OCTAL = re.compile(r"(?<![0-9A-Za-z_.])0(?=[0-9]+(?![0-9.eE]))")
-_JOINS_LINES = Phrase("a comment that joins this line with the next one")
+_SEPARATORS = tuple((chr(code).encode(), f"U+{code:04X}") for code in (0x85, 0x2028, 0x2029))
+_ZEROS = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0+(?=0(?![0-9.xX]))")
+_OCTAL = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0(?=[0-9]+(?![0-9.eE]))")
+JOINS_LINES = Phrase("a comment that joins this line with the next one")
 OCTAL_MARK = "⓪"
 """Stands for the leading zero of an octal number, so that no line with one has the shape of a line without."""
 
@@ -47,6 +48,10 @@ def clean_text(data: bytes) -> CleanText:
     if b"\r" in data and (lone := _LONE_RETURN.search(data)) is not None:
         found = Phrase("a carriage return inside a line, which some compilers take for a line end")
         problems.append((data.count(b"\n", 0, lone.start()) + 1, found))
+    for separator, name in _SEPARATORS:
+        if separator in data:
+            found = Phrase("the character {name}, which some compilers take for a line end", name=name)
+            problems.append((data.count(b"\n", 0, data.index(separator)) + 1, found))
     if not _NEEDS_CLEANING.search(data):
         return CleanText(data=data, problems=tuple(problems))
     text = data.decode("utf-8")
@@ -62,7 +67,7 @@ def clean_text(data: bytes) -> CleanText:
         found, start = match[0], match.start()
         if found.startswith("//"):
             if found.rstrip().endswith("\\"):
-                report(start, _JOINS_LINES)
+                report(start, JOINS_LINES)
             return found
         if found.startswith("\\"):
             return found if is_of_directive(start) else " " + found[1:]
@@ -70,7 +75,7 @@ def clean_text(data: bytes) -> CleanText:
             if len(found) < 4 or not found.endswith("*/"):
                 report(start, Phrase("a comment that never ends"))
             if "\n" in found and is_of_directive(start):
-                report(start, _JOINS_LINES)
+                report(start, JOINS_LINES)
             return re.sub(r"[^\n]", " ", found)
         return found[0] + re.sub(r"[^\n]", "_", found[1:-1]) + found[-1] if len(found) > 1 else found
 
@@ -81,8 +86,9 @@ def clean_text(data: bytes) -> CleanText:
 
 
 _FUNCTION = re.compile(
-    r"^[^\S\n]*(?!(?:if|else|while|for|switch|do|return)\b)[A-Za-z_][\w:<>,*&\s.]*?[\s*&][*&]?"
-    r"(?!(?:if|while|for|switch|return)\b)[A-Za-z_~][\w:~]*[^\S\n]*\([^;{}()]*\)\s*(?:const\s*|override\s*|noexcept\s*)*\{",
+    r"^[^\S\n]*(?!(?:if|else|while|for|switch|do|return)\b)[A-Za-z_][\w:<>,*&. \t]{0,100}?[ \t*&\n]"
+    r"(?!(?:if|while|for|switch|return)\b)[A-Za-z_~][\w:~]*[^\S\n]*\([^;{}()]{0,1000}\)\s*"
+    r"(?:const\s*|override\s*|noexcept\s*)?\{",
     re.MULTILINE,
 )
 _OF_PROGRAMS = re.compile(
@@ -92,7 +98,7 @@ _OF_PROGRAMS = re.compile(
 )
 _C_SHARP = re.compile(r"^[^\S\n]*(?:using\s+System|namespace\b)|\[DllImport", re.MULTILINE)
 _LINE_COMMENT = re.compile(r"//[^\n]*")
-_SEARCHED = 2_000_000
+_SEARCHED = 300_000
 """Characters in which signs of a whole program are looked for."""
 
 

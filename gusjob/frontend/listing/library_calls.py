@@ -76,13 +76,14 @@ class LibraryCall:
         return self.least <= count <= self.most
 
 
-def library_call(text: str, abi: Abi | None, *, several_cards: bool) -> LibraryCall:
+def library_call(text: str, abi: Abi | None, *, several_cards: bool, has_defaults: bool) -> LibraryCall:
     """Find a call by its name in the text.
 
     Args:
         text: GT_..., GTN_... or AT_REST.
         abi: ABI of the profile, None if it is not known: then the arguments of both series are accepted.
         several_cards: Read it as a call of a library for several cards, with a leading card number.
+        has_defaults: Arguments may be left out, as in C++.
     """
     if text == AT_REST:
         return LibraryCall(name=AT_REST, reading=Reading.CALL, least=1, most=1)
@@ -94,7 +95,7 @@ def library_call(text: str, abi: Abi | None, *, several_cards: bool) -> LibraryC
         own = len(signature.args)
         trailing = 0 if function is None or abi is Abi.GUS or is_gsn else len(function.args) - own
         least = own
-        if function is not None and not (abi is Abi.GUS and signature.section != "sister"):
+        if has_defaults and function is not None and not (abi is Abi.GUS and signature.section != "sister"):
             least = min(own, function.least)  # M prints one default in the middle of a call: no compiler takes it.
         return LibraryCall(
             name=name,

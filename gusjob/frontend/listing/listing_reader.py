@@ -11,7 +11,6 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 
@@ -21,12 +20,12 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span, has_errors
 from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro
-from gusjob.frontend.listing.c_numbers import CNumber
+from gusjob.frontend.listing.c_numbers import CNumber, literal
 from gusjob.frontend.listing.c_statements import CStatements
-from gusjob.frontend.listing.c_trees import first_token, has_effect, is_library_name, logged_call, only_begins
+from gusjob.frontend.listing.c_trees import depth_of, first_token, has_effect, is_library_name, logged_call, only_begins
 from gusjob.frontend.listing.call_reader import CallReader
 from gusjob.frontend.listing.call_rows import stream_of
-from gusjob.frontend.listing.clean_text import OCTAL_MARK, clean_text, program_kind
+from gusjob.frontend.listing.clean_text import JOINS_LINES, OCTAL_MARK, clean_text, program_kind
 from gusjob.frontend.listing.listing_diagnostics import ListingDiagnostics
 from gusjob.frontend.parse.grammar import LISTING_GRAMMAR, parser, subtrees, tokens
 from gusjob.frontend.parse.misread import misread
@@ -68,12 +67,18 @@ _HEADER = re.compile(r"\s*#\s*include\s*(?:<[^<>]*>|\"[^\"]*\.h(?:h|pp|xx)?\")",
 _STARTS_ALONE = re.compile(r"\s*[^\W_]")
 """How a text begins that can't go on with a statement before it."""
 _PROBED_BYTES = 1 << 16
-_MAX_JOINED_LINES = 200
-"""Lines that one statement may take."""
+_MAX_JOINED_LINES, _MAX_BROKEN_LINES = 200, 20
+"""Lines that one statement may take, with and without open brackets."""
+_MAX_DEPTH, _MAX_MACRO_DEPTH = 100, 20
+"""Levels of an expression, and of a macro."""
+_MAX_KEPT = 500
+"""Parsed lines that are kept, and how long they may be."""
+_GOES_ON = re.compile(r"\s*[-+&(!~]")
+"""How a text begins that may go on with a statement before it."""
 _LOOK_BACK = 50
 """Blank lines that may be between the lines of a comment."""
-_PROGRAM_ERRORS = 25
-"""Lines that can't be read, above which a text with control flow is a whole program."""
+_PROGRAM_ERRORS, _TEXT_ERRORS = 25, 100
+"""Lines that can't be read, above which a text with braces, or any text, is no listing."""
 
 
 def read_listing(source: Source, abi: Abi | None = None) -> tuple[Stream, list[Diagnostic]]:
@@ -110,8 +115,16 @@ def _fits_several_cards(source: Source) -> bool:
 def _read(source: Source, abi: Abi | None, *, several_cards: bool) -> _ListingReader:
     text = Source(name=source.name, data=source.data)
     diagnostics = ListingDiagnostics(name=source.name)
-    evaluator = CEvaluator(report=diagnostics.add_at, has_references=not source.name.lower().endswith(".c"))
-    calls = CallReader(text=text, abi=abi, several_cards=several_cards, diagnostics=diagnostics, evaluator=evaluator)
+    is_c = source.name.endswith(".c")
+    evaluator = CEvaluator(report=diagnostics.add_at, has_references=not is_c)
+    calls = CallReader(
+        text=text,
+        abi=abi,
+        several_cards=several_cards,
+        has_defaults=not is_c,
+        diagnostics=diagnostics,
+        evaluator=evaluator,
+    )
     evaluator.call_library = calls.call
     reader = _ListingReader(
         source=source,
@@ -160,12 +173,14 @@ class _ListingReader:
     named_by_templates: set[str] = field(default_factory=set)
     unterminated: bool = False
     not_listed: int = 0
+    parsed: dict[str, Tree[Token]] = field(default_factory=dict)
 
     def read(self) -> None:
         """Read the whole text."""
         clean = clean_text(self.source.data)
         self.text.data = clean.data
-        for line, found in clean.problems:
+        joined = [(self.source.joined_line, JOINS_LINES)] if self.source.joined_line else []
+        for line, found in (*clean.problems, *joined):
             self.diagnostics.add(rules.CALL_SYNTAX, line, 1, 2, found=found)
         rows = scan(clean.data, semicolon_comments=False, learn=self.learn, parse_line=self.parse_line)
         further = self.finish()
@@ -196,12 +211,14 @@ class _ListingReader:
         found = program_kind(self.text.data)
         if found is None and unread > _PROGRAM_ERRORS and b"{" in self.text.data:
             return "C", 1
+        if found is None and unread > _TEXT_ERRORS:
+            return Phrase("or some other text"), 1
         return found
 
     def learn(self, line: str) -> Template | None:
         """Make the template of a line with one call whose arguments are all plain numbers."""
         builder = TemplateBuilder.of_line(line)
-        if builder is None:
+        if builder is None or "<|" in line:
             return None
         try:
             items = subtrees(parser(LISTING_GRAMMAR).parse(line))
@@ -209,6 +226,9 @@ class _ListingReader:
             return None
         logged = logged_call(items[0]) if len(items) == 1 else None
         if logged is None or (logged.set_name is not None and logged.set_name in self.evaluator.macros):
+            return None
+        # A number in the name would be one of the numbers of the line's shape.
+        if logged.set_name is not None and re.search("[0-9]", logged.set_name):
             return None
         template = self.calls.template(builder, logged)
         if template is not None and logged.set_name is not None:
@@ -218,7 +238,7 @@ class _ListingReader:
 
     def first_code_line(self, name: str) -> int:
         """Return the first line that sets a name to the code of a call."""
-        pattern = rb"^[^/\n]*(?<![\w.])" + name.encode() + rb"\s*=\s*GTN?_"
+        pattern = rb"^(?:[^/\n]*;)?\s*" + name.encode() + rb"\s*=\s*GTN?_"
         match = re.search(pattern, self.text.data, re.MULTILINE)
         return self.text.count_lines() if match is None else self.text.data.count(b"\n", 0, match.end()) + 1
 
@@ -257,17 +277,22 @@ class _ListingReader:
         """Parse and run the code of the lines from `first_line` to `number`."""
         self.evaluator.variables.line = self.diagnostics.first_line
         try:
-            tree = _parsed(code)
+            tree = self.parsed_code(code)
         except UnexpectedInput as error:
             self.not_code(error, code, number)
             return
         items = subtrees(tree)
+        if depth_of(tree) > _MAX_DEPTH or (self.unterminated and _GOES_ON.match(code)):
+            found = Phrase("an expression with too many levels, or one that may go on from the line before")
+            self.end_statement(number)
+            self.diagnostics.add(rules.CALL_SYNTAX, self.diagnostics.first_line, 1, 2, found=found)
+            return
         unterminated = not code.rstrip().endswith((";", "}"))
         if (
             items
             and unterminated
             and only_begins(items[-1])
-            and number - self.diagnostics.first_line < _MAX_JOINED_LINES
+            and number - self.diagnostics.first_line < _MAX_BROKEN_LINES
         ):
             self.pending_from = self.diagnostics.first_line
             return
@@ -285,6 +310,15 @@ class _ListingReader:
             self.diagnostics.refused_line = number
         if code.strip():
             self.unterminated = unterminated
+
+    def parsed_code(self, code: str) -> Tree[Token]:
+        """Parse some code; a program has many lines that are the same. The trees are not changed."""
+        tree = self.parsed.get(code)
+        if tree is None:
+            tree = parser(LISTING_GRAMMAR).parse(code)
+            if len(code) < _MAX_KEPT and len(self.parsed) < _MAX_KEPT:
+                self.parsed[code] = tree
+        return tree
 
     def lacks_semicolon(self, item: Tree[Token], following: Tree[Token]) -> bool:
         """Whether a statement does not end before another one in its line; it is reported."""
@@ -306,7 +340,7 @@ class _ListingReader:
     def not_code(self, error: UnexpectedInput, code: str, number: int) -> None:
         """Handle a line that can't be parsed: part of a comment, of a statement, or an error."""
         ends_early = isinstance(error, UnexpectedToken) and error.token.type == "$END"
-        if ends_early and number - self.diagnostics.first_line < _MAX_JOINED_LINES:
+        if ends_early and number - self.diagnostics.first_line < _MAX_BROKEN_LINES:
             self.pending_from = self.diagnostics.first_line
             return
         starts = self.diagnostics.first_line
@@ -384,8 +418,11 @@ class _ListingReader:
             )
         elif word == "define":
             self.define(rest.rstrip(), number, code)
-        elif word == "undef":
+        elif word == "undef" and re.fullmatch(r"\w+", rest.strip()):
             self.evaluator.macros.pop(rest.strip(), None)
+        elif word == "undef" or (word == "pragma" and "macro" in rest):
+            found = Phrase("a line of the preprocessor that changes macros")
+            self.diagnostics.add(rules.CALL_SYNTAX, number, 1, len(code) + 1, found=found)
         elif word in ("else", "elif", "endif") and self.has_conditional_text:
             pass
         elif word == "include" and not _HEADER.match(self.source.line(number)):
@@ -448,6 +485,8 @@ class _ListingReader:
 
     def item(self, item: Tree[Token]) -> None:
         """Run one item of a line."""
+        if self.left is not None:
+            self.goes_on_after_leaving = True
         if item.data == "leave":
             token = tokens(item)[0]
             line, column = self.diagnostics.line_of(token), token.column or 1
@@ -455,17 +494,16 @@ class _ListingReader:
             for returned in subtrees(item):
                 self.evaluator.expression(returned)
             return
-        if self.left is not None:
-            self.goes_on_after_leaving = True
         self.calls.code, self.calls.time_ms = 0.0, math.nan
         checks = self.statements.checks
         inner = subtrees(item)[0] if item.data in ("statement", "stamped") else None
         if item.data == "stamped":
-            self.calls.time_ms = float(tokens(item)[0])
+            stamp = literal(str(tokens(item)[0]))
+            self.calls.time_ms = stamp.value if stamp is not None else math.nan
             item = Tree("statement", [*subtrees(item)])
         if inner is not None and inner.data == "assign" and subtrees(inner)[0].data == "call":
             code = self.evaluator.expression(subtrees(inner)[1])
-            if not isinstance(code, CNumber) or tokens(inner)[0] != "=" or code.is_code:
+            if not isinstance(code, CNumber) or tokens(inner)[0] != "=" or code.is_code or code.value % 1:
                 self.diagnostics.add_at(rules.CALL_SYNTAX, tokens(inner)[0], found="'='")
                 return
             self.calls.code = code.value
@@ -475,12 +513,6 @@ class _ListingReader:
             self.first_check = self.diagnostics.first_line
 
 
-@lru_cache(maxsize=1000)
-def _parsed(code: str) -> Tree[Token]:
-    """Parse some code; a program has many lines that are the same. The trees are not changed."""
-    return parser(LISTING_GRAMMAR).parse(code)
-
-
 def _macro(text: str) -> CMacro:
     """Make a macro of its text."""
     tree = None
@@ -488,6 +520,8 @@ def _macro(text: str) -> CMacro:
         items = subtrees(parser(LISTING_GRAMMAR).parse(text))
         if len(items) == 1 and items[0].data == "statement" and ";" not in text:
             tree = subtrees(items[0])[0]
+    if tree is not None and depth_of(tree) > _MAX_MACRO_DEPTH:
+        tree = None
     kinds = ("name", "number", "octal", "text", "unary", "cast")
     return CMacro(text=text, tree=tree, is_operand=tree is not None and (tree.data in kinds or _is_enclosed(text)))
 
