@@ -499,3 +499,14 @@ FUNCTION_OF_VALUES = rule(
     bad="power = ReadPower();\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
     good="GT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
 )
+RECORDING_CUT = rule(
+    "GJ156",
+    WARNING,
+    title="recording is not complete",
+    text="the recording has no end: calls may be missing after its last line",
+    why="The program was killed, still runs, or the listing reached its limit. The report shows only what was "
+    "recorded.",
+    bad="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n",
+    good="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n"
+    "// ended with exit code 0\n",
+)

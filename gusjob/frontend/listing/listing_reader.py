@@ -66,6 +66,9 @@ _HEADER = re.compile(r"\s*#\s*include\s*(?:<[^<>]*>|\"[^\"]*\.h(?:h|pp|xx)?\")",
 """An #include of a header, which has no calls."""
 _STARTS_ALONE = re.compile(r"\s*[^\W_]")
 """How a text begins that can't go on with a statement before it."""
+_RECORDED = b"// recorded by gusjob record"
+_LAST_BYTES = 1000
+"""Of a recorded listing, with its last comments."""
 _PROBED_BYTES = 1 << 16
 _MAX_JOINED_LINES, _MAX_BROKEN_LINES = 200, 20
 """Lines that one statement may take, with and without open brackets."""
@@ -88,6 +91,11 @@ def read_listing(source: Source, abi: Abi | None = None) -> tuple[Stream, list[D
         source: The text.
         abi: The library's ABI. None: what fits only a library for several cards is read as its calls.
     """
+    if source.data.startswith(_RECORDED):
+        recorded = _read(source, None, several_cards=False)  # The recorder leaves the card's number out.
+        if not _is_whole(source.data):
+            recorded.diagnostics.add_for_file(rules.RECORDING_CUT)
+        return recorded.result()
     if abi is not None:
         return _read(source, abi, several_cards=abi is Abi.GTS_MULTI).result()
     single = _read(source, None, several_cards=False)
@@ -99,6 +107,12 @@ def read_listing(source: Source, abi: Abi | None = None) -> tuple[Stream, list[D
     elif not has_errors(single.diagnostics.found) and _fits_several_cards(source):
         single.diagnostics.add_for_file(rules.EITHER_ABI)
     return single.result()
+
+
+def _is_whole(data: bytes) -> bool:
+    """Whether a recorded listing has an end, and was not cut before."""
+    last = data[-_LAST_BYTES:]
+    return b"\n// ended " in last and b"\n// stopped" not in last
 
 
 def _fits_several_cards(source: Source) -> bool:

@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from gusjob.config.machine import Abi
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics.model import Severity
 from gusjob.frontend import check_text, read_listing
@@ -141,3 +142,15 @@ def test_hostile_texts_take_no_long_time(text: str) -> None:
     start = time.perf_counter()
     read(text)
     assert time.perf_counter() - start < 10
+
+
+def test_a_recording_is_read_without_a_card_whatever_the_profile_says() -> None:
+    text = (
+        "// recorded by gusjob record, ABI gts-multi\n[0] GT_LnXY(1,1,20000,30,5,0,0) = 0\n// ended with exit code 0\n"
+    )
+    source, _ = check_text(text.encode(), "calls.gts")
+    assert source is not None
+    for abi in (None, Abi.GTS_MULTI):
+        stream, found = read_listing(source, abi)
+        assert found == []
+        assert "".join(listing(stream)) == "GT_LnXY(1,1,20000,30,5,0,0)\n"
