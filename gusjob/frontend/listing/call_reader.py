@@ -19,7 +19,7 @@ from gusjob.diagnostics import rules
 from gusjob.frontend.listing.c_evaluator import CEvaluator
 from gusjob.frontend.listing.c_numbers import CNumber
 from gusjob.frontend.listing.c_structs import printed_array, printed_struct
-from gusjob.frontend.listing.c_trees import LoggedCall, first_token, number_token, variable_of
+from gusjob.frontend.listing.c_trees import LoggedCall, first_token, names_in, number_token, variable_of
 from gusjob.frontend.listing.c_variables import CArray, CValue, UnknownValue, plain, sets_it, unknown, why_unknown
 from gusjob.frontend.listing.call_rows import (
     CALL_OP,
@@ -177,12 +177,10 @@ class CallReader:
         reason = Phrase("{function}() may have changed it", function=text)
         for arg in args:
             self.evaluator.expression(arg)
-            name = variable_of(arg)
-            if name is not None:
-                given = self.evaluator.addressed(arg)
-                self.evaluator.variables.lose(given, reason)
-                if not given and name not in self.evaluator.variables.types:  # It may be a pointer.
-                    self.evaluator.variables.lose_escaped(reason)
+            given = self.evaluator.addressed(arg)
+            self.evaluator.variables.lose(given, reason)
+            if not given and set(names_in(arg)) - self.evaluator.variables.types.keys():  # One may be a pointer.
+                self.evaluator.variables.lose_escaped(reason)
 
     def at_rest(self, token: Token, args: Sequence[Tree[Token]]) -> None:
         """Read that a recorded motion has ended: the program has waited for it."""
