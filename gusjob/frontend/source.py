@@ -23,7 +23,7 @@ _JOINED_COMMENT = re.compile(rb"//[^\n]*[\x80-\xff]\\[ \t\r]*\n")
 _SEARCHED_BYTES = 200_000
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_ENCODING = "GB18030"
-"""Encoding of a listing that is not UTF-8: its superset of GB2312 and GBK is what Chinese Windows writes."""
+"""Encoding of a listing that is not UTF-8: a superset of GB2312 and GBK, which Chinese Windows writes."""
 
 
 @dataclass(slots=True)

@@ -91,8 +91,8 @@ CALL_SYNTAX = rule(
     "GJ111",
     ERROR,
     title="call can't be read",
-    text="this is not a GT_ call, an assignment, a declaration or a comment: {found}",
-    why="What can't be read could change the calls.",
+    text="this can't be read: {found}",
+    why="Only GT_ calls, assignments, declarations and comments are read. What can't be read could change the calls.",
     bad="GT_CrdClear(1,0);\nMOVE GT_CrdStart(1,0);\n",
     good="GT_CrdClear(1,0);\nGT_CrdStart(1,0);\n",
 )
@@ -120,7 +120,7 @@ CALL_VALUE = rule(
     ERROR,
     title="argument can't be read",
     text="{argument} of {call} must be {wanted}, not {found}",
-    why="A value that the program computes elsewhere is not known here.",
+    why="A value that the program computes elsewhere is not known here. Write the number instead.",
     bad="GT_BufDelay(1,pause,0)\n",
     good="GT_BufDelay(1,100,0)\nGT_CrdStart(1,0)\n",
 )
@@ -146,9 +146,9 @@ CONTROL_FLOW = rule(
     "GJ117",
     ERROR,
     title="control flow in a listing",
-    text="'{word}' decides which calls are made: cut the calls out, or run the program with `gusjob record`",
-    why="gusjob reads a listing call by call, from the first to the last. Only checks of return codes that leave after "
-    "an error are passed over.",
+    text="{what}: gusjob reads straight-line code only; cut the calls out, or run the program with `gusjob record`",
+    why="gusjob reads a listing call by call, from the first to the last. Only checks of return codes that end the "
+    "program after an error are ignored.",
     bad="while (parts > 0) GT_CrdStart(1,0);\n",
     good="GT_CrdClear(1,0);\nGT_CrdStart(1,0);\n",
 )
@@ -156,7 +156,8 @@ UNREAD_FUNCTION = rule(
     "GJ118",
     ERROR,
     title="function is not read",
-    text="gusjob does not know what {call} does: GT_ calls in it would be missing",
+    text="{call}() is not read, so its GT_ calls would be missing: replace it by its calls, or run the program with "
+    "`gusjob record`",
     why="A function of the program can make calls that the report does not show. `gusjob record` sees them.",
     bad="StartPosition();\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
     good="GT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
@@ -165,7 +166,7 @@ WHOLE_PROGRAM = rule(
     "GJ119",
     ERROR,
     title="whole program",
-    text="this is a whole program ({kind}), not a list of calls: run it with `gusjob record`, or cut the calls out",
+    text="this is a whole program ({kind}), not a listing: run it with `gusjob record`, or cut the calls out",
     why="Which calls a program makes is known when it runs. `gusjob record` runs it without hardware and writes the "
     "calls down.",
     bad="int main(void) {\n    GT_CrdClear(1,0);\n    GT_CrdStart(1,0);\n}\n",
@@ -175,7 +176,7 @@ NO_MODEL = rule(
     "GJ120",
     ERROR,
     title="call can't be simulated",
-    text="{call} can't be simulated: {reason}",
+    text="{call} can't be simulated: {reason}; leave it out if that does not matter",
     why="The report would not show what the call does to the laser or the path.",
     bad="GT_LnXYZ(1,100,0,5,50,1,0,0)\nGT_CrdStart(1,0)\n",
     good="GT_LnXY(1,100,0,50,1,0,0)\nGT_CrdStart(1,0)\n",
@@ -406,8 +407,8 @@ ERROR_CHECKS = rule(
     "GJ146",
     NOTE,
     title="checks of return codes",
-    text="checks of return codes that are passed over, as if every call worked: {count}",
-    why="The simulation says which calls the controller would refuse.",
+    text="ignored checks of return codes (every call is assumed to work): {count}",
+    why="The simulation reports the calls that the controller would refuse.",
     bad="rtn = GT_CrdClear(1,0);\nif (rtn) return rtn;\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
     good="rtn = GT_CrdClear(1,0);\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
 )
@@ -416,7 +417,7 @@ RECODED = rule(
     NOTE,
     title="other encoding",
     text="the file is not UTF-8; it is read as {encoding}",
-    why="Only comments and texts should hold such characters: calls are the same in both.",
+    why="Such characters should occur only in comments and strings; the calls are the same in both encodings.",
     good="GT_CrdClear(1,0)\nGT_CrdStart(1,0)\n",
 )
 LEADING_CARD = rule(
@@ -424,8 +425,8 @@ LEADING_CARD = rule(
     NOTE,
     title="calls for a card",
     text="the calls are read as those of a library for several cards (abi gts-multi), card {card}",
-    why="Such calls have the number of the card before all other arguments. `abi` in the machine profile says which "
-    "library it is.",
+    why="Such calls have the number of the card before all other arguments. `abi` in the machine profile names the "
+    "library.",
     bad="GT_CrdClear(0,1,0)\nGT_BufDelay(0,1,10,0)\nGT_CrdStart(0,1,0)\n",
     good="GT_CrdClear(1,0)\nGT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
     section="sister",
@@ -455,8 +456,8 @@ RECORDED_REFUSALS = rule(
     "GJ151",
     NOTE,
     title="calls without effect when recorded",
-    text="calls that returned a code other than 0 had no effect and are left out: {count}",
-    why="The program called them, and the controller refused.",
+    text="ignored calls with a return code other than 0, which had no effect: {count}",
+    why="The program made them, and the controller refused them.",
     bad="[0] GT_CrdClear(1,0) = 1\n[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
     good="[0] GT_CrdClear(1,0) = 0\n[0.1] GT_BufDelay(1,10,0) = 0\n[0.2] GT_CrdStart(1,0) = 0\n",
 )
@@ -474,7 +475,8 @@ OUTPUT_CALL = rule(
     "GJ153",
     WARNING,
     title="output is not simulated",
-    text="{call} sets an output, which the report does not show: if it switches the laser, the report is wrong",
+    text="{call} sets an output, which the report does not show: if it switches the laser, the report is wrong; "
+    "otherwise leave it out",
     why="gusjob simulates the laser channels only.",
     bad="GT_SetDoBit(12,1,0)\nGT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
     good="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
@@ -493,9 +495,10 @@ NOT_SIMULATED = rule(
 FUNCTION_OF_VALUES = rule(
     "GJ155",
     WARNING,
-    title="function that gives values is not read",
-    text="{call} is taken to give values only: GT_ calls in it would be missing",
-    why="What the function gives is not known either: using it in a call is an error (GJ114).",
+    title="function with a result is not read",
+    text="{call}() is not read; gusjob assumes that it makes no GT_ calls: if it does, run the program with "
+    "`gusjob record`",
+    why="Its result is not known either: using it in a call is an error (GJ114).",
     bad="power = ReadPower();\nGT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
     good="GT_BufDelay(1,10,0);\nGT_CrdStart(1,0);\n",
 )
@@ -503,7 +506,8 @@ RECORDING_CUT = rule(
     "GJ156",
     WARNING,
     title="recording is not complete",
-    text="the recording has no end: calls may be missing after its last line",
+    text="the recording is not complete: calls may be missing after its last line; record it again, and let the "
+    "program end, or raise --limit",
     why="The program was killed, still runs, or the listing reached its limit. The report shows only what was "
     "recorded.",
     bad="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n",

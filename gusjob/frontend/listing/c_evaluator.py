@@ -44,6 +44,7 @@ from gusjob.frontend.listing.c_variables import (
     crd_struct,
     unknown,
 )
+from gusjob.frontend.listing.listing_diagnostics import control_flow
 from gusjob.frontend.parse.grammar import subtrees, tokens
 from gusjob.frontend.parse.misread import nearest
 from gusjob.i18n.phrases import Phrase, did_you_mean
@@ -52,7 +53,7 @@ _CONSTANTS = {"true": 1.0, "false": 0.0, "TRUE": 1.0, "FALSE": 0.0}
 _NOT_EVALUATED = re.compile(r"\w*(?:assert|debug|trace)\w*|DCHECK\w*", re.IGNORECASE)
 """Functions and macros whose arguments some builds leave out."""
 _MACRO_DEPTH = 8
-"""Macros that may stand for each other."""
+"""Levels of macros in macros."""
 _MAX_EXPANSIONS = 1000
 """Macros that one statement may use."""
 _NUMBERED = re.compile(r"(profile|originPos)([1-8])")
@@ -163,7 +164,7 @@ class CEvaluator:
 
     def _size(self, tree: Tree[Token]) -> CValue:
         if has_effect(tree):
-            self.report(rules.CONTROL_FLOW, tokens(tree)[0], word="sizeof")
+            self.report(rules.CONTROL_FLOW, tokens(tree)[0], what=Phrase("sizeof does not make the calls in it"))
         return unknown(Phrase("its size depends on the compiler"))
 
     def _assign(self, tree: Tree[Token]) -> CValue:
@@ -189,13 +190,13 @@ class CEvaluator:
             return  # The call gets it, and says what becomes of it.
         given = self.addressed(source)
         self.variables.escaped |= given
-        self.variables.lose(given, Phrase("a pointer to it is kept"))
+        self.variables.lose(given, Phrase("it can change through a pointer"))
 
     def _refused_place(self, target: Tree[Token]) -> CValue:
         """Report a place that is computed by a call or a change of a variable."""
         token = first_token(target)
         assert token is not None
-        self.report(rules.CALL_SYNTAX, token, found=Phrase("a place that depends on a call"))
+        self.report(rules.CALL_SYNTAX, token, found=Phrase("an assignment target with a call or ++ in it"))
         return UnknownValue(reason="", is_reported=True)
 
     def _new(self, tree: Tree[Token]) -> CValue:
@@ -301,7 +302,13 @@ class CEvaluator:
     def _binary(self, tree: Tree[Token]) -> CValue:
         left, right = subtrees(tree)
         if has_call(left) and has_call(right) and not is_output(tree):
-            self.report(rules.CONTROL_FLOW, tokens(tree)[0], word=str(tokens(tree)[0]))
+            self.report(
+                rules.CONTROL_FLOW,
+                tokens(tree)[0],
+                what=Phrase(
+                    "the order of the calls around '{operator}' depends on the compiler", operator=str(tokens(tree)[0])
+                ),
+            )
             return UnknownValue(reason="", is_reported=True)
         return self._binary_value(str(tokens(tree)[0]), self._operand(left), self._operand(right))
 
@@ -320,7 +327,7 @@ class CEvaluator:
         left = self._operand(left_tree)
         if not isinstance(left, CNumber):
             if has_effect(right_tree) and not (isinstance(left, UnknownValue) and left.is_reported):
-                self.report(rules.CONTROL_FLOW, operator, word=str(operator))
+                self.report(rules.CONTROL_FLOW, operator, what=control_flow(str(operator)))
                 return UnknownValue(reason="", is_reported=True)
             return left
         decided = (left.value != 0) == (operator == "||")
@@ -352,7 +359,7 @@ class CEvaluator:
             return unknown(Phrase("it is no number")) if words != ["void"] else value
         if not isinstance(value, CNumber):
             return value
-        return found.convert(value) or unknown(Phrase("its type can't hold the value that it was given"))
+        return found.convert(value) or unknown(Phrase("the value does not fit its type"))
 
     def _step(self, tree: Tree[Token]) -> CValue:
         operator, target = str(tokens(tree)[0])[0], subtrees(tree)[0]
@@ -391,13 +398,13 @@ class CEvaluator:
         if name is None or any(map(has_effect, subtrees(subtrees(tree)[0]))):
             token = first_token(tree)
             assert token is not None
-            self.report(rules.CALL_SYNTAX, token, found=Phrase("a call through an expression"))
+            self.report(rules.CALL_SYNTAX, token, found=Phrase("a function that is not called by its name"))
             return UnknownValue(reason="", is_reported=True)
         if any(arg.data in ("address", "by_reference", "members") and has_effect(arg) for arg in args):
-            self.report(rules.CALL_SYNTAX, name, found=Phrase("a place that depends on a call"))
+            self.report(rules.CALL_SYNTAX, name, found=Phrase("an assignment target with a call or ++ in it"))
             return UnknownValue(reason="", is_reported=True)
         if sum(map(has_call, args)) > 1:
-            self.report(rules.CONTROL_FLOW, name, word=Phrase("several calls as arguments of one"))
+            self.report(rules.CONTROL_FLOW, name, what=Phrase("several calls are arguments of one call"))
             return UnknownValue(reason="", is_reported=True)
         text = str(name)
         if (macro := self.macros.get(text)) is not None:
@@ -419,7 +426,7 @@ class CEvaluator:
         args, is_alone = subtrees(call)[1:], call is self.alone
         wraps = any(map(has_call, args))
         if any(map(_NOT_EVALUATED.fullmatch, (name, *names_in(subtrees(call)[0])))) and any(map(has_effect, args)):
-            self.report(rules.CONTROL_FLOW, token, word=name)
+            self.report(rules.CONTROL_FLOW, token, what=Phrase("some builds leave out {name}", name=name))
             return UnknownValue(reason="", is_reported=True)
         for arg in args:
             if arg.data not in ("by_reference", "address", "members", "null"):
@@ -444,7 +451,7 @@ class CEvaluator:
         if harmless or not wraps:
             rule = rules.UNREAD_FUNCTION if is_alone and not sets else rules.FUNCTION_OF_VALUES
             self._report_function(rules.CALL_IGNORED if harmless else rule, token, name)
-        return unknown(Phrase("{function}() gives it", function=name))
+        return unknown(Phrase("{function}() returns it", function=name))
 
     def _report_function(self, rule: Rule, token: Token, name: str) -> None:
         """Report a function, once for each rule."""
@@ -526,7 +533,7 @@ class CEvaluator:
             self.expression(tree)
         for token in tree.scan_values(lambda t: isinstance(t, Token) and t.type == "NAME"):
             self.variables.escaped.add(str(token))
-            self.variables.lose([str(token)], Phrase("a pointer to it is kept"))
+            self.variables.lose([str(token)], Phrase("it can change through a pointer"))
 
 
 _EXPRESSIONS: dict[str, Callable[[CEvaluator, Tree[Token]], CValue]] = {

@@ -34,6 +34,7 @@ from gusjob.frontend.listing.c_variables import (
     sets_it,
     unknown,
 )
+from gusjob.frontend.listing.listing_diagnostics import control_flow
 from gusjob.frontend.parse.grammar import subtrees, tokens
 from gusjob.i18n.phrases import Phrase
 
@@ -93,7 +94,9 @@ class CStatements:
         initial = next((p for p in parts if p.data != "dimension"), None)
         braces = [p for p in parts if p.data in ("members", "dimension") and has_effect(p)]
         if braces:
-            self.evaluator.report(rules.CALL_SYNTAX, token, found=Phrase("calls or changes inside braces or brackets"))
+            self.evaluator.report(
+                rules.CALL_SYNTAX, token, found=Phrase("a call or an assignment inside braces or brackets")
+            )
             return
         if initial is not None and not stars:
             self.evaluator.keep_addresses(initial)
@@ -189,7 +192,7 @@ class CStatements:
         if isinstance(value, UnknownValue) and value.is_reported:
             return
         if not isinstance(value, CNumber) or not value.is_code or value.value != 0 or not only_leaves(reactions):
-            self.evaluator.report(rules.CONTROL_FLOW, keyword, word="if")
+            self.evaluator.report(rules.CONTROL_FLOW, keyword, what=control_flow("if"))
             return
         self.checks += 1
 
@@ -202,7 +205,7 @@ class CStatements:
         run = run_name(asked[0]) if len(asked) == 1 else None
         harmless = all(status_question(t) is not None or is_harmless(t) for t in body)
         if run is None or not harmless or has_effect(condition) or not self._waits_for(condition, run, is_do):
-            self.evaluator.report(rules.CONTROL_FLOW, keyword, word=str(keyword))
+            self.evaluator.report(rules.CONTROL_FLOW, keyword, what=control_flow(str(keyword)))
             return
         for part in body:
             self._statement(part)

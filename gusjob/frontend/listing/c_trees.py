@@ -1,4 +1,4 @@
-"""Questions to the trees of listing.lark: what a statement is, what it calls, and which names it uses."""
+"""Queries on the trees of listing.lark: what a statement is, what it calls, and which names it uses."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ class CVariables:
         codes: Names that a template sets to a call's return code, in lines that are not evaluated in their order, each
             with the first of these lines.
         line: The line that is read now.
-        mixed: Those of them that are set to something else, too.
+        mixed: Names in `codes` that also get other values.
     """
 
     values: dict[str, CValue] = field(default_factory=dict)
@@ -170,7 +170,7 @@ def converted(number: CNumber, kind: NumberType | None) -> CValue:
             return unknown(Phrase("its type is not known, and may not hold the value: declare it in this file"))
         return CNumber(value=number.value, kind=NumberKind.OPEN, is_code=number.is_code)
     found = kind.convert(number)
-    return found if found is not None else unknown(Phrase("its type can't hold the value that it was given"))
+    return found if found is not None else unknown(Phrase("the value does not fit its type"))
 
 
 def plain(value: CValue) -> Value | None:
@@ -206,5 +206,7 @@ def why_unknown(value: CValue) -> UnknownValue | None:
             if inner and not missing and any(found.reason != NEVER_SET for found in inner):
                 return inner[0]
             begin = "TCrdPrm name = {0};"
-            return unknown(Phrase("{fields} never set: begin with {begin}", fields=", ".join(names), begin=begin))
+            return unknown(
+                Phrase("its fields {fields} are never set; declare it as {begin}", fields=", ".join(names), begin=begin)
+            )
     return None

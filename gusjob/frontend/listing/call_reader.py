@@ -61,7 +61,7 @@ _TELLING = (
     ("vel", ranges.VELOCITY),
     ("acc", ranges.ACCELERATION),
 )
-"""Arguments of buffered calls whose values tell the same."""
+"""Arguments of buffered calls whose values show whether a card number is first."""
 
 
 @dataclass(slots=True)
@@ -72,7 +72,8 @@ class CallReader:
         text: The text, as it is parsed.
         rows: Rows of the line that is read now.
         calls: Calls that are not buffered.
-        misfits: Number of calls with too few or too many arguments, or with numbers that are none of their arguments.
+        misfits: Number of calls with too few or too many arguments, or with values outside the range of one: they
+            suggest another argument list.
         has_defaults: Arguments may be left out (C++).
         card_calls: Number of lines, or shapes of lines, with a card number.
         leading: Leading arguments (cards, cores) of the calls.
@@ -210,7 +211,7 @@ class CallReader:
         ]
         self.count_misfits(signature, values)
         if found.trailing and len(own) > len(signature.args) and not self.is_zero(own[-1]):
-            reason = Phrase("gusjob has no model of a last argument other than 0")
+            reason = Phrase("its last argument must be 0")
             self.diagnostics.add_at(rules.NO_MODEL, token, call=str(token), reason=reason)
             return
         if any(value is None for value in values):
@@ -245,7 +246,7 @@ class CallReader:
         return True
 
     def count_misfits(self, signature: Signature, values: list[Value | None]) -> None:
-        """Count arguments that are none: another number of arguments was meant."""
+        """Count values outside the range of an argument: they suggest another argument list."""
         for arg, value in zip(signature.args, values, strict=False):
             allowed = arg.range
             if allowed is not None and (allowed.whole and allowed.high <= _SMALL_RANGE) and isinstance(value, float):
@@ -331,21 +332,21 @@ class CallReader:
         token = next(named, first_token(tree))
         found: str = str(token)[:40] if token is not None else Phrase("nothing")
         if reason is not None and reason.reason:
-            found = Phrase("{text}: {reason}", text=found, reason=reason.reason)
+            found = Phrase("{text}, whose value is not known ({reason})", text=found, reason=reason.reason)
         if token is None:
             self.diagnostics.add(rules.CALL_VALUE, self.diagnostics.first_line, 1, 2, **fields, found=found)
         else:
             self.diagnostics.add_at(rules.CALL_VALUE, token, **fields, found=found)
 
     def checked(self, rows: Rows) -> Rows:
-        """Check the rows of a whole text, and say what is passed over; returns the rows of the calls that are left."""
+        """Check the rows of a whole text, and report what is passed over; return the rows of the other calls."""
         self.note_passed_over(rows)
         rows = rows.pick(rows.op != PASSED_OVER_OP)
         self.check_rows(rows)
         return self.without_odd_numbers(rows)
 
     def note_passed_over(self, rows: Rows) -> None:
-        """Say once of each call that it is passed over."""
+        """Report each call that is passed over, once."""
         where = np.flatnonzero(rows.op == PASSED_OVER_OP)
         if not len(where):
             return
@@ -354,7 +355,7 @@ class CallReader:
             self.note_call(self.passed_over[int(number)], int(rows.line[where[first]]))
 
     def note_call(self, name: str, line: int) -> None:
-        """Say that a call is passed over, at its first line."""
+        """Report a call that is passed over, at its first line."""
         if name == "GT_CrdStatus":
             return
         known = [f for f in self.diagnostics.found if f.rule is rules.CALL_IGNORED and f.fields["call"] == name]
@@ -378,7 +379,7 @@ class CallReader:
             self.diagnostics.add_for_file(rules.SEVERAL_CARDS, cards=cards)
 
     def note_cards(self) -> None:
-        """Say that the calls are read as those of a library for several cards."""
+        """Report that the calls are read as those of a library for several cards."""
         if len(self.leading) == 1:
             self.diagnostics.add_for_file(rules.LEADING_CARD, card=f"{next(iter(self.leading)):g}")
 

@@ -1,4 +1,4 @@
-"""The text of a C program without what is no code: comments blanked, strings and octal numbers marked.
+"""Blank the comments of a C text, and mark its strings and octal numbers.
 
 All replacements keep the length, so lines and columns stay those of the source.
 """

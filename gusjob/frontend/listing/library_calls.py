@@ -1,4 +1,4 @@
-"""Which of the library's calls a listing's text means: its name, its series and its ABI, and how it must be read."""
+"""Identify calls of the library: their series and ABI, and how they are read."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gusjob.i18n.phrases import Phrase
 AT_REST = "AT_REST"
 """In a recorded listing: the coordinate system has ended its motion."""
 _OTHER_AXES = Phrase("it moves axes that gusjob does not simulate")
-_CARD_LOOK_AHEAD = Phrase("the card plans the velocities itself with it")
-_OUTPUT = Phrase("if it switches the laser, the report would not show it")
-_FROM_HEADERS = Phrase("gusjob can't tell what it does to laser and path")
+_CARD_LOOK_AHEAD = Phrase("it makes the card plan the velocities")
+_OUTPUT = Phrase("it may switch the laser")
+_FROM_HEADERS = Phrase("its effect on laser and path is not known")
 _REASONS = {
     "GT_InitLookAhead": _CARD_LOOK_AHEAD,
     "GT_CrdData": _CARD_LOOK_AHEAD,
-    "GT_ZeroPos": Phrase("after motion it moves the origin"),
+    "GT_ZeroPos": Phrase("it moves the origin if it is called after a motion"),
 }
 _MOTION = ("GT_Ln", "GT_Arc", "GT_Helix", "GT_BufMove", "GT_BufGear", "GT_BufStopMotion", "GT_BufJump", "GT_CrdStart")
 """Beginnings of the names of calls that move X and Y, or decide what does."""
@@ -31,7 +31,7 @@ _PREFIX_REASONS = (
     ("GT_BufComparePulse", _OUTPUT),
     ("GT_LnX", Phrase("gusjob simulates X and Y only")),
     ("GT_Ln", _OTHER_AXES),
-    ("GT_ArcXY", Phrase("gusjob has no model of this form")),
+    ("GT_ArcXY", Phrase("this variant of the call is not simulated")),
     ("GT_Arc", _OTHER_AXES),
     ("GT_Helix", _OTHER_AXES),
 )
@@ -56,7 +56,7 @@ class Reading(Enum):
 class LibraryCall:
     """A call by its name. `leading`: how many numbers precede the manual's arguments (a card, a core).
 
-    `reason`: why there is no model; `is_essential`: without it the report would show another path or other light.
+    `reason`: why there is no model; `is_essential`: without it the report would show another path or other emission.
     `least`, `most`: how many arguments it may have, the leading ones included.
     `trailing`: how many arguments follow the manual's own, each with 0 as the only value that is read.
     """

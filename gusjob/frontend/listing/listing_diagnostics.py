@@ -1,4 +1,4 @@
-"""Diagnostics of a listing's text, at the tokens of the statement that is read."""
+"""Collect the diagnostics of a listing's text, at the tokens of the statement that is read."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from lark import Token
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
+from gusjob.i18n.phrases import Phrase
 
 
 @dataclass(slots=True)
@@ -45,3 +46,8 @@ class ListingDiagnostics:
     def line_of(self, token: Token) -> int:
         """Return the line of a token in the text."""
         return self.first_line + (token.line or 1) - 1
+
+
+def control_flow(word: str) -> str:
+    """Return what is wrong with a word that decides which calls are made."""
+    return Phrase("'{word}' is control flow", word=word)

@@ -1,4 +1,4 @@
-"""A listing's text to its calls: each line shape is parsed once, and the numbers of all its lines are read together.
+"""Read a listing: each line shape is parsed once, and the numbers of all its lines are read together.
 
 What is not a plain call is parsed and run line by line. Only straight-line code is read: what could change which calls
 are made, or with which values, and is not evaluated, is an error.
@@ -26,7 +26,7 @@ from gusjob.frontend.listing.c_trees import depth_of, first_token, has_effect, i
 from gusjob.frontend.listing.call_reader import CallReader
 from gusjob.frontend.listing.call_rows import stream_of
 from gusjob.frontend.listing.clean_text import JOINS_LINES, OCTAL_MARK, clean_text, program_kind
-from gusjob.frontend.listing.listing_diagnostics import ListingDiagnostics
+from gusjob.frontend.listing.listing_diagnostics import ListingDiagnostics, control_flow
 from gusjob.frontend.parse.grammar import LISTING_GRAMMAR, parser, subtrees, tokens
 from gusjob.frontend.parse.misread import misread
 from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder, join_rows, rows_of
@@ -201,7 +201,11 @@ class _ListingReader:
         rows = join_rows([self.without_joined(rows), *further])
         if self.left is not None and (self.goes_on_after_leaving or (rows.line > self.left.line).any()):
             self.diagnostics.add(
-                rules.CONTROL_FLOW, self.left.line, self.left.column, self.left.end_column, word="return"
+                rules.CONTROL_FLOW,
+                self.left.line,
+                self.left.column,
+                self.left.end_column,
+                what=Phrase("code follows 'return'"),
             )
         self.rows = self.calls.checked(rows)
 
@@ -296,8 +300,11 @@ class _ListingReader:
             self.not_code(error, code, number)
             return
         items = subtrees(tree)
-        if depth_of(tree) > _MAX_DEPTH or (self.unterminated and _GOES_ON.match(code)):
-            found = Phrase("an expression with too many levels, or one that may go on from the line before")
+        too_deep = depth_of(tree) > _MAX_DEPTH
+        if too_deep or (self.unterminated and _GOES_ON.match(code)):
+            found = Phrase("a line that may continue the statement before it; is a semicolon missing?")
+            if too_deep:
+                found = Phrase("an expression with more than {limit} levels", limit=_MAX_DEPTH)
             self.end_statement(number)
             self.diagnostics.add(rules.CALL_SYNTAX, self.diagnostics.first_line, 1, 2, found=found)
             return
@@ -396,7 +403,7 @@ class _ListingReader:
         line = code.count("\n", 0, start)
         column = start - code.rfind("\n", 0, start)
         self.diagnostics.add(
-            rules.CONTROL_FLOW, self.diagnostics.first_line + line, column, column + len(word), word=word
+            rules.CONTROL_FLOW, self.diagnostics.first_line + line, column, column + len(word), what=control_flow(word)
         )
         self.diagnostics.refused_line = number
 
@@ -435,18 +442,24 @@ class _ListingReader:
         elif word == "undef" and re.fullmatch(r"\w+", rest.strip()):
             self.evaluator.macros.pop(rest.strip(), None)
         elif word == "undef" or (word == "pragma" and "macro" in rest):
-            found = Phrase("a line of the preprocessor that changes macros")
+            found = Phrase("an #undef or a #pragma that changes macros")
             self.diagnostics.add(rules.CALL_SYNTAX, number, 1, len(code) + 1, found=found)
         elif word in ("else", "elif", "endif") and self.has_conditional_text:
             pass
         elif word == "include" and not _HEADER.match(self.source.line(number)):
             self.diagnostics.add(
-                rules.CALL_SYNTAX, number, 1, len(code) + 1, found=Phrase("a file that may hold calls")
+                rules.CALL_SYNTAX,
+                number,
+                1,
+                len(code) + 1,
+                found=Phrase("an included file that may contain calls; insert its calls here"),
             )
         elif word not in ("include", "pragma", "region", "endregion", ""):
             self.has_conditional_text = True
             column = code.index("#") + 1
-            self.diagnostics.add(rules.CONTROL_FLOW, number, column, column + len(word) + 1, word=f"#{word}")
+            self.diagnostics.add(
+                rules.CONTROL_FLOW, number, column, column + len(word) + 1, what=control_flow(f"#{word}")
+            )
 
     def define(self, rest: str, number: int, code: str) -> None:
         """Define a macro without arguments; others are not read."""
@@ -456,7 +469,9 @@ class _ListingReader:
             column = len(code) - len(code.lstrip()) + 1
             if (called := re.match(r"[A-Za-z_]\w*", rest)) is not None:
                 self.evaluator.reported_functions.add(called[0])
-            found = Phrase("a macro with arguments, or of a name that has a meaning")
+            found = (
+                Phrase("a macro with arguments") if match is None else Phrase("a macro named like a C word or a call")
+            )
             self.diagnostics.add(rules.CALL_SYNTAX, number, column, len(code.rstrip()) + 1, found=found)
             return
         macro = _macro((match[2] or "").strip())
