@@ -21,7 +21,7 @@ from gusjob.inputs import exists, open_input
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no named pipes as files")
 
-PATIENCE_S = 2
+PATIENCE_S = 20
 WHY = "it is a named pipe, not a file"
 
 
