@@ -153,8 +153,8 @@ _SIGNATURES = (
         name="GT_ArcXYC",
         args=(
             *_TO,
-            _real("xc", ranges.COORDINATE_PULSE, "p"),
-            _real("yc", ranges.COORDINATE_PULSE, "q"),
+            _real("xc", ranges.ARC_CENTRE_PULSE, "p"),
+            _real("yc", ranges.ARC_CENTRE_PULSE, "q"),
             _DIR,
             *_SPEED,
         ),

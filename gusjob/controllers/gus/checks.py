@@ -87,7 +87,7 @@ def _report_arcs(calls: BufferedCalls, motion: MotionEvents, reporter: SegmentRe
     x0, y0, x1, y1 = segments.x0[at], segments.y0[at], segments.x1[at], segments.y1[at]
     chord = np.hypot(x1 - x0, y1 - y0)
     to_end = np.hypot(x1 - segments.arcs.cx, y1 - segments.arcs.cy)
-    # Ends and centre are whole pulses: each may be off by less than one.
+    # Ends are whole pulses, and often the centre is: each may be off by less than one.
     off_circle = ~by_radius & (np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE)
     for bad, reason in (
         (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts is ambiguous")),

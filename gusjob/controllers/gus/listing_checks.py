@@ -86,7 +86,7 @@ def _fast_arcs(trace: Trace, machine: Machine) -> list[Diagnostic]:
     velocity = np.maximum(np.maximum(profile.peak[at], profile.start[at]), profile.end[at])
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = velocity**2 / radius
-    # Ends and centre are whole pulses, so the radius may be off by this much.
+    # Ends are whole pulses, and often the centre is, so the radius may be off by this much.
     fast = np.flatnonzero((radius > 0) & (velocity**2 > limit * (radius + _RADIUS_ROUNDING_PULSE)))
     rule = rules.ARC_TOO_FAST_IN_CALLS
     listed = fast[: collector.remaining(rule)].tolist()

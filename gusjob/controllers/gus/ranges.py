@@ -337,6 +337,14 @@ RADIUS_PULSE = Range(
     section="sister",
     note="r > 0 up to 180 degrees, r < 0 more; no full circle",
 )
+ARC_CENTRE_PULSE = Range(
+    name="arc centre",
+    unit="pulse",
+    low=-1073741823,
+    high=1073741823,
+    section="sister",
+    note="offset from the start, a C double: need not be whole",
+)
 ARC_DIRECTION = Range(
     name="arc direction", unit="", low=0, high=1, whole=True, section="sister", note="0 clockwise, 1 counter-clockwise"
 )

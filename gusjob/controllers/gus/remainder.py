@@ -258,7 +258,7 @@ def _begin_within(left: BufferedCalls, calls: BufferedCalls, row: int, start: tu
     if calls.kind[row] in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS):
         cx, cy = _centre(calls, row)
         left.kind[0] = Buffered.ARC_CENTRE
-        left.p[0], left.q[0] = np.rint(cx - start[0]), np.rint(cy - start[1])
+        left.p[0], left.q[0] = cx - start[0], cy - start[1]
 
 
 def as_centre_arc(calls: BufferedCalls, row: int) -> None:
@@ -266,7 +266,7 @@ def as_centre_arc(calls: BufferedCalls, row: int) -> None:
     if calls.kind[row] == Buffered.ARC_RADIUS:
         (cx, cy), start = _centre(calls, row), point_pulse(calls, PathPosition(row=row))
         calls.kind[row] = Buffered.ARC_CENTRE
-        calls.p[row], calls.q[row] = np.rint(cx - start[0]), np.rint(cy - start[1])
+        calls.p[row], calls.q[row] = cx - start[0], cy - start[1]
 
 
 def _centre(calls: BufferedCalls, row: int) -> tuple[float, float]:

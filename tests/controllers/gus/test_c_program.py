@@ -56,6 +56,7 @@ LASER OFF CHANNEL 1
 OTHERS = """GT_Reset()
 GT_SetCrdStopDec(1,2.5,100)
 GT_LnXYG0(1,1000,-2000,50.5,2,0)
+GT_ArcXYC(1,3469,-2000,1234.5,6e-13,0,50.5,2,0,0)
 GT_BufLaserFollowMode(1,0,0,0,0.5)
 GT_BufLaserFollowRatio(1,0.1,2.5,97.5,0,0)
 GT_BufLaserFollowOff(1,0,0)
