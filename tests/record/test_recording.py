@@ -663,3 +663,42 @@ kill(getpid(), 9);
         assert LINE.fullmatch(last.rstrip())
         assert re.search(rf" // {polls} times, the last at [0-9.]+ *$", last) or polls == 1
     assert any(after < before for before, after in itertools.pairwise(lengths))
+
+
+def test_an_origin_at_the_head_and_a_given_one(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Positions count from there; without the flag originPos is not looked at."""
+    body = r"""
+double pos[2]; short run; long segment;
+begin(); GT_LnXY(1, 1000, -300, 50, 20, 0, 0); GT_CrdStart(1, 0);
+do GT_CrdStatus(1, &run, &segment, 0); while (run);
+GT_GetCrdPos(1, pos); printf("%g %g\n", pos[0], pos[1]);
+prm.setOriginFlag = 0; prm.originPos[0] = 2147483647;
+if (GT_SetCrdPrm(1, &prm)) return 1;
+GT_GetCrdPos(1, pos); printf("%g %g\n", pos[0], pos[1]);
+prm.setOriginFlag = 1; prm.originPos[0] = 5000; prm.originPos[1] = -2000;
+if (GT_SetCrdPrm(1, &prm)) return 1;
+GT_GetCrdPos(1, pos); printf("%g %g\n", pos[0], pos[1]);
+"""
+    assert of_c(tmp_path, body).exit_code == 0
+    assert capfd.readouterr().out.splitlines() == ["1000 -300", "0 0", "-4000 1700"]
+
+
+def test_an_axis_that_is_switched_off_in_motion(tmp_path: Path) -> None:
+    """The motion stops, and the listing says it in a call that its reader knows."""
+    body = """
+short GT_AxisOff(short); double pos[2];
+begin(); GT_LnXY(1, 100000, 0, 50, 2, 0, 0); GT_CrdStart(1, 0);
+for (int i = 0; i < 100; i++) GT_GetCrdPos(1, pos);
+GT_AxisOff(3); GT_AxisOff(1); GT_AxisOff(2); GT_Close();
+"""
+    of_c(tmp_path, body)
+    off = lines(tmp_path / "calls.gts")[6:]
+    assert [line.partition("] ")[2] for line in off] == [
+        "GT_AxisOff(3) = 0",
+        "GT_AxisOff(1) = 0",
+        "GT_Stop(256,256) = 0 // by GT_AxisOff",
+        "AT_REST(1)",
+        "GT_AxisOff(2) = 0",
+        "GT_Close() = 0",
+    ]
+    assert times(tmp_path / "calls.gts")[7] == times(tmp_path / "calls.gts")[8] == times(tmp_path / "calls.gts")[9]

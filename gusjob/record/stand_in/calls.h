@@ -247,7 +247,7 @@ static short reset(const double *a, double *out)
         switch_at_once(i, 0);
         default_channel(&m->channel[i]);
         sample(&m->channel[i]);
-        m->built[i] = 0;
+        m->system[i] = (System){0};
         for (k = 0; k < 2; k++) {
             Fifo *f = &m->fifo[i][k];
             *f = (Fifo){.head = f->tail, .tail = f->tail, .fresh = 1};
@@ -272,17 +272,25 @@ static short clear_status(const double *a, double *out)
     return within(a[0], 1, 8) && within(a[1], 1, 9 - a[0]) ? DONE : PARAMETER;
 }
 
+/* Whether the axes that a coordinate system drives can move. */
+static int has_servos(int crd)
+{
+    return (m->axes & m->system[crd - 1].axes) == m->system[crd - 1].axes;
+}
+
 /* a: axis, on */
 static short switch_axis(const double *a, double *out)
 {
-    int bit;
+    int bit, could_move = m->moving && has_servos(m->moving);
     (void)out;
     if (!within(a[0], 1, 8))
         return PARAMETER;
     bit = 1 << ((int)a[0] - 1);
     m->axes = a[1] != 0 ? m->axes | bit : m->axes & ~bit;
-    if ((m->axes & 3) != 3) /* without its servos it can't move */
-        halt();
+    if (could_move && !has_servos(m->moving)) {
+        m->stopped_by_axis = m->moving;
+        stop_abruptly();
+    }
     return DONE;
 }
 
@@ -302,11 +310,13 @@ static short stop(const double *a, double *out)
     (void)out;
     if (!within(a[0], 0, 0x3ff) || !within(a[1], 0, 0x3ff))
         return PARAMETER;
-    mine = (long)a[0] & (3 | 0x80L << m->moving);
-    if (!m->moving || !mine)
+    if (!m->moving)
+        return DONE;
+    mine = (long)a[0] & (m->system[m->moving - 1].axes | 0x80L << m->moving);
+    if (!mine)
         return DONE;
     if ((long)a[1] & mine)
-        halt();
+        stop_abruptly();
     else
         stop_smoothly();
     return DONE;
@@ -495,19 +505,61 @@ static short set_distance_ratio(const double *a, double *out)
     return DONE;
 }
 
-/* a: crd, dimension, profile[8], velocity, acceleration, even time, origin flag, origin[8], pointer */
+/* The axis, from 0, that a dimension drives: profile[k] names the dimension of axis k + 1. */
+static int axis_of(const double *profile, double dimension, int otherwise)
+{
+    int i;
+    for (i = 0; i < 8; i++)
+        if (profile[i] == dimension)
+            return i;
+    return otherwise;
+}
+
+/* a: crd, dimension, profile[8], velocity, acceleration, even time, origin flag, origin[8], pointer. Without the flag
+   the origin is where the head is, and originPos is not looked at: programs leave it as it is. */
 static short set_crd(const double *a, double *out)
 {
+    const double *profile = a + 2, *origin = a + 14;
     int i, good = is_crd(a[0]) && a[22] && within(a[1], 1, 4) && between(a[10], 0, FASTEST)
                   && between(a[11], 0, FASTEST) && below(a[12], FASTEST) && is_bit(a[13]);
+    System *system, made = new_system(), before;
     (void)out;
     for (i = 0; i < 8 && good; i++)
-        good = within(a[2 + i], 0, 8) && is_place(a[14 + i]);
+        good = within(profile[i], 0, 8) && (!a[13] || is_place(origin[i]));
     if (!good)
         return PARAMETER;
     if (m->moving)
         return REFUSED;
-    m->built[(int)a[0] - 1] = 1;
+    made.x_axis = axis_of(profile, 1, -1);
+    made.y_axis = axis_of(profile, 2, -1);
+    if (made.x_axis < 0 || made.y_axis < 0) {
+        made.x_axis = 0;
+        made.y_axis = 1;
+    }
+    made.axes = 1 << made.x_axis | 1 << made.y_axis;
+    made.origin_x = a[13] ? origin[made.x_axis] : m->x;
+    made.origin_y = a[13] ? origin[made.y_axis] : m->y;
+    made.vel_max = a[10];
+    made.acc_max = a[11];
+    made.even_time = a[12];
+    system = &m->system[(int)a[0] - 1];
+    before = *system;
+    *system = made;
+    system->smooth = before.smooth;
+    system->abrupt = before.abrupt;
+    return DONE;
+}
+
+/* a: crd, smooth, abrupt */
+static short set_stop_dec(const double *a, double *out)
+{
+    System *system;
+    (void)out;
+    if (!is_crd(a[0]) || !between(a[1], 0, FASTEST) || !between(a[2], 0, FASTEST))
+        return PARAMETER;
+    system = &m->system[(int)a[0] - 1];
+    system->smooth = a[1];
+    system->abrupt = a[2];
     return DONE;
 }
 
@@ -563,7 +615,7 @@ static short start(const double *a, double *out)
     (void)out;
     if (!within(a[0], 1, 3) || !within(a[1], 0, 3))
         return PARAMETER;
-    if (crd == 3 || m->moving || (m->axes & 3) != 3 || !m->built[crd - 1])
+    if (crd == 3 || m->moving || !has_servos(crd) || !m->system[crd - 1].built)
         return REFUSED;
     lane = (int)a[1] >> (crd - 1) & 1;
     f = &m->fifo[crd - 1][lane];
@@ -579,8 +631,7 @@ static short start(const double *a, double *out)
     m->lane = lane;
     m->started = m->t;
     if (m->loaded) {
-        plan(m->piece.from, 0);
-        begin_row();
+        resume_path();
         begin_lits();
     } else {
         fetch();
@@ -600,13 +651,17 @@ static short status(const double *a, double *out)
     return DONE;
 }
 
-/* a: crd, pointer; out: x, y */
+/* a: crd, pointer; out: x, y in that coordinate system */
 static short position(const double *a, double *out)
 {
+    const System *system;
     double velocity;
     if (!is_crd(a[0]) || !a[1])
         return PARAMETER;
     whereabouts(m->t, &velocity, &out[0], &out[1]);
+    system = &m->system[(int)a[0] - 1];
+    out[0] -= system->origin_x;
+    out[1] -= system->origin_y;
     if (!m->moving)
         out[0] += m->option[POS_ERROR];
     return DONE;
@@ -628,7 +683,7 @@ static short put(double crd_number, double lane_number, Slot call)
 {
     int crd = (int)crd_number, lane = (int)lane_number;
     Fifo *f = &m->fifo[crd - 1][lane];
-    if (!m->built[crd - 1] || (m->moving == crd && m->lane != lane) || free_slots(crd, lane) <= 0)
+    if (!m->system[crd - 1].built || (m->moving == crd && m->lane != lane) || free_slots(crd, lane) <= 0)
         return REFUSED;
     call.ordinal = m->timed;
     m->timed += call.kind <= DELAY;

@@ -64,6 +64,9 @@ static void log_rests(int card)
 static void log_call(const Call *call, int code, const double *out)
 {
     write_call(call, m->origin + m->t, code, out);
+    if (m->stopped_by_axis)
+        write_stop(call->card, m->origin + m->t, m->stopped_by_axis, call->name);
+    m->stopped_by_axis = 0;
     owed_ms = code == REFUSED ? REFUSED_MS : 0;
     last_call = moment();
 }

@@ -299,6 +299,17 @@ static void write_rest(int card, double clock, int crd)
     append_text(l, &t);
 }
 
+/* The same motion as an abrupt stop of its coordinate system, which the listing's reader knows. */
+static void write_stop(int card, double clock, int crd, const char *name)
+{
+    Listing *l = listing_of(card);
+    Text t = {.size = 0};
+    print(&t, "[");
+    print_time(&t, since_first_ms(clock));
+    print(&t, "] GT_Stop(%d,%d) = 0 // by %s\n", 0x80 << crd, 0x80 << crd, name);
+    append_text(l, &t);
+}
+
 static void write_call(const Call *call, double clock, int code, const double *out)
 {
     Listing *l = listing_of(call->card);

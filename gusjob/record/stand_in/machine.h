@@ -54,9 +54,17 @@ typedef struct {
     int fresh; /* cleared, not started since */
 } Fifo;
 
-/* The path of the timed call under way. */
+/* What GT_SetCrdPrm and GT_SetCrdStopDec have set, all 0 at first. No limit is 0; a smooth stop of 0 slows down as each
+   call says, an abrupt one of 0 takes no time. axes: bits of those that X and Y drive. */
+typedef struct {
+    int built, axes, x_axis, y_axis;
+    double origin_x, origin_y, vel_max, acc_max, even_time, smooth, abrupt;
+} System;
+
+/* The path of the timed call under way, on the machine: the call has its target there, too. */
 typedef struct {
     Slot call;
+    double origin_x, origin_y;
     double x0, y0, length;
     int arc;
     double cx, cy, radius, angle, sweep;
@@ -159,10 +167,13 @@ typedef struct {
     double origin, t;        /* ms: start of the stage, time since then */
     double base_now, base_wall; /* where the wall clock was tied to the machine's */
     double tick;             /* number of the next tick */
-    int open, axes, built[2];
+    int open, axes;
+    System system[2];
     int moving, lane;        /* the coordinate system that moves (0: none); the FIFO that runs, or ran last */
     int owner;               /* the coordinate system of the path under way */
     int loaded, stopping;    /* a path is under way; on its way to rest */
+    double stop_dec;         /* of that; 0: as each call says */
+    int stopped_by_axis;     /* the coordinate system that the call at hand stopped with an axis's servo */
     double x, y, velocity;   /* at rest, or at the last end of a path */
     double ran, started;     /* running time up to the last start of motion, and t of that start */
     double rested_at[2];     /* clock at which a coordinate system came to rest */
@@ -601,12 +612,27 @@ static void end_row(double way, double velocity, int completed)
     m->row_state = ENDED_ROW;
 }
 
+static System *owning_system(void)
+{
+    return &m->system[m->owner - 1];
+}
+
+/* The velocity that leaves even_time at constant velocity, if one does without going below v0 or end. */
+static double even_velocity(double way, double v0, double vel, double acc, double end, double even_time)
+{
+    double top2 = acc * way + (v0 * v0 + end * end) / 2, half = acc * even_time / 2;
+    if (even_time <= 0 || v0 > vel)
+        return vel;
+    return fmin(vel, fmax(top2 / (half + sqrt(half * half + top2)), fmax(v0, end)));
+}
+
 /* From v0 to vel to vel_end, or to the end velocity next to it that can be reached. */
-static void trapezoid(Piece *p, double v0, double vel, double acc, double vel_end)
+static void trapezoid(Piece *p, double v0, double vel, double acc, double vel_end, double even_time)
 {
     double slowest = sqrt(fmax(v0 * v0 - 2 * acc * p->way, 0)), fastest = sqrt(v0 * v0 + 2 * acc * p->way);
     double end = clamp(fmin(vel_end, vel), slowest, fastest);
-    double peak = v0 > vel ? fmax(vel, end) : fmin(vel, sqrt(acc * p->way + (v0 * v0 + end * end) / 2));
+    double even = even_velocity(p->way, v0, vel, acc, end, even_time);
+    double peak = v0 > vel ? fmax(vel, end) : fmin(even, sqrt(acc * p->way + (v0 * v0 + end * end) / 2));
     double first = fabs(peak - v0) / acc, last = fmax(peak - end, 0) / acc;
     double cruise = p->way - (v0 + peak) / 2 * first - (peak + end) / 2 * last;
     p->time[0] = first;
@@ -635,6 +661,9 @@ static void slow_down(Piece *p, double v0, double acc)
 static void plan(double from, double v0)
 {
     const Slot *call = &m->path.call;
+    const System *system = owning_system();
+    double vel = system->vel_max > 0 ? fmin(call->vel, system->vel_max) : call->vel;
+    double acc = system->acc_max > 0 ? fmin(call->acc, system->acc_max) : call->acc;
     Piece *p = &m->piece;
     memset(p, 0, sizeof *p);
     p->start = m->t;
@@ -643,9 +672,9 @@ static void plan(double from, double v0)
     if (call->kind == DELAY)
         p->time[0] = call->p;
     else if (m->stopping)
-        slow_down(p, v0, call->acc);
+        slow_down(p, v0, m->stop_dec > 0 ? m->stop_dec : acc);
     else
-        trapezoid(p, v0, call->vel, call->acc, call->vel_end);
+        trapezoid(p, v0, vel, acc, call->vel_end, system->even_time);
     p->duration = p->time[0] + p->time[1] + p->time[2];
 }
 
@@ -685,12 +714,16 @@ static void load(const Slot *call)
     Path *p = &m->path;
     memset(p, 0, sizeof *p);
     p->call = *call;
+    p->origin_x = owning_system()->origin_x;
+    p->origin_y = owning_system()->origin_y;
+    p->call.x += p->origin_x;
+    p->call.y += p->origin_y;
     p->x0 = m->x;
     p->y0 = m->y;
     if (call->kind == DELAY) {
         m->velocity = 0;
     } else {
-        p->length = hypot(call->x - p->x0, call->y - p->y0);
+        p->length = hypot(p->call.x - p->x0, p->call.y - p->y0);
         if (call->kind == ARC_CENTRE)
             bend(p, p->x0 + call->p, p->y0 + call->q, call->r != 0);
         else if (call->kind == ARC_RADIUS && p->length > 0)
@@ -699,6 +732,25 @@ static void load(const Slot *call)
     m->loaded = 1;
     plan(0, m->velocity);
     begin_row();
+}
+
+/* The path that was interrupted goes on; an origin that was set meanwhile has moved its target, not an arc's centre. */
+static void resume_path(void)
+{
+    const Path *p = &m->path;
+    const System *system = owning_system();
+    Slot call = state->slot[m->owner - 1][m->lane][running_fifo()->head % RING];
+    if (p->origin_x == system->origin_x && p->origin_y == system->origin_y) {
+        plan(m->piece.from, 0);
+        begin_row();
+        return;
+    }
+    if (p->arc) {
+        call.kind = ARC_CENTRE;
+        call.p = p->cx - m->x;
+        call.q = p->cy - m->y;
+    }
+    load(&call);
 }
 
 static void rest(void)
@@ -843,7 +895,8 @@ static void halt(void)
     begin_lits();
 }
 
-static void stop_smoothly(void)
+/* Slows down to rest with a deceleration, 0: with that of each call. */
+static void slow_to_rest(double dec)
 {
     double velocity, way;
     if (!m->moving || m->stopping)
@@ -855,7 +908,22 @@ static void stop_smoothly(void)
     way = way_at(m->t - m->piece.start, &velocity);
     m->row[R_DURATION] += m->t - m->piece.start;
     m->stopping = 1;
+    m->stop_dec = dec;
     plan(way, velocity);
+}
+
+static void stop_smoothly(void)
+{
+    slow_to_rest(owning_system()->smooth);
+}
+
+static void stop_abruptly(void)
+{
+    double dec = owning_system()->abrupt;
+    if (dec > 0)
+        slow_to_rest(dec);
+    else
+        halt();
 }
 
 /* All that is queued is run at once; the clock jumps along. */

@@ -48,7 +48,15 @@ static int is_axes(double axis, double count)
     return within(axis, 1, 8) && within(count, 1, 9 - axis);
 }
 
-/* a: axis, count, pointer; out: bits of each axis, then (out[8]) the clock in ms. The head is axes 1 and 2. */
+/* The coordinate system whose axes are the head's: that which moved last, else axes 1 and 2. */
+static System *driving_system(void)
+{
+    static System first;
+    first = new_system();
+    return m->owner && owning_system()->built ? owning_system() : &first;
+}
+
+/* a: axis, count, pointer; out: bits of each axis, then (out[8]) the clock in ms */
 static short axis_status(const double *a, double *out)
 {
     int i;
@@ -56,7 +64,7 @@ static short axis_status(const double *a, double *out)
     if (!is_axes(a[0], a[1]) || !a[2])
         return PARAMETER;
     for (i = 0; i < (int)a[1]; i++) {
-        int axis = (int)a[0] + i, moves = m->moving && axis <= 2, on = m->axes >> (axis - 1) & 1;
+        int bit = 1 << ((int)a[0] + i - 1), moves = m->moving && driving_system()->axes & bit, on = (m->axes & bit) != 0;
         out[i] = (on ? SERVO_ON : 0) + (moves ? PROFILE_RUNNING : on ? IN_POSITION : 0);
     }
     return DONE;
@@ -65,12 +73,24 @@ static short axis_status(const double *a, double *out)
 /* a: axis, count, pointer; out: position of each axis, then (out[8]) the clock in ms */
 static short axis_position(const double *a, double *out)
 {
-    double velocity, place[8] = {0};
+    double velocity, x, y, place[8] = {0};
     out[8] = floor(m->origin + m->t);
     if (!is_axes(a[0], a[1]) || !a[2])
         return PARAMETER;
-    whereabouts(m->t, &velocity, &place[0], &place[1]);
+    whereabouts(m->t, &velocity, &x, &y);
+    place[driving_system()->x_axis] = x;
+    place[driving_system()->y_axis] = y;
     memcpy(out, place + (int)a[0] - 1, (size_t)a[1] * sizeof *out);
+    return DONE;
+}
+
+/* a: crd, pointers; out: smooth, abrupt */
+static short get_stop_dec(const double *a, double *out)
+{
+    if (!is_crd(a[0]) || !a[1])
+        return PARAMETER;
+    out[0] = m->system[(int)a[0] - 1].smooth;
+    out[1] = m->system[(int)a[0] - 1].abrupt;
     return DONE;
 }
 
@@ -162,6 +182,17 @@ API GT_GetRemainderSegNum(CARD short crd, long *pSegment, short fifo)
     short code = call(CARD_NUMBER, "GT_GetRemainderSegNum", "#,~segment,#", remainder_count, a, out);
     if (code == DONE)
         *pSegment = (long)out[0];
+    return code;
+}
+
+API GT_GetCrdStopDec(CARD short crd, double *pDecSmoothStop, double *pDecAbruptStop)
+{
+    double a[] = {crd, pDecSmoothStop && pDecAbruptStop}, out[2];
+    short code = call(CARD_NUMBER, "GT_GetCrdStopDec", "#,@smooth,@abrupt", get_stop_dec, a, out);
+    if (code == DONE) {
+        *pDecSmoothStop = out[0];
+        *pDecAbruptStop = out[1];
+    }
     return code;
 }
 

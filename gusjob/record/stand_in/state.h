@@ -17,6 +17,11 @@ static void default_channel(Channel *c)
     c->high = 100;
 }
 
+static System new_system(void)
+{
+    return (System){.built = 1, .axes = 3, .y_axis = 1};
+}
+
 static short put(double crd_number, double lane_number, Slot call);
 static short start(const double *a, double *out);
 
@@ -24,7 +29,7 @@ static void leave_line(double length)
 {
     static const double SYSTEM_1[] = {1, 0};
     m->axes |= 3;
-    m->built[0] = 1;
+    m->system[0] = new_system();
     put(1, 0, (Slot){.kind = LINE, .x = m->x + length, .y = m->y, .vel = 50, .acc = 10});
     start(SYSTEM_1, NULL);
 }

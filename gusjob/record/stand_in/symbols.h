@@ -152,6 +152,9 @@ API GT_SetCrdPrm(CARD short crd, TCrdPrm *pCrdPrm)
     return call(CARD_NUMBER, "GT_SetCrdPrm", "#,{#,{#,#,#,#,#,#,#,#},#,#,#,#,{#,#,#,#,#,#,#,#}}", set_crd, a, NULL);
 }
 
+API GT_SetCrdStopDec(CARD short crd, double decSmoothStop, double decAbruptStop)
+    CALL("GT_SetCrdStopDec", "#,#,#", set_stop_dec, crd, decSmoothStop, decAbruptStop)
+
 API GT_CrdClear(CARD short crd, short fifo) CALL("GT_CrdClear", "#,#", clear, crd, fifo)
 
 API GT_CrdSpace(CARD short crd, long *pSpace, short fifo)
