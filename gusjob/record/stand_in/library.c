@@ -98,6 +98,9 @@ __attribute__((constructor)) static void loaded(void)
     if (limit != NULL && atof(limit) > 0)
         limit_bytes = atof(limit);
     loaded_ms = wall_ms();
+#ifndef _WIN32
+    pthread_atfork(take_lock, give_lock, give_lock); /* No call of another thread is under way in a process made new. */
+#endif
     lock_state();
     select_card(0);
     plant_faults(getenv("GUSJOB_RECORD_FAULTS"));

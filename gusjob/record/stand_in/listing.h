@@ -17,6 +17,7 @@
 #include "text.h"
 
 #define KINDS 8 /* of readings that follow each other */
+#define MOST_LISTINGS 100000
 
 typedef struct {
     Text call, kind; /* with its answers; without those that change by themselves */
@@ -26,7 +27,7 @@ typedef struct {
 
 typedef struct {
     Output output;
-    int is_open, is_full;
+    int is_open, has_file, is_full;
     long long size;  /* bytes */
     long long start; /* of the readings at the end */
     int readings;
@@ -61,9 +62,11 @@ static void append(Listing *l, const char *text, size_t size)
 {
     if (l->is_full)
         return;
-    if (write_output(l->output, text, size, l->size) != 0) {
+    if (write_output(&l->output, text, size, l->size) != 0) {
         fprintf(stderr, "gusjob record: the listing can't be written: later calls are missing\n");
+        cut_output(&l->output, l->size - 1); /* A listing that ends without a line's end is cut. */
         l->is_full = 1;
+        return;
     }
     l->size += (long long)size;
 }
@@ -81,19 +84,20 @@ static void open_listing(int card)
     const PathChar *base = path_getenv(PATH_TEXT("GUSJOB_RECORD"));
     PathChar name[4096] = {0};
     Text t = {.size = 0};
-    int number = 0, exists = 0;
+    int number = 0, exists = 0, failed;
     if (base == NULL || !*base)
         base = PATH_TEXT("calls.gts");
     *l = (Listing){.is_open = 1};
     do {
         name_listing(name, sizeof name / sizeof *name - 1, base, ++number, card);
-        l->output = create_output(name, &exists);
-    } while (exists && number < 1000);
-    if (l->output == NO_OUTPUT) {
+        failed = create_output(&l->output, name, &exists);
+    } while (exists && number < MOST_LISTINGS);
+    if (failed) {
         fprintf(stderr, "gusjob record: " PATH_MESSAGE ": can't be written, no call is recorded\n", name);
         l->is_full = 1;
         return;
     }
+    l->has_file = 1;
     print(&t, "// recorded by gusjob record, ABI %s", ABI[VC_ABI]);
     if (VC_ABI == 2)
         print(&t, ", card %d", card);
@@ -108,8 +112,8 @@ static Listing *listing_of(int card)
     if (own_process != process_number()) {
         for (i = 0; i < CARDS; i++)
             if (listing[i].is_open) {
-                if (listing[i].output != NO_OUTPUT)
-                    close_output(listing[i].output);
+                if (listing[i].has_file)
+                    forget_output(&listing[i].output);
                 listing[i].is_open = 0;
             }
         own_process = process_number();
@@ -125,7 +129,10 @@ static Listing *listing_of(int card)
 static void print_time(Text *t, double ms)
 {
     char text[40];
-    size_t end = (size_t)snprintf(text, sizeof text, "%.6f", ms);
+    size_t end;
+    snprintf(text, sizeof text, "%.6f", ms);
+    set_point(text);
+    end = strlen(text);
     while (text[end - 1] == '0')
         end--;
     if (text[end - 1] == '.')

@@ -8,9 +8,10 @@
 
 #ifdef _WIN32
 
-typedef HANDLE Output;
+typedef struct {
+    HANDLE file;
+} Output;
 typedef wchar_t PathChar;
-#define NO_OUTPUT INVALID_HANDLE_VALUE
 #define PATH_TEXT(text) L##text
 #define PATH_FORMAT L"%ls"
 #define PATH_STEM L"%.*ls"
@@ -24,32 +25,47 @@ static long process_number(void)
     return (long)GetCurrentProcessId();
 }
 
-/* Creates a file, never an existing one; NO_OUTPUT if that fails. It is locked as long as this process lives. */
-static Output create_output(const PathChar *path, int *exists)
+/* Creates a file, never an existing one; -1 if that fails. It is locked as long as this process lives. */
+static int create_output(Output *made, const PathChar *path, int *exists)
 {
-    Output made = CreateFileW(path, GENERIC_WRITE, FILE_SHARE_READ, NULL, CREATE_NEW, FILE_ATTRIBUTE_NORMAL, NULL);
-    *exists = made == NO_OUTPUT && GetLastError() == ERROR_FILE_EXISTS;
-    return made;
+    made->file = CreateFileW(path, GENERIC_WRITE, FILE_SHARE_READ, NULL, CREATE_NEW, FILE_ATTRIBUTE_NORMAL, NULL);
+    *exists = made->file == INVALID_HANDLE_VALUE && GetLastError() == ERROR_FILE_EXISTS;
+    return made->file == INVALID_HANDLE_VALUE ? -1 : 0;
 }
 
 /* 0, or -1 if not all of it was written. */
-static int write_output(Output output, const char *text, size_t size, long long at)
+static int write_output(Output *output, const char *text, size_t size, long long at)
 {
     OVERLAPPED where = {.Offset = (DWORD)at, .OffsetHigh = (DWORD)(at >> 32)};
     DWORD wrote = 0;
-    return WriteFile(output, text, (DWORD)size, &wrote, &where) && wrote == size ? 0 : -1;
+    return WriteFile(output->file, text, (DWORD)size, &wrote, &where) && wrote == size ? 0 : -1;
 }
 
-static void close_output(Output output)
+/* Ends the file at a size. */
+static void cut_output(Output *output, long long size)
 {
-    CloseHandle(output);
+    LARGE_INTEGER at = {.QuadPart = size};
+    if (SetFilePointerEx(output->file, at, NULL, FILE_BEGIN))
+        SetEndOfFile(output->file);
+}
+
+/* Forgets the file of the process that this one was forked from; there is none. */
+static void forget_output(Output *output)
+{
+    (void)output;
 }
 
 #else
 
-typedef int Output;
+/* The program may close this file, as those do that close all that they have not opened, and may get its number for a
+   file of its own. So it has a high number, and is known by its device and node. */
+typedef struct {
+    int file;
+    dev_t device;
+    ino_t node;
+    char *path;
+} Output;
 typedef char PathChar;
-#define NO_OUTPUT (-1)
 #define PATH_TEXT(text) text
 #define PATH_FORMAT "%s"
 #define PATH_STEM "%.*s"
@@ -63,20 +79,57 @@ static long process_number(void)
     return (long)getpid();
 }
 
-static Output create_output(const PathChar *path, int *exists)
+static int is_own_file(const Output *output)
 {
-    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
-    Output made = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    *exists = made == NO_OUTPUT && errno == EEXIST;
-    if (made != NO_OUTPUT)
-        (void)fcntl(made, F_SETLK, &lock);
-    return made;
+    struct stat about;
+    return fstat(output->file, &about) == 0 && about.st_dev == output->device && about.st_ino == output->node;
 }
 
-static int write_output(Output output, const char *text, size_t size, long long at)
+/* Gives an open file a high number, and locks it, as long as this process lives. */
+static int adopt_file(Output *output, int file)
 {
+    static const int NUMBERS[] = {700, 200, 50, 3};
+    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+    size_t i;
+    output->file = -1;
+    for (i = 0; i < sizeof NUMBERS / sizeof *NUMBERS && output->file < 0; i++)
+        output->file = fcntl(file, F_DUPFD_CLOEXEC, NUMBERS[i]);
+    close(file);
+    if (output->file < 0)
+        return -1;
+    (void)fcntl(output->file, F_SETLK, &lock);
+    return 0;
+}
+
+static int create_output(Output *made, const PathChar *path, int *exists)
+{
+    struct stat about;
+    int file = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    *exists = file < 0 && errno == EEXIST;
+    if (file < 0 || adopt_file(made, file) != 0 || fstat(made->file, &about) != 0)
+        return -1;
+    made->device = about.st_dev;
+    made->node = about.st_ino;
+    made->path = realpath(path, NULL); /* The program may go to another folder. */
+    return 0;
+}
+
+/* Opens the file again if it was closed. */
+static int hold_output(Output *output)
+{
+    int file;
+    if (is_own_file(output))
+        return 0;
+    file = output->path ? open(output->path, O_WRONLY | O_CLOEXEC) : -1;
+    return file >= 0 && adopt_file(output, file) == 0 && is_own_file(output) ? 0 : -1;
+}
+
+static int write_output(Output *output, const char *text, size_t size, long long at)
+{
+    if (hold_output(output) != 0)
+        return -1;
     while (size > 0) {
-        ssize_t wrote = pwrite(output, text, size, (off_t)at);
+        ssize_t wrote = pwrite(output->file, text, size, (off_t)at);
         if (wrote < 0 && errno == EINTR)
             continue;
         if (wrote <= 0)
@@ -88,9 +141,17 @@ static int write_output(Output output, const char *text, size_t size, long long 
     return 0;
 }
 
-static void close_output(Output output)
+static void cut_output(Output *output, long long size)
 {
-    close(output);
+    if (hold_output(output) == 0 && ftruncate(output->file, (off_t)size) != 0)
+        return;
+}
+
+static void forget_output(Output *output)
+{
+    if (is_own_file(output))
+        close(output->file);
+    free(output->path);
 }
 
 #endif

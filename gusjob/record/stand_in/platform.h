@@ -77,15 +77,27 @@ static void signal_self(int number)
 #else
 
 static pthread_mutex_t machine_lock = PTHREAD_MUTEX_INITIALIZER;
+static sigset_t before_lock; /* signals that the thread with the lock had blocked */
 
+/* A handler of the program may make calls itself: it runs when the call that it would interrupt is over. */
 static void take_lock(void)
 {
+    static const int OWN[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP};
+    sigset_t blocked, before;
+    size_t i;
+    sigfillset(&blocked);
+    for (i = 0; i < sizeof OWN / sizeof *OWN; i++)
+        sigdelset(&blocked, OWN[i]);
+    pthread_sigmask(SIG_BLOCK, &blocked, &before);
     pthread_mutex_lock(&machine_lock);
+    before_lock = before;
 }
 
 static void give_lock(void)
 {
+    sigset_t before = before_lock;
     pthread_mutex_unlock(&machine_lock);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
 }
 
 static double wall_ms(void)

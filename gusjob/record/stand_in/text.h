@@ -23,6 +23,17 @@ __attribute__((format(printf, 2, 3))) static void print(Text *t, const char *for
         t->size = sizeof t->text - 1;
 }
 
+/* Makes the decimal point of the program's locale a point. */
+static void set_point(char *text)
+{
+    char *from = text + strspn(text, "+-0123456789");
+    size_t point = strcspn(from, "+-0123456789abcdefghijklmnopqrstuvwxyz");
+    if (point == 0)
+        return;
+    memmove(from + 1, from + point, strlen(from + point) + 1);
+    *from = '.';
+}
+
 /* The shortest text that reads back to the same number. */
 static void print_number(Text *t, double value)
 {
@@ -35,6 +46,7 @@ static void print_number(Text *t, double value)
     do
         snprintf(text, sizeof text, "%.*g", digits, value);
     while (strtod(text, NULL) != value && digits++ < 17);
+    set_point(text);
     print(t, "%s", text);
 }
 
