@@ -28,6 +28,7 @@ _VARIABLES = {
     "GUSJOB_RECORD_FAULTS": Phrase("calls that fail: NAME:N:CODE,NAME:N+:CODE"),
     "GUSJOB_RECORD_LIMIT": Phrase("longest listing in bytes; default: {bytes}", bytes=1_000_000_000),
 }
+_MOST_NAMES = 10
 _TARGETS = ("x86_64-windows", "x86-windows", "x86_64-linux", "aarch64-linux", "x86_64-macos", "aarch64-macos")
 
 
@@ -201,7 +202,7 @@ def _outcome(recording: Recording) -> list[Phrase]:
     """Describe the recording, and what to do if something is wrong."""
     lines: list[Phrase] = []
     if recording.listings:
-        files = all_of([str(path) for path in recording.listings])
+        files = _some(recording.listings)
         lines.append(
             plural(
                 recording.calls,
@@ -214,6 +215,16 @@ def _outcome(recording: Recording) -> list[Phrase]:
             Phrase(
                 "the program made no call of the stand-in: a library beside the program is loaded first, and a library "
                 "of another name needs --library-name"
+            )
+        )
+    if recording.replaced:
+        files = _some(recording.replaced)
+        lines.append(Phrase("an earlier recording was replaced: {files}", files=files))
+    if recording.has_wide:
+        lines.append(
+            Phrase(
+                "a refused call has a number from 2147483648 on: if the program declares int where the library "
+                "has long, as C# and ctypes.c_int do, record it with --long 32"
             )
         )
     if recording.is_cut:
@@ -235,6 +246,13 @@ def _outcome(recording: Recording) -> list[Phrase]:
             )
         )
     return lines
+
+
+def _some(paths: tuple[Path, ...]) -> str:
+    """Name files, the first ones of many."""
+    names = all_of([str(path) for path in paths[:_MOST_NAMES]])
+    more = len(paths) - _MOST_NAMES
+    return names if more <= 0 else Phrase("{files} and {count} more", files=names, count=more)
 
 
 def _build(folder: Path, abi: Abi, target: Target | None, names: tuple[str, ...]) -> None:

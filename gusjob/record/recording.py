@@ -11,25 +11,31 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-
-if sys.platform != "win32":
-    import fcntl
 
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.inputs import exists
 from gusjob.record.build import Target, built_audit, built_library, library_name, own_target, system_of
+from gusjob.record.listings import (
+    count_lines,
+    end_listing,
+    is_recording,
+    is_written,
+    listings_of,
+    locked,
+    mark_of,
+    set_aside,
+    target_of,
+)
 from gusjob.record.stand_in_source import exported
 
-HEADER = b"// recorded by gusjob record"
-"""The first bytes of a recorded listing."""
-_STOPPED = b"// stopped: "
-FILE_VARIABLE, TIME_VARIABLE, FAULTS_VARIABLE, LIMIT_VARIABLE = (
+FILE_VARIABLE, MARK_VARIABLE, TIME_VARIABLE, FAULTS_VARIABLE, LIMIT_VARIABLE = (
     "GUSJOB_RECORD",
+    "GUSJOB_RECORD_OF",
     "GUSJOB_RECORD_TIME",
     "GUSJOB_RECORD_FAULTS",
     "GUSJOB_RECORD_LIMIT",
@@ -94,6 +100,8 @@ class Recording:
         exit_code: of the program; the negative number of a signal.
         is_cut: a listing has reached its limit, the disk is full, or a process of the program still records.
         missing: functions of the program that the stand-in lacks, if the program could not be loaded or made no call.
+        replaced: listings of an earlier recording of this name, which are gone.
+        has_wide: a call was refused that has a number from 2**31 on: a negative int where the library has a long?
     """
 
     listings: tuple[Path, ...]
@@ -101,6 +109,8 @@ class Recording:
     exit_code: int
     is_cut: bool = False
     missing: tuple[str, ...] = ()
+    replaced: tuple[Path, ...] = ()
+    has_wide: bool = False
 
     @property
     def was_not_loaded(self) -> bool:
@@ -122,15 +132,19 @@ def parse_fault(text: str) -> Fault | Phrase:
 def refusal(options: RecordOptions) -> Phrase | None:
     """Return why the listing must not be written where the options say, None if it may be."""
     output = options.output
-    if not output.parent.is_dir():
+    if not options.command or not options.command[0]:
+        return Phrase("there is no program: write it after --")
+    if not target_of(output).parent.is_dir():
         return Phrase("{path}: can't write: {reason}", path=output, reason=Phrase("no such file or directory"))
+    if not os.access(target_of(output).parent, os.W_OK | os.X_OK):
+        return Phrase("{path}: can't write: {reason}", path=output, reason=Phrase("permission denied"))
     if not exists(output):
         return None
     if not output.is_file():
         return Phrase("{path}: can't write: {reason}", path=output, reason=Phrase("it is not a file"))
     if any(exists(arg) and output.samefile(arg) for arg in options.command):
         return Phrase("{path} is an input of this command: name another output file with -o", path=output)
-    if output.stat().st_size > 0 and not _is_recording(output):
+    if output.stat().st_size > 0 and not is_recording(output):
         return Phrase("{path} is not a recorded listing: name another output file with -o", path=output)
     return None
 
@@ -165,22 +179,44 @@ def record(
         )
     library = built_library(options.abi, options.target, on_build)
     audit = built_audit() if options.target in (None, own_target()) else None
-    output = options.output.absolute()
-    with tempfile.TemporaryDirectory(prefix="gusjob-record-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
-        _place_library(library, folder, _file_names(options))
-        for path in _listings(output):
-            path.unlink()
-        with _signals_for_the_program() as follow:
-            try:
-                process = subprocess.Popen(options.command, env=_environment(options, output, folder, audit))
-            except OSError as error:
-                return Phrase("{path}: can't be started: {reason}", path=options.command[0], reason=reason_of(error))
-            except ValueError:
-                return Phrase("{path}: can't be started: {reason}", path="", reason=Phrase("a NUL in an argument"))
-            follow(process)
-            exit_code = _wait(process, output, on_progress)
-    return _recording(options, output, exit_code)
+    output = target_of(options.output)
+    with locked(output) as is_free:
+        old = listings_of(output)
+        if not is_free or any(map(is_written, old)):
+            return Phrase(
+                "{path}: another recording writes this listing: wait for its end, or name another output file with -o",
+                path=options.output,
+            )
+        with tempfile.TemporaryDirectory(prefix="gusjob-record-", ignore_cleanup_errors=True) as name:
+            folder = Path(name)
+            _place_library(library, folder, _file_names(options))
+            return _run(options, output, _environment(options, output, folder, audit), old, on_progress)
+
+
+def _run(
+    options: RecordOptions,
+    output: Path,
+    environ: dict[str, str],
+    old: list[Path],
+    on_progress: Callable[[int], None] | None,
+) -> Recording | Phrase:
+    """Run the program to its end. The listings of an earlier recording are replaced when it has been started."""
+    with _signals_for_the_program() as follow, ExitStack() as stack:
+        try:
+            aside = stack.enter_context(set_aside(old))
+        except OSError as error:
+            return Phrase("{path}: can't write: {reason}", path=output, reason=reason_of(error))
+        try:
+            process = subprocess.Popen(options.command, env=environ)
+        except OSError as error:
+            return Phrase("{path}: can't be started: {reason}", path=options.command[0], reason=reason_of(error))
+        except ValueError:
+            return Phrase("{path}: can't be started: {reason}", path="", reason=Phrase("a NUL in an argument"))
+        aside.clear()
+        stack.close()
+        follow(process)
+        exit_code = _wait(process, output, on_progress)
+        return _recording(options, output, exit_code, tuple(old))
 
 
 def _file_names(options: RecordOptions) -> tuple[str, ...]:
@@ -235,6 +271,7 @@ def _environment(options: RecordOptions, output: Path, folder: Path, audit: Path
         environ["LD_AUDIT"] = ":".join(part for part in (str(audit), environ.get("LD_AUDIT", "")) if part)
         environ["GUSJOB_RECORD_FOLDER"] = str(folder)
     environ[FILE_VARIABLE] = _wine_path(output) if under_wine else str(output)
+    environ[MARK_VARIABLE] = mark_of(output)
     environ[TIME_VARIABLE] = "real" if options.is_real_time else "fast"
     environ[FAULTS_VARIABLE] = ",".join(map(str, options.faults))
     environ[LIMIT_VARIABLE] = str(options.limit_bytes)
@@ -304,79 +341,26 @@ def _wait(process: subprocess.Popen[bytes], output: Path, on_progress: Callable[
         try:
             return process.wait(timeout=_PROGRESS_S)
         except subprocess.TimeoutExpired:
-            added, at = _lines_from(output, at)
+            added, at = count_lines(output, at)
             lines += added
             on_progress(lines)
 
 
-def _lines_from(path: Path, at: int) -> tuple[int, int]:
-    """Count the lines of a file that are no comments, from a position on; return their number and the new position."""
-    count = 0
-    try:
-        with path.open("rb") as file:
-            while True:
-                file.seek(max(at - 1, 0))
-                piece = file.read(1 << 20)
-                count += piece.count(b"\n[")
-                if file.tell() == at:
-                    return count, at
-                at = file.tell()
-    except OSError:  # It is made with the first call.
-        return count, at
-
-
-def _listings(output: Path) -> list[Path]:
-    """Return the recorded listings of this name, that of card 0 and of the first process first."""
-    stem, ending = re.escape(output.stem), re.escape(output.suffix)
-    name = re.compile(rf"{stem}(?:\.(\d+))?(?:\.card(\d+))?{ending}")
-    found = [(match, path) for path in output.parent.iterdir() if (match := name.fullmatch(path.name))]
-    mine = [(int(m[1] or 0), int(m[2] or 0), path) for m, path in found if path == output or _is_recording(path)]
-    return [path for _, _, path in sorted(mine)]
-
-
-def _is_recording(path: Path) -> bool:
-    try:
-        with path.open("rb") as file:
-            return path.is_file() and file.read(len(HEADER)) == HEADER
-    except OSError:
-        return False
-
-
-def _recording(options: RecordOptions, output: Path, exit_code: int) -> Recording:
+def _recording(options: RecordOptions, output: Path, exit_code: int, replaced: tuple[Path, ...]) -> Recording:
     """Mark the end in each listing, and say what was recorded."""
-    listings = _listings(output)
-    calls, is_cut = 0, False
-    for path in listings:
-        lines, size = _lines_from(path, 0)
-        calls += lines
-        try:
-            is_cut |= _mark_end(path, size, exit_code)
-        except OSError:  # The disk is full, or another process of the program still records.
-            is_cut = True
-    recording = Recording(listings=tuple(listings), calls=calls, exit_code=exit_code, is_cut=is_cut)
+    listings = listings_of(output)
+    ends = [end_listing(path, exit_code) for path in listings]
+    recording = Recording(
+        listings=tuple(listings),
+        calls=sum(end.calls for end in ends),
+        exit_code=exit_code,
+        is_cut=any(end.is_cut for end in ends),
+        replaced=replaced,
+        has_wide=any(end.has_wide for end in ends),
+    )
     if listings and not recording.was_not_loaded:
         return recording
-    missing = missing_functions(options.command)
-    return Recording(listings=tuple(listings), calls=calls, exit_code=exit_code, is_cut=is_cut, missing=missing)
-
-
-def _mark_end(path: Path, size: int, exit_code: int) -> bool:
-    """Write how the program ended; return whether the listing was stopped before.
-
-    Raises:
-        OSError: it can't be written. A process that still records has locked it.
-    """
-    with path.open("r+b") as file:
-        if sys.platform != "win32":
-            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        file.seek(max(size - 200, 0))
-        is_stopped = _STOPPED in file.read()
-        file.write(b"// ended " + _ending(exit_code).encode() + b"\n")
-    return is_stopped
-
-
-def _ending(exit_code: int) -> str:
-    return f"by signal {-exit_code}" if exit_code < 0 else f"with exit code {exit_code}"
+    return replace(recording, missing=missing_functions(options.command))
 
 
 def missing_functions(command: Sequence[str], names: Mapping[str, object] | None = None) -> tuple[str, ...]:

@@ -103,7 +103,9 @@ def test_a_decimal_comma(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd:
         pytest.skip("no source of the locale")
     monkeypatch.setenv("LOCPATH", str(tmp_path))
     monkeypatch.setenv("LC_ALL", "de_DE.UTF-8")
-    recorded(tmp_path, 'int main(void) { setlocale(LC_ALL, ""); begin(); GT_LaserPrfCmd(1 / 3., 0); printf("%g", 0.5); }')
+    recorded(
+        tmp_path, 'int main(void) { setlocale(LC_ALL, ""); begin(); GT_LaserPrfCmd(1 / 3., 0); printf("%g", 0.5); }'
+    )
     assert capfd.readouterr().out == "0,5"
     assert lines(tmp_path / "calls.gts")[-1] == "[0.06] GT_LaserPrfCmd(0.3333333333333333,0) = 0"
 

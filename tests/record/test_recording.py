@@ -368,7 +368,7 @@ int main(void)
     assert times(second)[0] == pytest.approx(0.06)
     assert times(first)[-1] > times(second)[-1] > 30
     assert second.read_text(encoding="ascii").startswith(
-        "// recorded by gusjob record, ABI gts-multi, card 2, time fast\n"
+        "// recorded by gusjob record, ABI gts-multi, card 2, time fast, of calls.gts\n"
     )
 
 
@@ -468,12 +468,22 @@ int main(void)
 def test_files_of_an_earlier_recording_are_replaced(tmp_path: Path) -> None:
     """All of them, but no file of somebody else."""
     for name in ("calls.gts", "calls.card1.gts", "calls.2.gts", "calls.3.card4.gts"):
-        (tmp_path / name).write_text("// recorded by gusjob record, ABI gus\n", encoding="ascii")
+        (tmp_path / name).write_text("// recorded by gusjob record, ABI gus, of calls.gts\n", encoding="ascii")
     for name in ("calls.card3.gts", "calls.txt", "mycalls.gts", "calls.card.gts"):
         (tmp_path / name).write_text("GT_Close()\n", encoding="ascii")
-    of_c(tmp_path, "GT_Open(0, 1);")
+    for name in ("calls.4.gts", "calls.5.gts"):  # Another recording's, and one that was renamed.
+        of = ", of job.gts" if "4" in name else ""
+        (tmp_path / name).write_text(f"// recorded by gusjob record, ABI gus{of}\n", encoding="ascii")
+    recording = of_c(tmp_path, "GT_Open(0, 1);")
     assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0"]
-    kept = {"calls.card3.gts", "calls.txt", "mycalls.gts", "calls.card.gts"}
+    assert recording.listings == (tmp_path / "calls.gts",)
+    assert [path.name for path in recording.replaced] == [
+        "calls.gts",
+        "calls.card1.gts",
+        "calls.2.gts",
+        "calls.3.card4.gts",
+    ]
+    kept = {"calls.card3.gts", "calls.txt", "mycalls.gts", "calls.card.gts", "calls.4.gts", "calls.5.gts"}
     assert {path.name for path in tmp_path.glob("*calls*")} == {"calls.gts", *kept}
 
 
@@ -702,3 +712,46 @@ GT_AxisOff(3); GT_AxisOff(1); GT_AxisOff(2); GT_Close();
         "GT_Close() = 0",
     ]
     assert times(tmp_path / "calls.gts")[7] == times(tmp_path / "calls.gts")[8] == times(tmp_path / "calls.gts")[9]
+
+
+def test_nothing_is_replaced_if_the_program_does_not_start(tmp_path: Path) -> None:
+    before = "// recorded by gusjob record, ABI gus\n// my notes\n"
+    (tmp_path / "calls.gts").write_text(before, encoding="ascii")
+    assert not isinstance(record(RecordOptions(command=("./none",), output=tmp_path / "calls.gts")), Recording)
+    assert not isinstance(record(RecordOptions(command=(), output=tmp_path / "calls.gts")), Recording)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"calls.gts": before}
+
+
+def test_a_second_recording_with_the_same_name_is_refused(tmp_path: Path) -> None:
+    """While the first one runs; also after its gusjob was killed, as long as its program makes calls."""
+    source = f"""#define _GNU_SOURCE
+#include <unistd.h>
+{BEGIN}
+int main(void) {{ char c; begin(); return write(1, "x", 1) != 1 || read(0, &c, 1) < 0; }}
+"""
+    program = compiled(tmp_path, source)
+    for kills in (False, True):
+        command = [sys.executable, "-m", "gusjob", "record", "-o", str(tmp_path / "calls.gts"), "--", str(program)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+            assert process.stdin is not None and process.stdout is not None
+            assert process.stdout.read(1) == b"x"
+            if kills:
+                process.kill()
+                process.wait()
+            refused = record(RecordOptions(command=("true",), output=tmp_path / "calls.gts"))
+            assert isinstance(refused, str) and "another recording writes this listing" in refused
+            assert record(RecordOptions(command=("true",), output=tmp_path / "other.gts"))
+            process.stdin.close()
+            process.stdout.read()
+        assert calls(tmp_path / "calls.gts") == OPENED
+        assert process.returncode == (-9 if kills else 0)
+
+
+def test_a_link_as_output(tmp_path: Path) -> None:
+    """The listing is written where it leads."""
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "calls.gts").symlink_to(tmp_path / "deep" / "real.gts")
+    for _ in range(2):
+        assert of_c(tmp_path, "GT_Open(0, 1);").calls == 1
+    assert (tmp_path / "calls.gts").is_symlink()
+    assert calls(tmp_path / "deep" / "real.gts") == ["GT_Open(0,1) = 0"]

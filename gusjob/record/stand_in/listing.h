@@ -83,6 +83,7 @@ static void open_listing(int card)
     Listing *l = &listing[card];
     const PathChar *base = path_getenv(PATH_TEXT("GUSJOB_RECORD"));
     PathChar name[4096] = {0};
+    const char *mark = getenv("GUSJOB_RECORD_OF");
     Text t = {.size = 0};
     int number = 0, exists = 0, failed;
     if (base == NULL || !*base)
@@ -101,7 +102,10 @@ static void open_listing(int card)
     print(&t, "// recorded by gusjob record, ABI %s", ABI[VC_ABI]);
     if (VC_ABI == 2)
         print(&t, ", card %d", card);
-    print(&t, ", time %s\n", time_name);
+    print(&t, ", time %s", time_name);
+    if (mark != NULL && (number > 1 || card > 0))
+        print(&t, ", of %s", mark);
+    print(&t, "\n");
     append_text(l, &t);
 }
 
