@@ -26,6 +26,7 @@ _VARIABLES = {
     "GUSJOB_RECORD": Phrase("the listing; by default calls.gts in the program's current folder, then calls.2.gts"),
     "GUSJOB_RECORD_TIME": Phrase("fast (default) or real"),
     "GUSJOB_RECORD_FAULTS": Phrase("calls that fail: NAME:N:CODE,NAME:N+:CODE"),
+    "GUSJOB_RECORD_DI": Phrase("what GT_GetDi reads; default: {bits}", bits=0),
     "GUSJOB_RECORD_LIMIT": Phrase("longest listing in bytes; default: {bytes}", bytes=1_000_000_000),
 }
 _MOST_NAMES = 10
@@ -98,6 +99,22 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     help="Another file name under which the program loads the library. Repeatable.",
 )
 @click.option(
+    "--long",
+    "long_bits",
+    type=click.Choice(["32", "64"]),
+    help="Bits of what the library's header calls long, as the program declares it. 32: programs that declare int, "
+    "such as C# and Python with ctypes.c_int. Default: that of C.",
+)
+@click.option(
+    "--di",
+    "inputs",
+    type=click.IntRange(0, 2**31 - 1),
+    default=0,
+    show_default=True,
+    metavar="BITS",
+    help="What GT_GetDi reads.",
+)
+@click.option(
     "--build-library",
     "folder",
     type=click.Path(path_type=Path, file_okay=False),
@@ -118,6 +135,8 @@ def command(
     faults: tuple[Fault, ...],
     limit: int,
     library_names: tuple[str, ...],
+    long_bits: str | None,
+    inputs: int,
     folder: Path | None,
     target: str | None,
     program: tuple[str, ...],
@@ -132,13 +151,14 @@ def command(
     from gusjob.record.build import BuildError, Target
 
     chosen = Target(target) if target is not None else None
+    bits = int(long_bits) if long_bits is not None else None
     try:
         if folder is not None:
             if program:
                 raise click.UsageError(
                     localized(Phrase("--build-library runs no program: leave out {program}", program=program[0]))
                 )
-            _build(folder, _abi(abi), chosen, library_names)
+            _build(folder, _abi(abi), chosen, library_names, bits)
             return
         if not program:
             raise click.UsageError(localized(Phrase("there is no program: write it after --")))
@@ -152,6 +172,8 @@ def command(
             faults=faults,
             limit_bytes=limit * 1_000_000,
             library_names=library_names,
+            long_bits=bits,
+            inputs=inputs,
             target=chosen,
         )
         sys.exit(_record(options))
@@ -164,11 +186,22 @@ def _abi(name: str | None) -> Abi:
     if name is not None:
         return Abi(name)
     from gusjob.config.profile import find_profile, read_profile
+    from gusjob.diagnostics.model import Severity
+    from gusjob.frontend.source import shown_name
 
     path = find_profile(Path.cwd() / "x.job")
     if path is None:
         return Abi.GUS
     profile = read_profile(path)
+    problem = next((d for d in profile.diagnostics if d.severity is Severity.ERROR), None)
+    if problem is not None:
+        stop(
+            Phrase(
+                "{path}: {problem}; the ABI is not known: correct it, or use --abi",
+                path=shown_name(path),
+                problem=problem.message,
+            )
+        )
     return profile.machine.controller.abi or Abi.GUS
 
 
@@ -255,11 +288,11 @@ def _some(paths: tuple[Path, ...]) -> str:
     return names if more <= 0 else Phrase("{files} and {count} more", files=names, count=more)
 
 
-def _build(folder: Path, abi: Abi, target: Target | None, names: tuple[str, ...]) -> None:
+def _build(folder: Path, abi: Abi, target: Target | None, names: tuple[str, ...], long_bits: int | None) -> None:
     """Write the library, and print how to use it."""
     from gusjob.record.recording import write_library
 
-    paths = write_library(folder, abi, target, names, _say_build)
+    paths = write_library(folder, abi, target, names, _say_build, long_bits)
     if isinstance(paths, Phrase):
         stop(paths)
     for path in paths:

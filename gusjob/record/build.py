@@ -103,6 +103,7 @@ def built_library(
     target: Target | None = None,
     on_build: Callable[[], None] = lambda: None,
     environ: Mapping[str, str] = os.environ,
+    long_bits: int | None = None,
 ) -> Path:
     """Return the library for an ABI and a target, None for this computer; it is built if the cache lacks it.
 
@@ -111,12 +112,13 @@ def built_library(
         target: what it is for.
         on_build: called before it is built, which takes some seconds, the first time for another target a minute.
         environ: where CC, PATH and the cache folder are found.
+        long_bits: 32 or 64 bits of what the vendor's header calls long; None as the target's C.
 
     Raises:
         BuildError: there is no compiler, it fails, or there is no safe place for the library.
     """
     compiler = find_compiler(target, environ)
-    flags = _flags(abi, target, compiler)
+    flags = _flags(abi, target, compiler, long_bits)
     library = cache_folder(environ) / _hash(compiler, flags) / library_name("gts", target)
     if not library.is_file():
         on_build()
@@ -153,13 +155,16 @@ def find_compiler(target: Target | None = None, environ: Mapping[str, str] = os.
     """
     is_native = target is None or target == own_target()
     if is_native:
-        for words in filter(None, [shlex.split(environ.get("CC", "")), *([name] for name in _COMPILERS)]):
+        own = _words_of_cc(environ)
+        for words in [own] if own else [[name] for name in _COMPILERS]:
             path = shutil.which(words[0], path=environ.get("PATH"))
             if path is not None:
                 path = str(Path(path).absolute())
                 about = Path(path).resolve().stat()
                 identity = f"{path} {about.st_size} {about.st_mtime_ns}"
                 return Compiler(command=(path, *words[1:]), identity=identity)
+        if own:
+            raise BuildError(Phrase("{program}, which CC names, is not found", program=own[0]))
     if find_spec("ziglang") is not None:
         from importlib.metadata import version
 
@@ -169,6 +174,14 @@ def find_compiler(target: Target | None = None, environ: Mapping[str, str] = os.
     if is_native:
         raise BuildError(Phrase("there is no C compiler (cc, gcc, clang): install one, or {how}", how=how))
     raise BuildError(Phrase("a library for {target} needs the package ziglang: {how}", target=target, how=how))
+
+
+def _words_of_cc(environ: Mapping[str, str]) -> list[str]:
+    """Split the environment's CC: a compiler and its options."""
+    try:
+        return shlex.split(environ.get("CC", ""))
+    except ValueError:
+        raise BuildError(Phrase("CC has a quotation mark without its other half: {text}", text=environ["CC"])) from None
 
 
 def cache_folder(environ: Mapping[str, str] = os.environ) -> Path:
@@ -185,7 +198,14 @@ def cache_folder(environ: Mapping[str, str] = os.environ) -> Path:
             if about.st_uid != os.getuid() or about.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
                 raise BuildError(Phrase("{path}: other users can write to this folder", path=folder))
     except OSError as error:
-        raise BuildError(Phrase("{path}: can't write: {reason}", path=folder, reason=reason_of(error))) from error
+        reason = reason_of(error)
+        if sys.platform not in ("win32", "darwin"):
+            raise BuildError(
+                Phrase(
+                    "{path}: can't write: {reason}; name another folder in XDG_CACHE_HOME", path=folder, reason=reason
+                )
+            ) from error
+        raise BuildError(Phrase("{path}: can't write: {reason}", path=folder, reason=reason)) from error
     return folder
 
 
@@ -207,9 +227,9 @@ def system_of(target: Target | None) -> str:
     return {"win32": "windows", "darwin": "macos"}.get(sys.platform, "linux")
 
 
-def _flags(abi: Abi, target: Target | None, compiler: Compiler) -> tuple[str, ...]:
+def _flags(abi: Abi, target: Target | None, compiler: Compiler, long_bits: int | None = None) -> tuple[str, ...]:
     """Return what the compiler is called with, without the files."""
-    flags = [*_FLAGS, f"-DVC_ABI={ABI_NUMBERS[abi]}"]
+    flags = [*_FLAGS, f"-DVC_ABI={ABI_NUMBERS[abi]}", *([f"-DVC_LONG={long_bits}"] if long_bits else [])]
     if compiler.is_zig:
         flags += ["-fno-sanitize=undefined"]
         if target is not None:
@@ -263,4 +283,5 @@ def _build(compiler: Compiler, flags: tuple[str, ...], source: Path, library: Pa
 
 
 def _failed(compiler: Compiler, reason: str) -> Phrase:
+    reason = reason or Phrase("it says nothing")
     return Phrase("{compiler} can't build the stand-in: {reason}", compiler=" ".join(compiler.command), reason=reason)

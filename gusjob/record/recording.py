@@ -33,12 +33,13 @@ from gusjob.record.listings import (
 )
 from gusjob.record.stand_in_source import exported
 
-FILE_VARIABLE, MARK_VARIABLE, TIME_VARIABLE, FAULTS_VARIABLE, LIMIT_VARIABLE = (
+FILE_VARIABLE, MARK_VARIABLE, TIME_VARIABLE, FAULTS_VARIABLE, LIMIT_VARIABLE, INPUTS_VARIABLE = (
     "GUSJOB_RECORD",
     "GUSJOB_RECORD_OF",
     "GUSJOB_RECORD_TIME",
     "GUSJOB_RECORD_FAULTS",
     "GUSJOB_RECORD_LIMIT",
+    "GUSJOB_RECORD_DI",
 )
 """What the library reads in the program's environment."""
 
@@ -77,6 +78,8 @@ class RecordOptions:
         faults: calls that fail.
         limit_bytes: a listing stops there.
         library_names: further file names of the library.
+        long_bits: 32 or 64 bits of what the vendor's header calls long, as the program declares it; None as in C.
+        inputs: what GT_GetDi reads.
         target: system of the program, None for this computer's. A Windows program under Wine needs it.
     """
 
@@ -87,6 +90,8 @@ class RecordOptions:
     faults: tuple[Fault, ...] = ()
     limit_bytes: int = DEFAULT_LIMIT_BYTES
     library_names: tuple[str, ...] = ()
+    long_bits: int | None = None
+    inputs: int = 0
     target: Target | None = None
 
 
@@ -124,6 +129,8 @@ def parse_fault(text: str) -> Fault | Phrase:
     if match is None:
         return Phrase("{text} is not a fault: write NAME:N:CODE or NAME:N+:CODE, such as GT_LnXY:100:1", text=text)
     name, nth, lasts, code = match.groups()
+    if not int(code):
+        return Phrase("{text}: code 0 is no fault", text=text)
     if name not in exported():
         return Phrase("{name} is not a function of the library", name=name)
     return Fault(name=name, nth=int(nth), code=int(code), lasts=bool(lasts))
@@ -177,7 +184,7 @@ def record(
             "folder while you record, or put a stand-in beside the program (--build-library)",
             path=other,
         )
-    library = built_library(options.abi, options.target, on_build)
+    library = built_library(options.abi, options.target, on_build, long_bits=options.long_bits)
     audit = built_audit() if options.target in (None, own_target()) else None
     output = target_of(options.output)
     with locked(output) as is_free:
@@ -275,6 +282,7 @@ def _environment(options: RecordOptions, output: Path, folder: Path, audit: Path
     environ[TIME_VARIABLE] = "real" if options.is_real_time else "fast"
     environ[FAULTS_VARIABLE] = ",".join(map(str, options.faults))
     environ[LIMIT_VARIABLE] = str(options.limit_bytes)
+    environ[INPUTS_VARIABLE] = str(options.inputs)
     return environ
 
 
@@ -385,6 +393,7 @@ def write_library(
     target: Target | None = None,
     names: Sequence[str] = (),
     on_build: Callable[[], None] = lambda: None,
+    long_bits: int | None = None,
 ) -> list[Path] | Phrase:
     """Write the stand-in into a folder under the given names, by default gts.dll, libgts.so or libgts.dylib.
 
@@ -394,7 +403,7 @@ def write_library(
     Raises:
         BuildError: the stand-in can't be built.
     """
-    library = built_library(abi, target, on_build)
+    library = built_library(abi, target, on_build, long_bits=long_bits)
     paths = [folder / name for name in (names or [library_name("gts", target)])]
     try:
         folder.mkdir(parents=True, exist_ok=True)

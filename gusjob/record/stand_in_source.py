@@ -83,11 +83,10 @@ def _c_function(function: LibraryFunction) -> str:
 
 def _declared(arg: FunctionArg) -> str:
     """Return the C type of a parameter; what a pointer to a struct or function points to is never read."""
-    if arg.c_type in _NUMBERS:
-        return f"{arg.c_type} "
-    if arg.c_type.removesuffix(" *") in _NUMBERS:
-        return arg.c_type
-    return "void *"
+    if arg.c_type.removesuffix(" *") not in _NUMBERS:
+        return "void *"
+    own = arg.c_type.replace("unsigned long", "ULong").replace("long", "Long")
+    return own if own.endswith("*") else f"{own} "
 
 
 def _is_text(arg: FunctionArg) -> bool:

@@ -80,6 +80,7 @@ def test_a_program_that_is_found_in_the_path(tmp_path: Path) -> None:
         ([], "there is no program: write it after --"),
         (["--fault", "GT_LnXY", "--", "x"], "GT_LnXY is not a fault: write NAME:N:CODE"),
         (["--fault", "GT_LnXY:0:1", "--", "x"], "GT_LnXY:0:1 is not a fault"),
+        (["--fault", "GT_LnXY:1:0", "--", "x"], "GT_LnXY:1:0: code 0 is no fault"),
         (["--fault", "GT_Lnxy:1:1", "--", "x"], "GT_Lnxy is not a function of the library"),
         (["--library-name", "../x.so", "--", "x"], "../x.so is not a file name"),
         (["--abi", "gtn", "--", "x"], "'gtn' is not one of 'gus', 'gts', 'gts-multi'"),
@@ -135,6 +136,53 @@ def test_faults_and_the_abi_of_the_profile(tmp_path: Path) -> None:
     assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0", "GT_Open(0,1) = -6"]
 
 
+def test_a_broken_profile(tmp_path: Path, program: Path) -> None:
+    """The ABI that it names must not be ignored."""
+    write(tmp_path, '[controller]\nabi = "gtx"\n', "gusjob.toml")
+    done = gusjob("record", "--", program)
+    assert (done.exit_code, (tmp_path / "calls.gts").exists()) == (2, False)
+    assert done.output.endswith("; the ABI is not known: correct it, or use --abi\n")
+    assert gusjob("record", "--abi", "gus", "--", program).exit_code == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32" or sys.maxsize < 2**32, reason="long has 64 bits")
+def test_a_program_that_declares_int(tmp_path: Path) -> None:
+    """It passes negative places, and has room for 32 bits where the answer goes."""
+    source = """
+#include <string.h>
+short GT_Open(short, short); short GT_SetCrdPrm(short, void *); short GT_CrdClear(short, short);
+short GT_LnXY(short, int, int, double, double, double, short); short GT_CrdSpace(short, int *, short);
+static struct {
+    short dimension, profile[8];
+    double vel, acc;
+    short even, flag;
+    int origin[8];
+} prm = {2, {1, 2}, 500, 20, 0, 1, {0, -7}};
+int main(void)
+{
+    int space[2] = {0, 77};
+    GT_Open(0, 1); GT_SetCrdPrm(1, &prm); GT_LnXY(1, -10000, -1, 50, 2, 0, 0); GT_CrdSpace(1, space, 0);
+    return space[1] != 77;
+}
+"""
+    program = compiled(tmp_path, source)
+    done = gusjob("record", "--long", 32, "--", program)
+    assert (done.exit_code, "--long" in done.output) == (0, False)
+    sent = [
+        "GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},500,20,0,1,{0,-7,0,0,0,0,0,0}}) = 0",
+        "GT_LnXY(1,-10000,-1,50,2,0,0) = 0",
+    ]
+    assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0", *sent, "GT_CrdSpace(1,4095,0) = 0"]
+    done = gusjob("record", "--", program)
+    assert "record it with --long 32" in done.output
+    assert "GT_LnXY(1,4294957296,4294967295,50,2,0,0) = 7" in calls(tmp_path / "calls.gts")
+
+
+def test_the_inputs(tmp_path: Path) -> None:
+    source = '#include "gts.h"\nint main(void) { long d; GT_Open(0, 1); GT_GetDi(0, &d); return d != 5; }'
+    assert gusjob("record", "--di", 5, "--", compiled(tmp_path, source)).exit_code == 0
+
+
 def test_another_name_of_the_library(tmp_path: Path) -> None:
     program = write(tmp_path, "import ctypes; ctypes.CDLL('libmotion.so.2').GT_Open(0, 1)", "program.py")
     done = gusjob("record", "--library-name", "libmotion.so.2", "--", sys.executable, program)
@@ -148,7 +196,13 @@ def test_the_library_is_written(tmp_path: Path) -> None:
     assert done.exit_code == 0
     assert [path.name for path in (tmp_path / "lib").iterdir()] == [name]
     assert f"lib/{name}" in done.output
-    for variable in ("GUSJOB_RECORD ", "GUSJOB_RECORD_TIME", "GUSJOB_RECORD_FAULTS", "GUSJOB_RECORD_LIMIT"):
+    for variable in (
+        "GUSJOB_RECORD ",
+        "GUSJOB_RECORD_DI",
+        "GUSJOB_RECORD_TIME",
+        "GUSJOB_RECORD_FAULTS",
+        "GUSJOB_RECORD_LIMIT",
+    ):
         assert variable in done.output
     assert gusjob("record", "--build-library", "lib").exit_code == 0
     (tmp_path / "lib" / name).write_bytes(b"the vendor's own")

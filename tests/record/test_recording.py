@@ -755,3 +755,71 @@ def test_a_link_as_output(tmp_path: Path) -> None:
         assert of_c(tmp_path, "GT_Open(0, 1);").calls == 1
     assert (tmp_path / "calls.gts").is_symlink()
     assert calls(tmp_path / "deep" / "real.gts") == ["GT_Open(0,1) = 0"]
+
+
+def test_the_clock_goes_on(tmp_path: Path) -> None:
+    """A program that waits with it for 100 ms."""
+    body = """
+short GT_GetClock(unsigned long *, unsigned long *); unsigned long now, end;
+begin(); GT_GetClock(&now, 0);
+for (end = now + 100; now < end;) GT_GetClock(&now, 0);
+"""
+    of_c(tmp_path, body)
+    (line,) = [line for line in lines(tmp_path / "calls.gts") if "Clock" in line]
+    assert line.startswith("[2.06] GT_GetClock(10") and " // 5" in line
+
+
+def test_many_kinds_of_readings(tmp_path: Path) -> None:
+    """A monitor's: each has one line, and what is no reading stays where it is."""
+    body = """
+double pos[8]; long status; unsigned long now; short run; long segment;
+short GT_GetSts(short, long *, short, unsigned long *); short GT_GetPrfPos(short, double *, short, unsigned long *);
+short GT_GetClock(unsigned long *, unsigned long *); short GT_ClrSts(short, short);
+begin();
+for (int i = 0; i < 500; i++) {
+    for (short axis = 1; axis <= 8; axis++) { GT_GetSts(axis, &status, 1, 0); GT_GetPrfPos(axis, pos, 1, 0); }
+    GT_GetClock(&now, 0); GT_CrdStatus(1, &run, &segment, 0); GT_GetCrdPos(1, pos);
+}
+GT_ClrSts(1, 8); GT_ClrSts(1, 8);
+"""
+    of_c(tmp_path, body)
+    assert len(calls(tmp_path / "calls.gts")) == 3 + 19 + 2
+
+
+def test_a_position_in_three_dimensions(tmp_path: Path) -> None:
+    body = """
+double pos[4] = {7, 7, 7, 7};
+prm.dimension = 3; prm.profile[2] = 3;
+begin(); GT_GetCrdPos(1, pos);
+return pos[2] == 0 && pos[3] == 7 ? 0 : 1;
+"""
+    assert of_c(tmp_path, body).exit_code == 0
+    assert calls(tmp_path / "calls.gts")[-1] == "GT_GetCrdPos(1,{0,0,0}) = 0"
+
+
+def test_wrong_variables_are_named(tmp_path: Path) -> None:
+    program = compiled(tmp_path, f"{BEGIN}int main(void) {{ return GT_Open(0, 1); }}")
+    variable = "DYLD_LIBRARY_PATH" if sys.platform == "darwin" else "LD_LIBRARY_PATH"
+    environ = {variable: str(tmp_path / "link"), "GUSJOB_RECORD_TIME": "slow", "GUSJOB_RECORD_LIMIT": "1e6"}
+    done = subprocess.run([program], cwd=tmp_path, env=environ, check=True, capture_output=True, text=True)
+    assert done.stderr.splitlines() == [
+        "gusjob record: GUSJOB_RECORD_TIME: not fast or real: slow",
+        "gusjob record: GUSJOB_RECORD_LIMIT: not a whole number from 1 on: 1e6",
+    ]
+
+
+def test_more_than_a_thousand_processes(tmp_path: Path) -> None:
+    source = f"""#define _GNU_SOURCE
+#include <sys/wait.h>
+#include <unistd.h>
+{BEGIN}
+int main(void)
+{{
+    for (int i = 0; i < 1200; i++) {{
+        if (fork() == 0) {{ GT_Open(0, 1); _exit(0); }}
+        wait(0);
+    }}
+    return 0;
+}}
+"""
+    assert len(recorded(tmp_path, compiled(tmp_path, source)).listings) == 1200

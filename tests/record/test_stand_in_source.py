@@ -22,7 +22,8 @@ def prototypes() -> list[tuple[str, list[str]]]:
 
 def kind(parameter: str) -> str:
     """'unsigned long *' of 'unsigned long *pClock'."""
-    words = " ".join(parameter.replace("*", " * ").split()[:-1])
+    own = parameter.replace("ULong", "unsigned long").replace("Long", "long")
+    words = " ".join(own.replace("*", " * ").split()[:-1])
     return re.sub(r"\* \*", "**", words)
 
 

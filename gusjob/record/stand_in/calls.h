@@ -536,6 +536,7 @@ static short set_crd(const double *a, double *out)
         made.x_axis = 0;
         made.y_axis = 1;
     }
+    made.dimension = (int)a[1];
     made.axes = 1 << made.x_axis | 1 << made.y_axis;
     made.origin_x = a[13] ? origin[made.x_axis] : m->x;
     made.origin_y = a[13] ? origin[made.y_axis] : m->y;
@@ -651,6 +652,19 @@ static short status(const double *a, double *out)
     return DONE;
 }
 
+/* How many positions a coordinate system has. Those beyond x and y are 0: they have no model. */
+static int position_count(int card, int crd)
+{
+    int count = 2;
+    if (card < 0 || card >= CARDS || !is_crd(crd))
+        return count;
+    lock_state();
+    select_card(card);
+    count = state->core[atomic_load(&state->valid)].system[crd - 1].dimension;
+    unlock_state();
+    return count > 2 ? count : 2;
+}
+
 /* a: crd, pointer; out: x, y in that coordinate system */
 static short position(const double *a, double *out)
 {
@@ -659,6 +673,7 @@ static short position(const double *a, double *out)
     if (!is_crd(a[0]) || !a[1])
         return PARAMETER;
     whereabouts(m->t, &velocity, &out[0], &out[1]);
+    out[2] = out[3] = 0;
     system = &m->system[(int)a[0] - 1];
     out[0] -= system->origin_x;
     out[1] -= system->origin_y;

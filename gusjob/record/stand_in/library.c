@@ -5,7 +5,8 @@
  * The environment says how. GUSJOB_RECORD: the listing's file, calls.gts in the current folder by default.
  * GUSJOB_RECORD_TIME=real: motion takes its time; by default virtual time goes on with each call, and while the program
  * itself waits. GUSJOB_RECORD_FAULTS=NAME:N:CODE,NAME:N+:CODE: the Nth call of that name returns the code without
- * effect; with + all from then on, too. GUSJOB_RECORD_LIMIT: bytes that a listing may have.
+ * effect; with + all from then on, too. GUSJOB_RECORD_LIMIT: bytes that a listing may have. GUSJOB_RECORD_DI: what
+ * GT_GetDi reads.
  */
 #define CARDS 16
 #define AXES_AT_POWER_UP 0xff /* Nothing says that a galvo head's axes must be switched on: M never does. */
@@ -26,11 +27,13 @@ static int chosen_card; /* of a library without card numbers: what GT_SetCardNo 
 
 static int is_real;
 static double loaded_ms;        /* wall clock */
+static double inputs;           /* what GT_GetDi reads */
 static Moment last_call;        /* its end */
 static double owed_ms;          /* virtual time that the next call takes more */
 
 static void configure(void)
 {
+    m->option[DI] = inputs;
     m->option[SPEED] = is_real;
     m->base_wall = loaded_ms;
 }
@@ -90,13 +93,30 @@ static void plant_faults(const char *text)
         fprintf(stderr, "gusjob record: GUSJOB_RECORD_FAULTS: not NAME:N:CODE: %s\n", text);
 }
 
+/* A whole number in the environment. */
+static double number_in(const char *name, double least, double otherwise)
+{
+    const char *text = getenv(name);
+    char *end;
+    long long value;
+    if (text == NULL || !*text)
+        return otherwise;
+    value = strtoll(text, &end, 0);
+    if (*end == 0 && (double)value >= least)
+        return (double)value;
+    fprintf(stderr, "gusjob record: %s: not a whole number from %.0f on: %s\n", name, least, text);
+    return otherwise;
+}
+
 __attribute__((constructor)) static void loaded(void)
 {
-    const char *time = getenv("GUSJOB_RECORD_TIME"), *limit = getenv("GUSJOB_RECORD_LIMIT");
+    const char *time = getenv("GUSJOB_RECORD_TIME");
     is_real = time != NULL && strcmp(time, "real") == 0;
+    if (time != NULL && *time && !is_real && strcmp(time, "fast") != 0)
+        fprintf(stderr, "gusjob record: GUSJOB_RECORD_TIME: not fast or real: %s\n", time);
     time_name = is_real ? "real" : "fast";
-    if (limit != NULL && atof(limit) > 0)
-        limit_bytes = atof(limit);
+    limit_bytes = number_in("GUSJOB_RECORD_LIMIT", 1, limit_bytes);
+    inputs = number_in("GUSJOB_RECORD_DI", 0, 0);
     loaded_ms = wall_ms();
 #ifndef _WIN32
     pthread_atfork(take_lock, give_lock, give_lock); /* No call of another thread is under way in a process made new. */

@@ -16,7 +16,8 @@
 #include "output.h"
 #include "text.h"
 
-#define KINDS 8 /* of readings that follow each other */
+#define KINDS 32 /* of readings that follow each other */
+#define LONGEST_STRING 260 /* Windows takes no longer path. */
 #define MOST_LISTINGS 100000
 
 typedef struct {
@@ -153,7 +154,7 @@ static void print_string(Text *t, const char *text)
         return;
     }
     print(t, "\"");
-    for (i = 0; text[i] && i < 200; i++) {
+    for (i = 0; text[i] && i < LONGEST_STRING; i++) {
         unsigned char c = (unsigned char)text[i];
         if (c == '"' || c == '\\')
             print(t, "\\%c", c);
@@ -278,7 +279,9 @@ static int ends_with(const char *text, const char *end)
 /* Whether a call only asks for something. */
 static int is_reading(const char *name)
 {
-    return begins_with(name, "GT_Get") || ends_with(name, "Status") || ends_with(name, "Space") || ends_with(name, "Sts");
+    if (begins_with(name, "GT_Get"))
+        return 1;
+    return !begins_with(name, "GT_Clear") && (ends_with(name, "Status") || ends_with(name, "Space"));
 }
 
 /* Ends the listing where it is too long. */

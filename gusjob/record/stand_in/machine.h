@@ -57,7 +57,7 @@ typedef struct {
 /* What GT_SetCrdPrm and GT_SetCrdStopDec have set, all 0 at first. No limit is 0; a smooth stop of 0 slows down as each
    call says, an abrupt one of 0 takes no time. axes: bits of those that X and Y drive. */
 typedef struct {
-    int built, axes, x_axis, y_axis;
+    int built, dimension, axes, x_axis, y_axis;
     double origin_x, origin_y, vel_max, acc_max, even_time, smooth, abrupt;
 } System;
 

@@ -13,7 +13,7 @@ enum { HOMED = 100 }; /* Homing is over, without an error. */
 
 typedef struct {
     short run, stage, error, pad1;
-    long capturePos, targetPos;
+    Long capturePos, targetPos;
 } THomeStatus;
 
 /* ---- Effects ------------------------------------------------------------------------------------------------- */
@@ -103,6 +103,13 @@ static short remainder_count(const double *a, double *out)
     return DONE;
 }
 
+/* a: pointer; out: ms */
+static short read_clock(const double *a, double *out)
+{
+    out[0] = floor(m->origin + m->t);
+    return a[0] ? DONE : PARAMETER;
+}
+
 /* a: card */
 static short choose_card(const double *a, double *out)
 {
@@ -132,56 +139,68 @@ static short read_axes(int card, const char *name, const char *mark, Effect *eff
     return make_call(&made, effect, a, out);
 }
 
-API GT_GetSts(CARD short axis, long *pSts, short count, unsigned long *pClock)
+API GT_GetSts(CARD short axis, Long *pSts, short count, ULong *pClock)
 {
     double out[9];
     int i;
     short code = read_axes(CARD_NUMBER, "GT_GetSts", "@", axis_status, axis, count, pSts != NULL, out);
     for (i = 0; code == DONE && i < count; i++)
-        pSts[i] = (long)out[i];
+        pSts[i] = (Long)out[i];
     if (code == DONE && pClock)
-        *pClock = (unsigned long)out[8];
+        *pClock = (ULong)out[8];
     return code;
 }
 
-static short read_positions(int card, const char *name, short axis, double *pValue, short count, unsigned long *pClock)
+/* The clock of the card, ms. */
+API GT_GetClock(CARD ULong *pClock, ULong *pLoop)
+{
+    double a[] = {pClock != NULL}, out[1];
+    short code = call(CARD_NUMBER, "GT_GetClock", "~clock,pointer", read_clock, a, out);
+    if (code == DONE)
+        *pClock = (ULong)out[0];
+    if (code == DONE && pLoop)
+        *pLoop = 0;
+    return code;
+}
+
+static short read_positions(int card, const char *name, short axis, double *pValue, short count, ULong *pClock)
 {
     double out[9];
     short code = read_axes(card, name, "~", axis_position, axis, count, pValue != NULL, out);
     if (code == DONE) {
         memcpy(pValue, out, (size_t)count * sizeof *out);
         if (pClock)
-            *pClock = (unsigned long)out[8];
+            *pClock = (ULong)out[8];
     }
     return code;
 }
 
-API GT_GetPrfPos(CARD short profile, double *pValue, short count, unsigned long *pClock)
+API GT_GetPrfPos(CARD short profile, double *pValue, short count, ULong *pClock)
 {
     return read_positions(CARD_NUMBER, "GT_GetPrfPos", profile, pValue, count, pClock);
 }
 
-API GT_GetEncPos(CARD short encoder, double *pValue, short count, unsigned long *pClock)
+API GT_GetEncPos(CARD short encoder, double *pValue, short count, ULong *pClock)
 {
     return read_positions(CARD_NUMBER, "GT_GetEncPos", encoder, pValue, count, pClock);
 }
 
-API GT_GetAxisPrfPos(CARD short axis, double *pValue, short count, unsigned long *pClock)
+API GT_GetAxisPrfPos(CARD short axis, double *pValue, short count, ULong *pClock)
 {
     return read_positions(CARD_NUMBER, "GT_GetAxisPrfPos", axis, pValue, count, pClock);
 }
 
-API GT_GetAxisEncPos(CARD short axis, double *pValue, short count, unsigned long *pClock)
+API GT_GetAxisEncPos(CARD short axis, double *pValue, short count, ULong *pClock)
 {
     return read_positions(CARD_NUMBER, "GT_GetAxisEncPos", axis, pValue, count, pClock);
 }
 
-API GT_GetRemainderSegNum(CARD short crd, long *pSegment, short fifo)
+API GT_GetRemainderSegNum(CARD short crd, Long *pSegment, short fifo)
 {
     double a[] = {crd, fifo, pSegment != NULL}, out[1];
     short code = call(CARD_NUMBER, "GT_GetRemainderSegNum", "#,~segment,#", remainder_count, a, out);
     if (code == DONE)
-        *pSegment = (long)out[0];
+        *pSegment = (Long)out[0];
     return code;
 }
 
@@ -196,12 +215,12 @@ API GT_GetCrdStopDec(CARD short crd, double *pDecSmoothStop, double *pDecAbruptS
     return code;
 }
 
-API GT_GetLookAheadSpace(CARD short crd, long *pSpace, short fifo)
+API GT_GetLookAheadSpace(CARD short crd, Long *pSpace, short fifo)
 {
     double a[] = {crd, fifo, pSpace != NULL}, out[1];
     short code = call(CARD_NUMBER, "GT_GetLookAheadSpace", "#,~space,#", space, a, out);
     if (code == DONE)
-        *pSpace = (long)out[0];
+        *pSpace = (Long)out[0];
     return code;
 }
 
@@ -238,7 +257,7 @@ API GT_GetHomeStatus(CARD short axis, THomeStatus *pHomeStatus)
     return code;
 }
 
-API GT_LnXYG0(CARD short crd, long x, long y, double synVel, double synAcc, short fifo)
+API GT_LnXYG0(CARD short crd, Long x, Long y, double synVel, double synAcc, short fifo)
     CALL("GT_LnXYG0", "#,#,#,#,#,#", put_line_to_rest, crd, (double)x, (double)y, synVel, synAcc, fifo)
 
 /* The velocity follow call of the other family. */
@@ -246,7 +265,7 @@ API GT_LnXYG0(CARD short crd, long x, long y, double synVel, double synAcc, shor
 API GT_BufLaserFollowRatio(short crd, double ratio, double minPower, double maxPower, short fifo, short channel)
     CALL("GT_BufLaserFollowRatio", "#,#,#,#,#,#", put_follow, crd, ratio, minPower, maxPower, fifo, channel)
 #else
-API GT_BufLaserPrfFollow(CARD short crd, double ratio, long minPower, long maxPower, short fifo, short channel)
+API GT_BufLaserPrfFollow(CARD short crd, double ratio, Long minPower, Long maxPower, short fifo, short channel)
     CALL("GT_BufLaserPrfFollow", "#,#,#,#,#,#", put_follow, crd, ratio, (double)minPower, (double)maxPower, fifo,
          channel)
 #endif

@@ -11,6 +11,18 @@
 #define VC_ABI 0
 #endif
 
+/* long of the vendor's header, as the program declares it: some declare int on systems where long has 64 bits. */
+#if !defined VC_LONG
+typedef long Long;
+typedef unsigned long ULong;
+#elif VC_LONG == 32
+typedef int Long;
+typedef unsigned int ULong;
+#else
+typedef long long Long;
+typedef unsigned long long ULong;
+#endif
+
 typedef struct {
     short dimension;
     short profile[8];
@@ -18,7 +30,7 @@ typedef struct {
     double synAccMax;
     short evenTime;
     short setOriginFlag;
-    long originPos[8];
+    Long originPos[8];
 } TCrdPrm;
 
 #if VC_ABI == 2
@@ -41,7 +53,7 @@ API GT_Reset(CARD_ALONE) CALL("GT_Reset", "", reset, 0)
 API GT_ClrSts(CARD short axis, short count) CALL("GT_ClrSts", "#,#", clear_status, axis, count)
 API GT_AxisOn(CARD short axis) CALL("GT_AxisOn", "#", switch_axis, axis, 1)
 API GT_AxisOff(CARD short axis) CALL("GT_AxisOff", "#", switch_axis, axis, 0)
-API GT_Stop(CARD long mask, long option) CALL("GT_Stop", "#,#", stop, (double)mask, (double)option)
+API GT_Stop(CARD Long mask, Long option) CALL("GT_Stop", "#,#", stop, (double)mask, (double)option)
 
 API GT_LoadConfig(CARD char *pFile)
 {
@@ -60,13 +72,13 @@ API GT_GetVersion(CARD char **pVersion)
     return code;
 }
 
-API GT_GetDi(CARD short diType, long *pValue)
+API GT_GetDi(CARD short diType, Long *pValue)
 {
     double a[] = {diType, pValue != NULL}, out[1];
     short code;
     code = call(CARD_NUMBER, "GT_GetDi", "#,@value", get_di, a, out);
     if (code == DONE)
-        *pValue = (long)out[0];
+        *pValue = (Long)out[0];
     return code;
 }
 
@@ -91,7 +103,7 @@ API GT_SetPulseWidth(unsigned short width, short channel)
 #else
 API GT_LaserPowerMode(CARD short mode, double maxValue, double minValue, short channel, short delaymode)
     CALL("GT_LaserPowerMode", "#,#,#,#,#", set_power_mode, mode, maxValue, minValue, channel, delaymode)
-API GT_SetPulseWidth(CARD unsigned long width, short channel)
+API GT_SetPulseWidth(CARD ULong width, short channel)
     CALL("GT_SetPulseWidth", "#,#", set_pulse_width, (double)width, channel)
 #endif
 
@@ -108,7 +120,7 @@ API GT_EnaFPK(CARD unsigned short time1, unsigned short time2, unsigned short la
     CALL("GT_EnaFPK", "#,#,#,#", enable_fpk, time1, time2, laserOffDelay, channel)
 API GT_DisFPK(CARD short channel) CALL("GT_DisFPK", "#", disable_fpk, channel)
 
-API GT_SetLaserDisMode(CARD short mode, short source, long *pPos, double *pScale, short channel)
+API GT_SetLaserDisMode(CARD short mode, short source, Long *pPos, double *pScale, short channel)
 {
     double a[12] = {mode, source};
     int i;
@@ -157,37 +169,39 @@ API GT_SetCrdStopDec(CARD short crd, double decSmoothStop, double decAbruptStop)
 
 API GT_CrdClear(CARD short crd, short fifo) CALL("GT_CrdClear", "#,#", clear, crd, fifo)
 
-API GT_CrdSpace(CARD short crd, long *pSpace, short fifo)
+API GT_CrdSpace(CARD short crd, Long *pSpace, short fifo)
 {
     double a[] = {crd, fifo, pSpace != NULL}, out[1];
     short code;
     code = call(CARD_NUMBER, "GT_CrdSpace", "#,~space,#", space, a, out);
     if (code == DONE)
-        *pSpace = (long)out[0];
+        *pSpace = (Long)out[0];
     return code;
 }
 
 API GT_CrdStart(CARD short mask, short option) CALL("GT_CrdStart", "#,#", start, mask, option)
 
-API GT_CrdStatus(CARD short crd, short *pRun, long *pSegment, short fifo)
+API GT_CrdStatus(CARD short crd, short *pRun, Long *pSegment, short fifo)
 {
     double a[] = {crd, fifo, pRun && pSegment}, out[2];
     short code;
     code = call(CARD_NUMBER, "GT_CrdStatus", "#,@run,~segment,#", status, a, out);
     if (code == DONE) {
         *pRun = (short)out[0];
-        *pSegment = (long)out[1];
+        *pSegment = (Long)out[1];
     }
     return code;
 }
 
 API GT_GetCrdPos(CARD short crd, double *pPos)
 {
-    double a[] = {crd, pPos != NULL}, out[2];
+    double a[] = {crd, pPos != NULL}, out[5];
+    char form[] = "#,~2position";
     short code;
-    code = call(CARD_NUMBER, "GT_GetCrdPos", "#,~2position", position, a, out);
+    form[3] = (char)('0' + position_count(CARD_NUMBER, crd));
+    code = call(CARD_NUMBER, "GT_GetCrdPos", form, position, a, out);
     if (code == DONE)
-        memcpy(pPos, out, sizeof out);
+        memcpy(pPos, out, (size_t)(form[3] - '0') * sizeof *out);
     return code;
 }
 
@@ -201,13 +215,13 @@ API GT_GetCrdVel(CARD short crd, double *pSynVel)
     return code;
 }
 
-API GT_LnXY(CARD short crd, long x, long y, double synVel, double synAcc, double velEnd, short fifo)
+API GT_LnXY(CARD short crd, Long x, Long y, double synVel, double synAcc, double velEnd, short fifo)
     CALL("GT_LnXY", "#,#,#,#,#,#,#", put_line, crd, (double)x, (double)y, synVel, synAcc, velEnd, fifo)
-API GT_ArcXYC(CARD short crd, long x, long y, double xCenter, double yCenter, short circleDir, double synVel,
+API GT_ArcXYC(CARD short crd, Long x, Long y, double xCenter, double yCenter, short circleDir, double synVel,
                 double synAcc, double velEnd, short fifo)
     CALL("GT_ArcXYC", "#,#,#,#,#,#,#,#,#,#", put_arc_by_centre, crd, (double)x, (double)y, xCenter, yCenter, circleDir,
          synVel, synAcc, velEnd, fifo)
-API GT_ArcXYR(CARD short crd, long x, long y, double radius, short circleDir, double synVel, double synAcc,
+API GT_ArcXYR(CARD short crd, Long x, Long y, double radius, short circleDir, double synVel, double synAcc,
                 double velEnd, short fifo)
     CALL("GT_ArcXYR", "#,#,#,#,#,#,#,#,#", put_arc_by_radius, crd, (double)x, (double)y, radius, circleDir, synVel,
          synAcc, velEnd, fifo)
@@ -222,7 +236,7 @@ API GT_BufLaserPrfCmd(CARD short crd, double laserPower, short fifo, short chann
 
 #ifndef VC_NO_FOLLOW
 #if VC_ABI == 0
-API GT_BufLaserPrfFollow(short crd, double ratio, long minPower, long maxPower, short fifo, short channel)
+API GT_BufLaserPrfFollow(short crd, double ratio, Long minPower, Long maxPower, short fifo, short channel)
     CALL("GT_BufLaserPrfFollow", "#,#,#,#,#,#", put_follow, crd, ratio, (double)minPower, (double)maxPower, fifo,
          channel)
 #else
