@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -19,7 +19,7 @@ from types import FrameType
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.inputs import exists
-from gusjob.record.build import Target, built_audit, built_library, library_name, own_target, system_of
+from gusjob.record.build import BuildError, Target, built_audit, built_library, library_name, own_target, system_of
 from gusjob.record.listings import (
     count_lines,
     end_listing,
@@ -49,6 +49,8 @@ DEFAULT_LIMIT_BYTES = 1_000_000_000
 MOST_FAULTS = 32
 _MOST_SEARCHED_BYTES = 100_000_000
 _PROGRESS_S = 1.0
+_SEPARATORS = (";",) if sys.platform == "win32" else (":", ";")
+"""Between the folders of a library path."""
 _NOT_LINKED = {127, 0xC0000139, 0xC0000135}
 """Exit codes of programs whose loader found a symbol or library missing: POSIX; Windows, as unsigned numbers."""
 
@@ -194,10 +196,8 @@ def record(
                 "{path}: another recording writes this listing: wait for its end, or name another output file with -o",
                 path=options.output,
             )
-        with tempfile.TemporaryDirectory(prefix="gusjob-record-", ignore_cleanup_errors=True) as name:
-            folder = Path(name)
-            _place_library(library, folder, _file_names(options))
-            return _run(options, output, _environment(options, output, folder, audit), old, on_progress)
+        folder = _placed_library(library, _file_names(options))
+        return _run(options, output, _environment(options, output, folder, audit), old, on_progress)
 
 
 def _run(
@@ -228,20 +228,47 @@ def _run(
 
 def _file_names(options: RecordOptions) -> tuple[str, ...]:
     """Return the names under which programs may load the library."""
-    return (*(library_name(stem, options.target) for stem in LIBRARY_STEMS), *options.library_names)
+    names = [library_name(stem, options.target) for stem in LIBRARY_STEMS]
+    if system_of(options.target) == "linux":
+        names += [f"{stem}.dll" for stem in LIBRARY_STEMS]  # C# programs name the library as on Windows.
+    return (*names, *options.library_names)
 
 
-def _place_library(library: Path, folder: Path, names: Sequence[str]) -> None:
-    """Put the library into a folder under all names: one file, so that a program that loads two has one machine."""
-    first = folder / names[0]
-    shutil.copy(library, first)
-    for name in names[1:]:
-        try:
-            (folder / name).hardlink_to(first)
-        except FileExistsError:
-            continue
-        except OSError:
-            shutil.copy(library, folder / name)
+def _placed_library(library: Path, names: Sequence[str]) -> Path:
+    """Return a folder with the library under all names: one file, so that a program that loads two has one machine.
+
+    It stays where it is: a process that outlives the program may load the library later.
+
+    Raises:
+        BuildError: it can't be written, or the loader can't take its path.
+    """
+    folder = library.parent / ("names-" + hashlib.sha256("\0".join(names).encode()).hexdigest()[:16])
+    if any(sign in str(folder) for sign in _SEPARATORS):
+        raise BuildError(
+            Phrase("{path}: the loader takes no path with {signs}", path=folder, signs=" ".join(_SEPARATORS))
+        )
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        first = folder / names[0]
+        if not first.is_file():
+            shutil.copy(library, folder / f".{os.getpid()}")
+            (folder / f".{os.getpid()}").replace(first)
+        for name in names[1:]:
+            _link_library(first, folder / name)
+    except OSError as error:
+        raise BuildError(Phrase("{path}: can't write: {reason}", path=folder, reason=reason_of(error))) from error
+    return folder
+
+
+def _link_library(library: Path, path: Path) -> None:
+    if path.exists():
+        return
+    try:
+        path.hardlink_to(library)
+    except FileExistsError:
+        return
+    except OSError:  # This file system has no links.
+        shutil.copy(library, path)
 
 
 def vendor_library(options: RecordOptions) -> Path | None:
@@ -255,13 +282,29 @@ def vendor_library(options: RecordOptions) -> Path | None:
     own = [Path(arg).resolve().parent for arg in options.command if exists(arg) and Path(arg).is_file()]
     program = shutil.which(options.command[0])
     own = [Path(program).resolve().parent, *own] if program is not None else own
-    root = os.environ.get("SYSTEMROOT", "") if sys.platform == "win32" else ""
-    systems = [Path(root) / name for name in ("System32", "SysWOW64", "System", ".")] if root else []
-    for name in _file_names(options):
-        found = [folder / name for folder in (*own, *systems, Path.cwd()) if exists(folder / name)]
-        if found and not _is_stand_in(found[0]):
-            return found[0]
+    names = {name.lower() for name in _file_names(options)}
+    for folder in (*own, *_windows_folders(), Path.cwd()):
+        try:
+            found = [path for path in folder.iterdir() if path.name.lower() in names]
+        except OSError:
+            continue
+        for path in found:
+            if not _is_stand_in(path):
+                return path
     return None
+
+
+def _windows_folders() -> list[Path]:
+    """Return the folders of Windows that come before PATH; under Wine those of its prefix."""
+    if sys.platform == "win32":
+        root = os.environ.get("SYSTEMROOT", "")
+        windows = Path(root) if root else None
+    else:
+        prefix = os.environ.get("WINEPREFIX", "")
+        windows = (Path(prefix) if prefix else Path.home() / ".wine") / "drive_c" / "windows"
+    return (
+        [windows / name for name in ("System32", "system32", "SysWOW64", "syswow64", "System", ".")] if windows else []
+    )
 
 
 def _environment(options: RecordOptions, output: Path, folder: Path, audit: Path | None) -> dict[str, str]:

@@ -17,7 +17,8 @@ from support.cli import gusjob
 from support.recorded import CC, LINE, calls, compiled, library_folder, lines, needs_compiler, needs_cxx, times
 
 from gusjob.config.machine import Abi
-from gusjob.record.recording import Fault, Recording, RecordOptions, record
+from gusjob.record.build import BuildError, Target
+from gusjob.record.recording import Fault, Recording, RecordOptions, record, vendor_library
 
 pytestmark = needs_compiler
 
@@ -823,3 +824,62 @@ int main(void)
 }}
 """
     assert len(recorded(tmp_path, compiled(tmp_path, source)).listings) == 1200
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the loader of Linux")
+@pytest.mark.parametrize("name", ["libgts.so.1", "libGTS.so", "gts.dll", "GTS.dll", "libgts.so.2.1"])
+def test_other_names_of_the_vendors_library(tmp_path: Path, name: str) -> None:
+    """By their path, with a version, in other letters."""
+    source = tmp_path / "vendor.c"
+    source.write_text("#include <stdlib.h>\nshort GT_Open(short a, short b) { exit(a + b + 40); }\n", encoding="ascii")
+    assert CC is not None
+    subprocess.run([CC, "-shared", "-fPIC", "-o", tmp_path / name, source], check=True)
+    program = tmp_path / "program.py"
+    program.write_text(f"import ctypes; ctypes.CDLL('{tmp_path}/{name}').GT_Open(0, 1)", encoding="ascii")
+    assert recorded(tmp_path, sys.executable, program).exit_code == 0
+    assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the loader of Linux")
+def test_a_process_that_loads_the_library_late(tmp_path: Path) -> None:
+    """When the program and its recording are over."""
+    script = tmp_path / "late.py"
+    script.write_text(
+        "import ctypes, sys\nprint(flush=True)\nsys.stdin.read()\nctypes.CDLL('libgts.so').GT_Open(0, 1)\n",
+        encoding="ascii",
+    )
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import subprocess, sys\n"
+        f"late = subprocess.Popen([sys.executable, {str(script)!r}], stdin=open(sys.argv[1]), stdout=subprocess.PIPE)\n"
+        "late.stdout.readline()\n",
+        encoding="ascii",
+    )
+    os.mkfifo(tmp_path / "pipe")
+    held = os.open(tmp_path / "pipe", os.O_RDWR)
+    recorded(tmp_path, sys.executable, program, tmp_path / "pipe")
+    os.close(held)  # Its input ends.
+    end = time.monotonic() + 20
+    while not (tmp_path / "calls.gts").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    time.sleep(0.1)
+    assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the loader of Linux")
+def test_a_cache_that_the_loader_can_not_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "a:b"))
+    with pytest.raises(BuildError, match="the loader takes no path with : ;"):
+        record(RecordOptions(command=("true",), output=tmp_path / "calls.gts"))
+
+
+def test_the_vendors_library_in_wine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wine searches its own folders first, in whatever letters."""
+    monkeypatch.setenv("WINEPREFIX", str(tmp_path / "prefix"))
+    options = RecordOptions(command=("true",), output=tmp_path / "calls.gts", target=Target.X86_64_WINDOWS)
+    assert vendor_library(options) is None
+    folder = tmp_path / "prefix" / "drive_c" / "windows" / "system32"
+    folder.mkdir(parents=True)
+    (folder / "GTS.DLL").write_bytes(b"the vendor's own")
+    found = vendor_library(options)
+    assert found is not None and found.name == "GTS.DLL"
