@@ -215,7 +215,7 @@ def _record(options: RecordOptions) -> int:
         stop(recording)
     if is_terminal:
         click.echo("\r\x1b[K", err=True, nl=False)
-    for line in _outcome(recording):
+    for line in _outcome(options, recording):
         click.echo(f"gusjob: {printable(localized(line))}", err=True)
     return 0 if recording.exit_code == 0 and recording.listings and not recording.is_cut else 1
 
@@ -231,8 +231,10 @@ def _show_progress(lines: int) -> None:
     click.echo("\r\x1b[K" + localized(Phrase("recorded: {count} lines", count=lines)), err=True, nl=False)
 
 
-def _outcome(recording: Recording) -> list[Phrase]:
+def _outcome(options: RecordOptions, recording: Recording) -> list[Phrase]:
     """Describe the recording, and what to do if something is wrong."""
+    from gusjob.record.silence import reason_of_silence
+
     lines: list[Phrase] = []
     if recording.listings:
         files = _some(recording.listings)
@@ -246,8 +248,8 @@ def _outcome(recording: Recording) -> list[Phrase]:
     else:
         lines.append(
             Phrase(
-                "the program made no call of the stand-in: a library beside the program is loaded first, and a library "
-                "of another name needs --library-name"
+                "the program made no call of the stand-in: {reason}",
+                reason=reason_of_silence(options.command, options.target),
             )
         )
     if recording.replaced:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -181,6 +182,22 @@ int main(void)
 def test_the_inputs(tmp_path: Path) -> None:
     source = '#include "gts.h"\nint main(void) { long d; GT_Open(0, 1); GT_GetDi(0, &d); return d != 5; }'
     assert gusjob("record", "--di", 5, "--", compiled(tmp_path, source)).exit_code == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ELF programs")
+def test_why_there_is_no_call(tmp_path: Path) -> None:
+    """What the program's file shows."""
+    source = write(tmp_path, "int main(void) { return 0; }", "x.c")
+    assert CC is not None
+    subprocess.run([CC, "-o", tmp_path / "plain", source], check=True)
+    done = gusjob("record", "--", "./plain")
+    assert done.exit_code == 1
+    assert "no call of the stand-in: it loads no library of the vendor, one of another name" in done.output
+    if subprocess.run([CC, "-static", "-o", tmp_path / "static", source], check=False).returncode == 0:
+        assert "static is linked statically: it loads no library" in gusjob("record", "--", "./static").output
+    (tmp_path / "x.exe").write_bytes(b"MZ".ljust(60, b"\0") + struct.pack("<I4sH", 64, b"PE\0\0", 0x14C))
+    done = gusjob("record", "--", "true", "x.exe")
+    assert "x.exe is a Windows program: record it with --target x86-windows" in done.output
 
 
 def test_another_name_of_the_library(tmp_path: Path) -> None:

@@ -281,6 +281,18 @@ GT_Close();
     assert close >= start + 60
 
 
+def test_short_pauses_take_time(tmp_path: Path) -> None:
+    """A program that switches the laser for 3 ms, twenty times."""
+    body = """
+begin();
+for (int i = 0; i < 40; i++) { struct timespec nap = {0, 3000000}; GT_SetHSIOOpt(i % 2, 0); nanosleep(&nap, 0); }
+"""
+    head = f"#define _GNU_SOURCE\n#include <time.h>\n{BEGIN}\nint main(void)\n{{{body}\nreturn 0;\n}}\n"
+    recorded(tmp_path, compiled(tmp_path, head))
+    found = times(tmp_path / "calls.gts")[3:]
+    assert all(after - before >= 3 for before, after in itertools.pairwise(found))
+
+
 @pytest.mark.parametrize("end", ["abort();", "*(volatile int *)8 = 1;", "kill(getpid(), 9);", "_exit(7);"])
 def test_a_program_that_breaks_off(tmp_path: Path, end: str) -> None:
     """No call is lost: each is in the file before it returns."""

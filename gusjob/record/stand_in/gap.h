@@ -22,8 +22,9 @@ static Moment moment(void)
     return (Moment){.wall_ms = wall_ms()};
 }
 
-static double gap_ms(Moment since)
+static double gap_ms(Moment since, int *has_waited)
 {
+    *has_waited = 0; /* It is not known. */
     return wall_ms() - since.wall_ms;
 }
 
@@ -41,14 +42,17 @@ static Moment moment(void)
     return now;
 }
 
-static double gap_ms(Moment since)
+/* has_waited: whether it certainly has. */
+static double gap_ms(Moment since, int *has_waited)
 {
     double gap = wall_ms() - since.wall_ms;
     Moment now;
+    *has_waited = 0;
     if (gap < 1)
         return gap;
     now = moment();
-    return now.waits == since.waits ? fmin(gap, now.processor_ms - since.processor_ms) : gap;
+    *has_waited = now.waits != since.waits;
+    return !*has_waited ? fmin(gap, now.processor_ms - since.processor_ms) : gap;
 }
 
 #endif

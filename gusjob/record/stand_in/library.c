@@ -22,7 +22,8 @@ static int chosen_card; /* of a library without card numbers: what GT_SetCardNo 
 #include "functions.h" /* generated: the functions without a model */
 #endif
 
-#define WAITED_MS 5.0     /* A longer gap between two calls is the program's own waiting. */
+#define WAITED_MS 1.0     /* Time that counts, where the program certainly has waited between two calls; */
+#define COMPUTED_MS 5.0   /* where it may only have computed. */
 #define REFUSED_MS 2.0    /* What a program needs to send a refused call again. */
 
 static int is_real;
@@ -50,9 +51,10 @@ static int polls(const char *name)
 
 static double waited_ms(void)
 {
-    double gap = last_call.wall_ms > 0 ? gap_ms(last_call) : 0, owed = owed_ms;
+    int has_waited = 0;
+    double gap = last_call.wall_ms > 0 ? gap_ms(last_call, &has_waited) : 0, owed = owed_ms;
     owed_ms = 0;
-    return owed + (gap >= WAITED_MS ? gap : 0);
+    return owed + (gap >= (has_waited ? WAITED_MS : COMPUTED_MS) ? gap : 0);
 }
 
 static void log_rests(int card)
