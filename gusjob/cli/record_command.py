@@ -245,7 +245,7 @@ def _outcome(options: RecordOptions, recording: Recording) -> list[Phrase]:
                 Phrase("{count} lines recorded in {files}", count=recording.calls, files=files),
             )
         )
-    else:
+    elif not recording.is_cut:
         lines.append(
             Phrase(
                 "the program made no call of the stand-in: {reason}",

@@ -405,7 +405,7 @@ def _recording(options: RecordOptions, output: Path, exit_code: int, replaced: t
         listings=tuple(listings),
         calls=sum(end.calls for end in ends),
         exit_code=exit_code,
-        is_cut=any(end.is_cut for end in ends),
+        is_cut=any(end.is_cut for end in ends) or not output.parent.is_dir(),
         replaced=replaced,
         has_wide=any(end.has_wide for end in ends),
     )

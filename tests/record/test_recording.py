@@ -895,3 +895,25 @@ def test_the_vendors_library_in_wine(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (folder / "GTS.DLL").write_bytes(b"the vendor's own")
     found = vendor_library(options)
     assert found is not None and found.name == "GTS.DLL"
+
+
+def test_the_folder_of_the_listing_vanishes(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    body = f'begin(); if (system("rm -r {tmp_path}/there") != 0) return 1;'
+    program = compiled(tmp_path, f"{BEGIN}\nint main(void)\n{{\n{body}\nreturn 0;\n}}\n")
+    recording = record(RecordOptions(command=(str(program),), output=tmp_path / "there" / "calls.gts"))
+    assert isinstance(recording, Recording)
+    assert (recording.exit_code, recording.is_cut, recording.listings) == (0, True, ())
+
+
+def test_parameters_that_were_not_cleared(tmp_path: Path) -> None:
+    """What the call does not need is not looked at."""
+    body = """
+memset(&prm, 0x55, sizeof prm);
+prm.dimension = 2; prm.profile[0] = 1; prm.profile[1] = 2;
+prm.synVelMax = 500; prm.synAccMax = 20; prm.evenTime = 0; prm.setOriginFlag = 0;
+begin();
+return GT_LnXY(1, 1000, 0, 50, 2, 0, 0);
+"""
+    program = compiled(tmp_path, f"#include <string.h>\n{BEGIN}\nint main(void)\n{{{body}}}\n")
+    assert recorded(tmp_path, program).exit_code == 0

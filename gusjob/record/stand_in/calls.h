@@ -516,7 +516,8 @@ static int axis_of(const double *profile, double dimension, int otherwise)
 }
 
 /* a: crd, dimension, profile[8], velocity, acceleration, even time, origin flag, origin[8], pointer. Without the flag
-   the origin is where the head is, and originPos is not looked at: programs leave it as it is. */
+   the origin is where the head is, and originPos is not looked at: programs leave it as it is,
+   as they do the profiles of other axes. */
 static short set_crd(const double *a, double *out)
 {
     const double *profile = a + 2, *origin = a + 14;
@@ -525,7 +526,7 @@ static short set_crd(const double *a, double *out)
     System *system, made = new_system(), before;
     (void)out;
     for (i = 0; i < 8 && good; i++)
-        good = within(profile[i], 0, 8) && (!a[13] || is_place(origin[i]));
+        good = !a[13] || is_place(origin[i]);
     if (!good)
         return PARAMETER;
     if (m->moving)

@@ -87,6 +87,8 @@ static void plant_faults(const char *text)
         text += used + lasts;
         if (sscanf(text, ":%ld%n", &code, &used) != 1)
             break;
+        if (code == 0)
+            break;
         plant_fault((Fault){.nth = nth, .count = lasts ? FOR_EVER : 1, .what = F_RETURN, .value = (double)code}, name);
         text += used;
         text += *text == ',';
