@@ -8,7 +8,7 @@
         print(recording.calls, recording.exit_code)
 
 stand_in/ is the C source of the stand-in: a virtual controller that also serves the tests. stand_in_source.py adds the
-functions without a model, build.py builds it, recording.py runs the program.
+functions without a model, build.py builds it, recording.py runs the program, listings.py has the files that come out.
 """
 
 from gusjob.record.build import BuildError, Target

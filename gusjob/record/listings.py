@@ -34,6 +34,7 @@ _UNSIGNED = re.compile(
 """A refused call with a negative int that was read as a larger number: 2**31 and more."""
 _HELD = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
 """Errors that say that another process has a lock."""
+_LONGEST_MARK = 200
 _HEADER_BYTES = 1000
 _PIECE_BYTES = 1 << 20
 
@@ -48,8 +49,9 @@ class ListingEnd:
 
 
 def mark_of(output: Path) -> str:
-    """Return the name of a recording's main listing as its other listings have it: printable ASCII without blanks."""
-    return "".join(c if "!" <= c <= "~" else f"\\{ord(c):x}" for c in output.name)
+    """Return how other listings name the main one: in printable ASCII without blanks, by its hash if it is long."""
+    mark = "".join(c if "!" <= c <= "~" else f"\\{ord(c):x}" for c in output.name)
+    return mark if len(mark) <= _LONGEST_MARK else hashlib.sha256(mark.encode()).hexdigest()
 
 
 def target_of(output: Path) -> Path:

@@ -478,6 +478,24 @@ int main(void)
     assert calls(tmp_path / "calls.2.gts") == ["GT_LaserPrfCmd(1,0) = 0"]
 
 
+@pytest.mark.parametrize("name", ["a b.gts", "\u6807\u523b.gts", 200 * "n" + ".gts", "a.2.gts", "plain", ".gts"])
+def test_names_of_the_listing(tmp_path: Path, name: str) -> None:
+    """The second process's listing belongs to it, the first time and the second time."""
+    source = f"""#define _GNU_SOURCE
+#include <sys/wait.h>
+#include <unistd.h>
+{BEGIN}
+int main(void) {{ begin(); if (fork() == 0) {{ GT_Close(); _exit(0); }} wait(0); return 0; }}
+"""
+    program = compiled(tmp_path, source)
+    (tmp_path / "out").mkdir()
+    for replaced in (0, 2):
+        made = record(RecordOptions(command=(str(program),), output=tmp_path / "out" / name))
+        assert isinstance(made, Recording)
+        assert (len(made.listings), len(made.replaced)) == (2, replaced)
+        assert len(list((tmp_path / "out").iterdir())) == 2
+
+
 def test_files_of_an_earlier_recording_are_replaced(tmp_path: Path) -> None:
     """All of them, but no file of somebody else."""
     for name in ("calls.gts", "calls.card1.gts", "calls.2.gts", "calls.3.card4.gts"):

@@ -41,12 +41,17 @@ static long own_process;
 static double limit_bytes = 1e9;
 static const char *time_name = "fast";
 
+static int is_separator(PathChar c)
+{
+    return c == '/' || c == '\\';
+}
+
 /* calls.gts, calls.card1.gts for another card, calls.2.gts for a second process. */
 static void name_listing(PathChar *name, size_t room, const PathChar *base, int number, int card)
 {
     size_t end = path_length(base), i;
     PathChar number_part[24] = {0}, card_part[24] = {0};
-    for (i = end; i > 0 && base[i - 1] != '/' && base[i - 1] != '\\'; i--)
+    for (i = end; i > 1 && !is_separator(base[i - 1]) && !is_separator(base[i - 2]); i--)
         if (base[i - 1] == '.') {
             end = i - 1;
             break;
