@@ -63,7 +63,7 @@ class ImmediateAction:
     """An immediate switch, power, or reading of the switch.
 
     `on`: of a switch. `power`: NaN: no power is set any more. `time_ms`: time since the start of the stage that moves;
-    NaN: not known, or at rest.
+    NaN: not known, or at rest. `clock_ms`: time of its call on the recorder's clock; NaN: not known.
     """
 
     channel: int
@@ -71,6 +71,7 @@ class ImmediateAction:
     power: float | None = None
     line: int = 0
     time_ms: float = math.nan
+    clock_ms: float = math.nan
 
     @property
     def is_switch(self) -> bool:
@@ -92,7 +93,8 @@ class StageEvents:
     """One stage: its source line, the laser state of each channel, immediate actions before it and while it moves.
 
     An action while the stage moves acts at its time, or if that is not known at the stage's start, after what is
-    buffered before the first segment. `axes`: the axes (from 0) that X and Y drive.
+    buffered before the first segment. `axes`: the axes (from 0) that X and Y drive. `start_ms`, `rest_ms`: when it
+    starts, and is at rest, on the recorder's clock; NaN: not known.
     """
 
     line: int
@@ -100,6 +102,8 @@ class StageEvents:
     at_rest: tuple[ImmediateAction, ...] = ()
     moving: tuple[ImmediateAction, ...] = ()
     axes: tuple[int, int] = (0, 1)
+    start_ms: float = math.nan
+    rest_ms: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

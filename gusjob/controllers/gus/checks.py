@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,12 +11,13 @@ from gusjob.controllers.gus.calls import Buffered, BufferedCalls
 from gusjob.controllers.gus.execution import Execution
 from gusjob.controllers.gus.ranges import FIFO_SLOTS, PowerMode
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Diagnostic, Span
-from gusjob.i18n.phrases import Phrase
+from gusjob.diagnostics.model import Collector, Diagnostic, Span
+from gusjob.i18n.phrases import Phrase, number
 from gusjob.kinematics.arrays import Bools
 from gusjob.simulate import Trace
 from gusjob.simulate.checks import SegmentReporter, segment_reporter
 from gusjob.simulate.events import Events, MotionEvents
+from gusjob.simulate.rest import OnAtRest, times_on_at_rest
 
 _ARC_TOLERANCE_PULSE = 3.0
 
@@ -39,26 +41,56 @@ def limit_diagnostics(path: str, motion: MotionEvents, too_fast: Bools, too_stro
 
 
 def listing_diagnostics(execution: Execution, events: Events, trace: Trace) -> list[Diagnostic]:
-    """Report what the planner would not make: arcs that do not fit their ends, full FIFOs, stops with the laser on."""
+    """Report what the planner would not make: impossible arcs, full FIFOs, lasers on at a stop or at rest."""
     calls, reporter = execution.run.calls, segment_reporter(events.name, events.motion)
     _report_arcs(calls, events.motion, reporter)
-    return [*reporter.done(), *_full_fifos(calls, execution, events.name), *_stopped_on(execution, trace)]
+    fifos = _full_fifos(calls, execution, events.name)
+    return [*reporter.done(), *fifos, *_stopped_on(execution, trace), *_on_at_rest(events, trace)]
 
 
 def _stopped_on(execution: Execution, trace: Trace) -> Iterator[Diagnostic]:
     """Report stops that leave a laser on (sister: nothing says that a stop switches it off)."""
     ends = trace.schedule.stage_end()
-    for number, stage in enumerate(execution.stages):
+    for i, stage in enumerate(execution.stages):
         if stage.stop is None or stage.stop.name != "GT_Stop":
             continue
         for channel in trace.channels:
             on = channel.emission.switch
-            if ((on.stage == number) & (on.end_ms == ends[number])).any():
+            if ((on.stage == i) & (on.end_ms == ends[i])).any():
                 name = channel.channel
                 reason = Phrase("the laser of channel {channel} stays on: a stop does not switch it off", channel=name)
                 fields = {"call": stage.stop.name, "reason": reason}
                 span = Span(line=stage.stop.line)
                 yield Diagnostic(rule=rules.QUESTIONABLE_CALL, span=span, fields=fields, path=trace.name)
+
+
+def _on_at_rest(events: Events, trace: Trace) -> list[Diagnostic]:
+    """Report lasers that are on while nothing moves.
+
+    Without times only those that calls at rest switch on and off: a laser on before GT_CrdStart, or switched off after
+    the motion, is normal. With times this is so for less than a tick, which is the time that the calls take.
+    """
+    collector = Collector(trace.name)
+    for channel in trace.channels:
+        for found in times_on_at_rest(channel, events, trace):
+            if not (found.by_calls or found.time_ms >= trace.period_ms):
+                continue
+            fields = {"channel": channel.channel, "power": _power_at_rest(found)}
+            span = Span(line=found.line)
+            if math.isnan(found.time_ms):
+                collector.add(rules.ON_AT_REST_UNTIMED, span, fields)
+            else:
+                collector.add(rules.ON_AT_REST, span, {**fields, "time": found.time_ms})
+    return collector.finish(rules.NOT_LISTED)
+
+
+def _power_at_rest(found: OnAtRest) -> str:
+    """Describe the power of a laser that is on at rest."""
+    laser = found.laser
+    if math.isnan(found.power):
+        return Phrase("no power is set")
+    power = f"{number(min(max(found.power, laser.low), laser.high))} {laser.power_mode.unit}"
+    return Phrase("{power} without distance follow", power=power) if laser.follows_distance else power
 
 
 def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:

@@ -77,8 +77,8 @@ class StageRun:
     """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
 
     `waiting`: how many of the first parts are in the FIFO before the start. `settings`: of its coordinate system.
-    `start_ms`: time of its GT_CrdStart on the recorder's clock, NaN if that is not known. `stop`: the GT_Stop that ends
-    it; its motion then ends `stop_ms` after its start.
+    `start_ms`, `rest_ms`: time of its GT_CrdStart, and when it is at rest, on the recorder's clock, NaN if that is not
+    known. `stop`: the GT_Stop that ends it; its motion then ends `stop_ms` after its start.
     """
 
     crd: int
@@ -90,6 +90,7 @@ class StageRun:
     moving: list[ImmediateAction] = field(default_factory=list)
     settings: CrdSettings = CrdSettings()
     start_ms: float = math.nan
+    rest_ms: float = math.nan
     waiting: int = 0
     stop: Call | None = None
     stop_ms: float = math.inf

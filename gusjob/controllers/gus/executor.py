@@ -182,7 +182,9 @@ class _CallExecutor:
         actions, time_ms = self.actions, math.nan
         if self.running is not None:
             actions, time_ms = self.running.moving, call.time_ms - self.running.start_ms
-        actions.append(ImmediateAction(channel=channel, on=on, power=power, line=call.line, time_ms=time_ms))
+        actions.append(
+            ImmediateAction(channel=channel, on=on, power=power, line=call.line, time_ms=time_ms, clock_ms=call.time_ms)
+        )
 
     def axis_mode(self, call: Call) -> None:
         axis, mode = int(self.number(call, 0)), int(self.number(call, 1))
@@ -385,6 +387,7 @@ class _CallExecutor:
         if asked != running:
             self.diagnostic(rules.QUESTIONABLE_CALL, call.line, call=call.name, reason=_does_not_run(asked, running))
             return
+        self.running.rest_ms = call.time_ms
         self.running = None
 
     def stop(self, call: Call) -> None:

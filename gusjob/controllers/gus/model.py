@@ -87,6 +87,8 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
                 at_rest=tuple(stage.at_rest),
                 moving=tuple(stage.moving),
                 axes=stage.settings.axes,
+                start_ms=stage.start_ms,
+                rest_ms=stage.rest_ms,
             )
             for stage in stages
         ),

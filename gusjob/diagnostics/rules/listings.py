@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule
+from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule, variant
 
 _CALLS = (
     "GT_SetAxisMode(7,1)\nGT_LaserPowerMode(0,100,0,0)\nGT_LaserOutFrq(10,0)\n"
@@ -167,4 +167,21 @@ UNKNOWN_STOP = rule(
     why="What is marked depends on how far the motion has come at the stop.",
     bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_Stop(256,0)\n",
     good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\nGT_Stop(256,0)\n",
+)
+ON_AT_REST = rule(
+    "GJ726",
+    WARNING,
+    title="laser on at rest in a listing",
+    text="the laser of channel {channel} is on at rest for {time} ms ({power}): the report has no row for it",
+    why="The laser burns one point, and no total counts this emission. A GT_BufDelay between GT_BufLaserOn and "
+    "GT_BufLaserOff has a row. Less than a tick before GT_CrdStart or after the motion is not reported.",
+    bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\n"
+    "GT_SetHSIOOpt(1,0)\nGT_SetHSIOOpt(0,0)\n",
+    good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOn(1,0,0)\nGT_BufDelay(1,100,0)\nGT_BufLaserOff(1,0,0)\n"
+    "GT_CrdStart(1,0)\n",
+)
+ON_AT_REST_UNTIMED = variant(
+    ON_AT_REST,
+    text="the laser of channel {channel} is on at rest ({power}), and this listing does not say how long: the report "
+    "has no row for it",
 )

@@ -136,7 +136,7 @@ def test_a_reset_loses_the_settings() -> None:
     assert ran.column("ch0_power_ms") == [0]
     text = "GT_Reset: the switch goes off; modes, limits, delays and coordinate systems set before are lost"
     assert messages(ran)[0] == (9, "GJ702", text)
-    assert {code for _, code, _ in messages(ran)} == {"GJ702", "GJ710", "GJ712", "GJ715"}
+    assert {code for _, code, _ in messages(ran)} == {"GJ702", "GJ710", "GJ712", "GJ715", "GJ726"}
 
 
 def test_a_reset_clears_the_buffers() -> None:
