@@ -72,13 +72,23 @@ class RunCalls:
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstStop:
+    """The first stop of a stage: time since its start, deceleration as of stop_stage, and what would run without it."""
+
+    time_ms: float
+    dec_pulse_per_ms2: float
+    run: RunCalls
+    parts: list[Indices]
+
+
 @dataclass(slots=True, kw_only=True)
 class StageRun:
     """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
 
     `waiting`: how many of the first parts are in the FIFO before the start. `settings`: of its coordinate system.
     `start_ms`, `rest_ms`: time of its GT_CrdStart, and when it is at rest, on the recorder's clock, NaN if that is not
-    known. `stop`: the GT_Stop that ends it; its motion then ends `stop_ms` after its start.
+    known. `stop`: the last GT_Stop that ends it; its motion then ends `stop_ms` after its start.
     """
 
     crd: int
@@ -94,6 +104,7 @@ class StageRun:
     waiting: int = 0
     stop: Call | None = None
     stop_ms: float = math.inf
+    first_stop: FirstStop | None = None
 
     @property
     def rows(self) -> Indices:

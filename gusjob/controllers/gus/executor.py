@@ -21,7 +21,7 @@ from gusjob.controllers.gus.arguments import (
     range_error,
 )
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
-from gusjob.controllers.gus.execution import AcceptedCall, CrdSettings, Execution, RunCalls, StageRun
+from gusjob.controllers.gus.execution import AcceptedCall, CrdSettings, Execution, FirstStop, RunCalls, StageRun
 from gusjob.controllers.gus.ranges import (
     DIMENSION,
     DISTANCE_LIMIT,
@@ -410,18 +410,43 @@ class _CallExecutor:
         time_ms = call.time_ms - stage.start_ms
         if math.isnan(time_ms):
             return self.give_up(call, stage, Phrase("this listing does not say when"))
-        if stage.stop is not None:
-            return self.give_up(call, stage, Phrase("it is stopping already"))
-        start = self.position(len(self.stages) - 1)
-        stopped = stop_stage(self.run, stage, start, max(time_ms, 0.0), dec_pulse_per_ms2)
+        first, halt_ms = stage.first_stop, math.inf
+        if first is None:
+            first = FirstStop(
+                time_ms=max(time_ms, 0.0), dec_pulse_per_ms2=dec_pulse_per_ms2, run=self.run, parts=stage.parts
+            )
+        elif dec_pulse_per_ms2 == first.dec_pulse_per_ms2:
+            return True  # It slows down like this already.
+        elif math.isinf(dec_pulse_per_ms2):
+            halt_ms = time_ms
+        else:
+            return self.give_up(call, stage, Phrase("it is stopping already, with another deceleration"))
+        stage.parts = first.parts
+        stopped = stop_stage(
+            first.run,
+            stage,
+            self.position(len(self.stages) - 1),
+            first.time_ms,
+            first.dec_pulse_per_ms2,
+            halt_ms=halt_ms,
+        )
         if stopped is None:
             return self.give_up(call, stage, Phrase("the deceleration of GT_SetCrdStopDec is below that of the path"))
-        self.run, stage.parts = stopped.run, [stopped.rows]
+        self.run, stage.parts, stage.first_stop = stopped.run, [stopped.rows], first
         stage.stop, stage.stop_ms = call, stopped.end_ms
-        if len(stopped.rest):
-            self.queues[stage.crd, stage.fifo] = [stopped.rest]
-            self.left[stage.crd, stage.fifo] = call
+        self.leave(call, stage, stopped.rest)
         return True
+
+    def leave(self, call: Call, stage: StageRun, rest: Indices) -> None:
+        """Put what a stop leaves of a stage into its FIFO, before what was buffered since an earlier stop."""
+        fifo = stage.crd, stage.fifo
+        since = self.queues.pop(fifo, [])
+        if self.left.pop(fifo, None) is not None:
+            since = since[1:]
+        if len(rest):
+            since, self.left[fifo] = [rest, *since], call
+        if since:
+            self.queues[fifo] = since
 
     def stop_dec_of(self, call: Call) -> None:
         """GT_SetCrdStopDec."""

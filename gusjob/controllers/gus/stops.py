@@ -43,9 +43,32 @@ class _Pieces:
     acc: Floats
     vel_end: Floats
 
+    def slowing_ms(self) -> Floats:
+        """Return how long each piece takes but for the first one, which ran before the stop, (k-1,)."""
+        return (self.vel_end[:-1] - self.vel_end[1:]) / self.acc[1:]
+
+    def until(self, since_ms: float) -> _Pieces:
+        """Return the pieces up to a time since the stop, at which the motion stops at once."""
+        times = np.append(0.0, np.cumsum(self.slowing_ms()))
+        last = int(np.searchsorted(times, since_ms))
+        if last == len(times):
+            return self
+        cut = _Pieces(**{name: getattr(self, name)[: last + 1].copy() for name in self.__slots__})
+        if last:
+            vel, acc, past_ms = self.vel_end[last - 1], self.acc[last], since_ms - times[last - 1]
+            cut.end[last] = self.begin[last] + (vel - acc * past_ms / 2) * past_ms
+            cut.vel_end[last] = vel - acc * past_ms
+        return cut
+
 
 def stop_stage(
-    run: RunCalls, stage: StageRun, start: tuple[float, float], time_ms: float, dec_pulse_per_ms2: float
+    run: RunCalls,
+    stage: StageRun,
+    start: tuple[float, float],
+    time_ms: float,
+    dec_pulse_per_ms2: float,
+    *,
+    halt_ms: float = math.inf,
 ) -> StoppedStage | None:
     """Stop a stage.
 
@@ -55,6 +78,7 @@ def stop_stage(
         start: Where it starts, pulse on the machine.
         time_ms: Time of the stop since its start.
         dec_pulse_per_ms2: Deceleration; 0: that of each segment, inf: it stops at once.
+        halt_ms: Time of a second stop since its start: on its way to rest it stops at once.
 
     Returns:
         The stage, or None if its path slows down faster than the stop: that is not simulated.
@@ -73,9 +97,8 @@ def stop_stage(
     pieces = _pieces(motion, first, time_ms, dec_pulse_per_ms2)
     if pieces is None:
         return None
-    slowing = pieces.segment[1:]  # The first piece is what ran before the stop.
-    start_vel = pieces.vel_end[:-1]
-    end_ms = time_ms + float(((start_vel - pieces.vel_end[1:]) / pieces.acc[1:]).sum()) if len(slowing) else time_ms
+    pieces = pieces.until(halt_ms - time_ms)
+    end_ms = time_ms + float(pieces.slowing_ms().sum())
     real = pieces.end - pieces.begin > _NOTHING_PULSE
     made = _made(run.calls, rows[at], motion, pieces, stage.settings.origin_pulse)
     origin = run.source(rows[at[pieces.segment]])

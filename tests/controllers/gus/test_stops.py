@@ -69,6 +69,57 @@ def test_an_abrupt_stop_stops_at_once() -> None:
     assert [d.rule.code for d in ran.diagnostics] == ["GJ706"]
 
 
+def test_an_abrupt_stop_on_the_way_to_rest() -> None:
+    """10 ms after the stop: from 50 to 30 pulse/ms, 400 pulse. Then 48,975 pulse: at velocity and two ramps."""
+    ran = recorded(HEAD, LINE, START, smooth(1025), abrupt(1035), REST, AGAIN)
+    assert ran.column("x_mm") == pytest.approx([50.625, 51.025, 100])
+    assert ran.column("duration_ms") == pytest.approx([1025, 10, 48975 / 50 + 25])
+    (stop,) = ran.diagnostics
+    assert (stop.rule.code, stop.fields["value"]) == ("GJ706", pytest.approx(30))
+    # At the same time as the smooth one, and after its end.
+    assert recorded(HEAD, LINE, START, smooth(1025), abrupt(1025)).column("x_mm") == pytest.approx([50.625])
+    assert recorded(HEAD, LINE, START, smooth(1025), abrupt(1051)).column("x_mm") == pytest.approx([50.625, 51.25])
+
+
+def test_a_reset_on_the_way_to_rest() -> None:
+    ran = recorded(HEAD, LINE, START, smooth(1025), "[2035] GT_Reset()\n")
+    assert ran.column("x_mm") == pytest.approx([50.625, 51.025])
+
+
+def test_an_abrupt_stop_while_the_path_slows_down() -> None:
+    """The smooth stop at 2010 ms leaves nothing; 5 ms later 20 pulse/ms: 25 + 100 pulse before the end, 100 of them."""
+    ran = recorded(HEAD, LINE, START, smooth(2010), abrupt(2015), REST, AGAIN)
+    assert ran.column("x_mm") == pytest.approx([99.775, 99.9, 100])
+    assert ran.column("duration_ms") == pytest.approx([2010, 5, 2 * math.sqrt(100 / 2)])
+
+
+def test_an_abrupt_stop_after_several_segments_on_the_way_to_rest() -> None:
+    """Lines of 100 pulse: 15 ms after the stop, 525 pulse on."""
+    lines = "".join(f"GT_LnXY(1,{x},0,50,2,{0 if x == 100000 else 50},0)\n" for x in range(100, 100100, 100))
+    ran = recorded(HEAD, lines, START, smooth(1025.5), abrupt(1040.5), REST, AGAIN)
+    stage, x_mm, duration = ran.column("stage"), ran.column("x_mm"), ran.column("duration_ms")
+    first = stage.index(2)
+    assert (x_mm[first - 1], x_mm[first]) == pytest.approx((51.175, 51.2))
+    assert sum(duration[:first]) == pytest.approx(1040.5)
+    assert sum(ran.column("length_mm")) == pytest.approx(100)
+
+
+def test_what_is_buffered_between_two_stops_runs_after_the_rest() -> None:
+    more = "GT_LnXY(1,0,0,50,2,0,0)\n"
+    for time_ms, x_mm in ((1025, [50.625, 51.025, 100, 0]), (2010, [99.775, 99.975, 100, 0])):
+        ran = recorded(HEAD, LINE, START, smooth(time_ms), more, abrupt(time_ms + 10), REST, AGAIN)
+        assert ran.column("x_mm") == pytest.approx(x_mm)
+
+
+def test_the_same_stop_again_changes_nothing() -> None:
+    once, twice = (
+        recorded(HEAD, LINE, START, stops, REST, AGAIN) for stops in (smooth(1025), smooth(1025) + smooth(1030))
+    )
+    assert twice.column("x_mm") == once.column("x_mm")
+    assert twice.column("duration_ms") == once.column("duration_ms")
+    assert twice.diagnostics == []
+
+
 def test_the_decelerations_of_stops() -> None:
     """10 pulse/ms2: 5 ms, 125 pulse. 100 pulse/ms2: 0.5 ms, 12.5 pulse."""
     dec = "GT_SetCrdStopDec(1,10,100)\n"
@@ -175,8 +226,9 @@ def test_what_is_not_known_is_an_error() -> None:
     text = "GT_Stop stops coordinate system 1 while it moves, and what runs then is not known: "
     axis = "[1100] GT_Stop(1,0)\n"
     assert found(HEAD, LINE, START, axis) == [("GJ725", text + "it stops an axis, not the coordinate system")]
-    twice = smooth(1025) + abrupt(1030)
-    assert ("GJ725", text + "it is stopping already") in found(HEAD, LINE, START, twice)
+    twice = smooth(1025), "[2026] GT_SetCrdStopDec(1,10,10)\n", abrupt(1030)
+    other = text + "it is stopping already, with another deceleration"
+    assert ("GJ725", other) in found(HEAD, LINE, START, *twice)
     unknown = "GT_CrdStart(1,0)\n", smooth(1025)
     assert found(HEAD, LINE, *unknown) == [("GJ725", text + "this listing does not say when")]
     # Another system and its axes are at rest.
@@ -222,6 +274,8 @@ def test_random_paths_with_stops_are_as_long_as_without(seed: int) -> None:
     for _ in range(4):
         after = chance.uniform(0, total / 3)
         stops += f"[{clock + after:.4f}] GT_Stop(256,{chance.choice([0, 0, 256])})\n"
+        if chance.random() < 0.5:
+            stops += f"[{clock + after + chance.uniform(0, 20):.4f}] GT_Stop(256,256)\n"
         clock += 10 * total
         stops += f"[{clock:.4f}] GT_CrdStart(1,0)\n"
     ran = recorded(text, stops)

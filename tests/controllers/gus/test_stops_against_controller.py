@@ -96,6 +96,9 @@ def test_the_motion_rests_and_the_laser_emits_as_there(gus: Bench, seed: int) ->
         act_at_once(made, chance)
         if gus.controller.state().moving and len(rests) < 4:
             made.call("GT_Stop", L(256), L(chance.choice([0, 0, 256])))
+            if chance.random() < 0.5:  # Once more, on its way to rest.
+                made.advance(chance.uniform(0, 20))
+                made.call("GT_Stop", L(256), L(chance.choice([0, 256])))
         made.advance(1e6)
         state = gus.controller.state()
         assert not state.moving
