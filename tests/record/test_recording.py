@@ -935,3 +935,20 @@ return GT_LnXY(1, 1000, 0, 50, 2, 0, 0);
 """
     program = compiled(tmp_path, f"#include <string.h>\n{BEGIN}\nint main(void)\n{{{body}}}\n")
     assert recorded(tmp_path, program).exit_code == 0
+
+
+def test_a_stop_in_the_last_ramp(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """It leaves the switch behind the motion, as in the report of the listing."""
+    body = r"""
+double pos[2]; short run; long segment, left; unsigned short on;
+short GT_GetHSIOOpt(unsigned short *, short);
+begin(); GT_BufLaserOn(1, 0, 0); GT_LnXY(1, 10000, 0, 50, 2, 0, 0); GT_BufLaserOff(1, 0, 0); GT_CrdStart(1, 0);
+do GT_GetCrdPos(1, pos); while (pos[0] < 9700);
+GT_Stop(0x100, 0);
+do GT_CrdStatus(1, &run, &segment, 0); while (run);
+GT_GetCrdPos(1, pos); GT_CrdSpace(1, &left, 0); GT_GetHSIOOpt(&on, 0);
+printf("%g %ld %d\n", pos[0], left, on);
+"""
+    of_c(tmp_path, body)
+    assert capfd.readouterr().out == "10000 4095 1\n"
+    assert "GT_GetHSIOOpt reads 1 on channel 0" in gusjob("report", tmp_path / "calls.gts").stdout

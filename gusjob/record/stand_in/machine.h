@@ -781,14 +781,19 @@ static void carry_out(const Slot *call)
         set_follow(c, call->p, call->q, call->r);
 }
 
-/* Carries out calls up to the next timed one, and goes on with that. `power` tells whose power was among them. */
+/* Carries out calls up to the next timed one, and goes on with that. `power` tells whose power was among them. A stop
+   that is over at the end of a path leaves all that is behind it. */
 static void next_path(int power[2])
 {
     Fifo *f = running_fifo();
+    if (m->stopping && m->velocity == 0) {
+        rest();
+        return;
+    }
     while (f->head != f->tail) {
         const Slot *call = &state->slot[m->owner - 1][m->lane][f->head % RING];
         if (call->kind <= DELAY) {
-            if (m->stopping && (m->velocity == 0 || call->kind == DELAY))
+            if (m->stopping && call->kind == DELAY)
                 rest();
             else
                 load(call);
