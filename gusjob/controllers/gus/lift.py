@@ -69,6 +69,10 @@ def lift(stream: Stream, execution: Execution) -> Job:
     counts = np.array([len(rows) for rows in per_stage], dtype=np.intp)
     rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
     calls = execution.run.calls.pick(rows)
+    # Positions of the machine: each GT_SetCrdPrm can move the origin.
+    origins = np.array([stage.settings.origin_pulse for stage in execution.stages], dtype=np.float64).reshape(-1, 2)
+    origin = np.repeat(origins, counts, axis=0)
+    calls = replace(calls, x=calls.x + origin[:, 0], y=calls.y + origin[:, 1])
     vel_max = np.repeat([stage.settings.vel_max_pulse_per_ms for stage in execution.stages], counts)
     path = _path(calls, vel_max)
     setups = _Setups(firsts=np.concatenate([[0], np.cumsum(counts)]).tolist())

@@ -312,3 +312,12 @@ def test_what_a_line_that_cannot_be_read_may_contain_is_not_reported_as_missing(
         loaded = load(Path("x.gts"), None, data=text.replace(OFF, off, 1).encode())
         assert isinstance(loaded, Checked)
         assert of_rules(examine(loaded)) == expected
+
+
+def test_positions_are_those_of_the_machine() -> None:
+    """With a new origin the same target is another place; with the origin of the start it is the same one."""
+    crd = "GT_SetCrdPrm(1,{{2,{{1,2,0,0,0,0,0,0}},500,20,0,{flag},{{0,0,0,0,0,0,0,0}}}})\n"
+    for flag, codes in ((0, set()), (1, {"GJ513"})):
+        system = crd.format(flag=flag)
+        ran = run_listing(DUTY + POWER + system + mark(line(1000)) + START + WAIT + system + mark(line(1000)) + START)
+        assert set(ran.codes()) & {"GJ513"} == codes
