@@ -18,9 +18,9 @@ if TYPE_CHECKING:  # Start-up time is part of the tool.
     from gusjob.record.recording import Fault, Recording, RecordOptions
 
 _HOW_TO_USE = (
-    Phrase("Windows: put it beside the program, and the vendor's library somewhere else."),
+    Phrase("Windows: put the stand-in beside the program, and move the vendor's library to another folder."),
     Phrase("Linux: put its folder into LD_LIBRARY_PATH. macOS: into DYLD_LIBRARY_PATH."),
-    Phrase("It reads these environment variables:"),
+    Phrase("The stand-in reads these environment variables:"),
 )
 _VARIABLES = {
     "GUSJOB_RECORD": Phrase("the listing; by default calls.gts in the program's current folder, then calls.2.gts"),
@@ -44,7 +44,7 @@ def _faults(_context: click.Context, _parameter: click.Parameter, texts: tuple[s
         if not isinstance(fault, Fault):
             raise click.BadParameter(localized(fault))
     if len(parsed) > MOST_FAULTS:
-        raise click.BadParameter(localized(Phrase("there are more than {most} faults", most=MOST_FAULTS)))
+        raise click.BadParameter(localized(Phrase("at most {most} --fault options are possible", most=MOST_FAULTS)))
     return tuple(fault for fault in parsed if isinstance(fault, Fault))
 
 

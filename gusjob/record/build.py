@@ -196,7 +196,12 @@ def cache_folder(environ: Mapping[str, str] = os.environ) -> Path:
         if sys.platform != "win32":
             about = folder.stat()
             if about.st_uid != os.getuid() or about.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-                raise BuildError(Phrase("{path}: other users can write to this folder", path=folder))
+                raise BuildError(
+                    Phrase(
+                        "{path}: other users can write to this folder; remove their permission (chmod go-w)",
+                        path=folder,
+                    )
+                )
     except OSError as error:
         reason = reason_of(error)
         if sys.platform not in ("win32", "darwin"):

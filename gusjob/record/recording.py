@@ -129,7 +129,7 @@ def parse_fault(text: str) -> Fault | Phrase:
     """Parse NAME:N:CODE or NAME:N+:CODE; return what is wrong with it otherwise."""
     match = re.fullmatch(r"(GT_\w+):([1-9]\d{0,8})(\+?):(-?\d{1,4})", text, re.ASCII)
     if match is None:
-        return Phrase("{text} is not a fault: write NAME:N:CODE or NAME:N+:CODE, such as GT_LnXY:100:1", text=text)
+        return Phrase("{text}: write NAME:N:CODE or NAME:N+:CODE, such as GT_LnXY:100:1", text=text)
     name, nth, lasts, code = match.groups()
     if not int(code):
         return Phrase("{text}: code 0 is no fault", text=text)
@@ -218,7 +218,9 @@ def _run(
         except OSError as error:
             return Phrase("{path}: can't be started: {reason}", path=options.command[0], reason=reason_of(error))
         except ValueError:
-            return Phrase("{path}: can't be started: {reason}", path="", reason=Phrase("a NUL in an argument"))
+            return Phrase(
+                "{path}: can't be started: {reason}", path=options.command[0], reason=Phrase("a NUL in an argument")
+            )
         aside.clear()
         stack.close()
         follow(process)
@@ -452,7 +454,9 @@ def write_library(
         folder.mkdir(parents=True, exist_ok=True)
         for path in paths:
             if exists(path) and not _is_stand_in(path):
-                return Phrase("{path} exists and is not a stand-in of gusjob: name another folder", path=path)
+                return Phrase(
+                    "{path} is not a gusjob stand-in, so it is not overwritten: name another folder", path=path
+                )
         for path in paths:
             shutil.copyfile(library, path)
     except OSError as error:

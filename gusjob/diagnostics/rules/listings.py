@@ -25,7 +25,8 @@ QUESTIONABLE_CALL = rule(
     WARNING,
     title="questionable call",
     text="{call}: {reason}",
-    why="The controller accepts the call, but its effect is not what the manual describes.",
+    why="The controller accepts the call, but it probably does not do what the program intends, or gusjob simulates it "
+    "only in part.",
     bad="GT_SetAxisMode(7,1)\nGT_LaserPowerMode(2,10,0,0)\n",
     good="GT_LaserPowerMode(2,10,0,0)\n",
     section="三.1",
