@@ -79,8 +79,8 @@ def test_a_program_that_is_found_in_the_path(tmp_path: Path) -> None:
     ("args", "message"),
     [
         ([], "there is no program: write it after --"),
-        (["--fault", "GT_LnXY", "--", "x"], "GT_LnXY is not a fault: write NAME:N:CODE"),
-        (["--fault", "GT_LnXY:0:1", "--", "x"], "GT_LnXY:0:1 is not a fault"),
+        (["--fault", "GT_LnXY", "--", "x"], "GT_LnXY: write NAME:N:CODE"),
+        (["--fault", "GT_LnXY:0:1", "--", "x"], "GT_LnXY:0:1: write NAME:N:CODE"),
         (["--fault", "GT_LnXY:1:0", "--", "x"], "GT_LnXY:1:0: code 0 is no fault"),
         (["--fault", "GT_Lnxy:1:1", "--", "x"], "GT_Lnxy is not a function of the library"),
         (["--library-name", "../x.so", "--", "x"], "../x.so is not a file name"),
@@ -225,7 +225,7 @@ def test_the_library_is_written(tmp_path: Path) -> None:
     (tmp_path / "lib" / name).write_bytes(b"the vendor's own")
     done = gusjob("record", "--build-library", "lib")
     assert done.exit_code == 2
-    assert f"lib/{name} exists and is not a stand-in of gusjob" in done.output
+    assert f"lib/{name} is not a gusjob stand-in" in done.output
     assert (tmp_path / "lib" / name).read_bytes() == b"the vendor's own"
 
 
