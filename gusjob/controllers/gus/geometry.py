@@ -8,6 +8,8 @@ from gusjob.controllers.gus.calls import Buffered, BufferedCalls
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments, arcs_by_either, segments
 
+_ROUNDING_PULSE = 1e-6
+
 
 def call_segments(
     calls: BufferedCalls,
@@ -34,7 +36,9 @@ def call_segments(
     x0, y0 = np.concatenate([[start[0]], x1[:-1]]), np.concatenate([[start[1]], y1[:-1]])
     kind = calls.kind[row]
     at = np.flatnonzero((kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS))
-    ends, row = (x0[at], y0[at], x1[at], y1[at]), row[at]
+    # After a stop an origin need not be whole: a circle ends where it starts but for rounding.
+    near = np.hypot(x1[at] - x0[at], y1[at] - y0[at]) < _ROUNDING_PULSE
+    ends, row = (x0[at], y0[at], np.where(near, x0[at], x1[at]), np.where(near, y0[at], y1[at])), row[at]
     # p and q are the centre's offset from the start, or p is the radius.
     p, q, by_radius = calls.p[row], calls.q[row], kind[at] == Buffered.ARC_RADIUS
     arcs = arcs_by_either(ends, x0[at] + p, y0[at] + q, p, calls.r[row] == 1, by_radius)

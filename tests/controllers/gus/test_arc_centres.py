@@ -12,6 +12,7 @@ from support.tools import recorded_stream, run_listing
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.executor import execute
+from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.lift import lift
 from gusjob.controllers.gus.listing import listing
 from gusjob.controllers.gus.path_position import PathPosition
@@ -109,3 +110,13 @@ def test_the_driver_sends_it_as_it_is(gus: Bench) -> None:
     assert centres == [(1234.5, 0), (-10000, 6e-13)]
     durations = gus.controller.rows()[:, Row.DURATION_MS]
     assert durations[[0, 2]] == pytest.approx([math.pi * 1234.5 / 50 + 25, math.pi * 5000 / 50 + 25], rel=1e-6)
+
+
+@pytest.mark.parametrize("error", [-1e-9, 1e-9])
+@pytest.mark.parametrize("direction", [0, 1])
+def test_a_circle_ends_where_it_starts_but_for_rounding(error: float, direction: int) -> None:
+    """After a stop an origin need not be whole."""
+    calls = listed(f"GT_LnXY(1,3,0,50,2,0,0)\nGT_ArcXYC(1,3,0,0,100,{direction},50,2,0,0)\n").buffered
+    none = np.zeros(2)
+    found = call_segments(calls, np.arange(2), none > 0, origin=(np.array([0.3, 0.3 + error]), none))
+    assert found.length[1] == pytest.approx(math.tau * 100)
