@@ -60,8 +60,8 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
 @click.option(
     "--abi",
     type=click.Choice([abi.value for abi in Abi]),
-    help="Functions of the library: gus as in the laser manual, gts with one card, gts-multi with the card's number "
-    "first. Default: that of gusjob.toml in this folder or above it, else gus.",
+    help="Build the functions of this library: gus as in the laser manual, gts with one card, gts-multi with the "
+    "card's number first. Default: that of gusjob.toml in this folder or above it, else gus.",
 )
 @click.option(
     "-o",
@@ -77,7 +77,7 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     type=click.Choice(["fast", "real"]),
     default="fast",
     show_default=True,
-    help="fast: motion takes no time; time goes on with each call, and while the program waits. real: by the clock.",
+    help="Run the clock fast (motion takes no time) or in real time.",
 )
 @click.option(
     "--fault",
@@ -85,10 +85,15 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     multiple=True,
     callback=_faults,
     metavar="NAME:N:CODE",
-    help="The Nth call of that name returns this code and has no effect; N+: all from then on. Repeatable.",
+    help="Let the Nth call of this name return a code without effect; N+: all later ones, too. Repeatable.",
 )
 @click.option(
-    "--limit", type=click.IntRange(min=1), default=1000, show_default=True, metavar="MB", help="Longest listing."
+    "--limit",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    metavar="MB",
+    help="End the listing at this size.",
 )
 @click.option(
     "--library-name",
@@ -96,14 +101,14 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     multiple=True,
     callback=_file_names,
     metavar="FILE",
-    help="Another file name under which the program loads the library. Repeatable.",
+    help="Provide the stand-in under this file name, too. Repeatable.",
 )
 @click.option(
     "--long",
     "long_bits",
     type=click.Choice(["32", "64"]),
-    help="Bits of what the library's header calls long, as the program declares it. 32: programs that declare int, "
-    "such as C# and Python with ctypes.c_int. Default: that of C.",
+    help="Build the library's long with this number of bits, as the program declares it. 32: programs that declare "
+    "int, such as C# and Python with ctypes.c_int. Default: that of C.",
 )
 @click.option(
     "--di",
@@ -112,7 +117,7 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     default=0,
     show_default=True,
     metavar="BITS",
-    help="What GT_GetDi reads.",
+    help="Let GT_GetDi read this value.",
 )
 @click.option(
     "--build-library",
@@ -125,7 +130,7 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     "--target",
     type=click.Choice(_TARGETS),
     metavar="SYSTEM",
-    help=f"System that the library is for: {', '.join(_TARGETS)}. Default: this one.",
+    help=f"Build for this system: {', '.join(_TARGETS)}. Default: this one.",
 )
 @click.argument("program", nargs=-1, type=click.UNPROCESSED, metavar="-- PROGRAM [ARG]...")
 def command(
