@@ -82,10 +82,12 @@ class CEvaluator:
         call_library: Called with the name of a call of the library, what qualifies it (mc in mc.GT_LnXY), and its
             arguments.
         has_references: A function may change a variable that it is given by its name (C++).
+        shares_arrays: The copy of a struct has the same arrays (C#).
     """
 
     report: Callable[..., None]
     has_references: bool
+    shares_arrays: bool = False
     call_library: Callable[[Token, str, str, Sequence[Tree[Token]]], None] = _no_library
     variables: CVariables = field(default_factory=CVariables)
     macros: dict[str, CMacro] = field(default_factory=dict)
@@ -180,9 +182,18 @@ class CEvaluator:
         if source.data != "assign":
             self.keep_addresses(source)
         value = self.expression(source) if operator == "=" else self._operand(source)
+        if isinstance(value, CStruct):
+            value = self.struct_copy(source, value)
         if operator != "=":
             value = self._binary_value(operator[:-1], self.expression(target), value)
         return self._set(target, value)
+
+    def struct_copy(self, source: Tree[Token], value: CStruct) -> CValue:
+        """Copy a struct; in C# neither is known then, since a change of one array changes both."""
+        if not self.shares_arrays:
+            return value.copy()
+        self.give_away(source)
+        return unknown(Phrase("it can change through a pointer"))
 
     def keep_addresses(self, source: Tree[Token]) -> None:
         """Note that the program keeps an address: what is there can change from now on."""

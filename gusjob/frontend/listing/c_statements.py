@@ -161,7 +161,7 @@ class CStatements:
             return new_struct()
         if initial.data != "members":
             value = self._value_of(initial)
-            return value.copy() if isinstance(value, CStruct) else unknown(NEVER_SET)
+            return self.evaluator.struct_copy(initial, value) if isinstance(value, CStruct) else unknown(NEVER_SET)
         return initial_struct(initial, self.evaluator.expression)
 
     def _enumeration(self, item: Tree[Token]) -> None:

@@ -130,7 +130,8 @@ def _read(source: Source, abi: Abi | None, *, several_cards: bool) -> _ListingRe
     text = Source(name=source.name, data=source.data)
     diagnostics = ListingDiagnostics(name=source.name)
     is_c = source.name.endswith(".c")
-    evaluator = CEvaluator(report=diagnostics.add_at, has_references=not is_c)
+    is_c_sharp = source.name.lower().endswith(".cs")
+    evaluator = CEvaluator(report=diagnostics.add_at, has_references=not is_c, shares_arrays=is_c_sharp)
     calls = CallReader(
         text=text,
         abi=abi,

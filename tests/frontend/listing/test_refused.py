@@ -56,6 +56,12 @@ def read(text: str | bytes, name: str = "x.c") -> tuple[list[str], list[str]]:
         (f"long v[2]={{100,2}}; int k; k = ReadTarget(v[0]); {line('v[0]')}", "x.cpp"),
         (f"long v=100; int k; k = ReadTarget(v); {line('v')}", "x.C"),
         (f"long v=1; int k; k=Keep(v); v=7; k=Touch(); {line('v')}", "x.cpp"),
+        (
+            "mc.TCrdPrm a = new mc.TCrdPrm(); a.profile = new short[8]; mc.TCrdPrm b = a; b.profile[0] = 3;"
+            "mc.GT_SetCrdPrm(1, ref a);",
+            "x.cs",
+        ),
+        ("mc.TCrdPrm a = new mc.TCrdPrm(); b = a; b.profile[0] = 3; mc.GT_SetCrdPrm(1, ref a);", "x.cs"),
         ("// a\u2028mc.GT_BufLaserOff(1,0,0);\nGT_CrdClear(1,0);", "x.cs"),
         # Several cards as objects.
         ("card1.GT_CrdClear(1,0); card2.GT_CrdClear(1,0);", "x.cpp"),
