@@ -19,7 +19,6 @@ from gusjob.frontend.listing.c_structs import new_struct
 from gusjob.frontend.listing.c_trees import (
     called_name,
     first_token,
-    given_name,
     has_call,
     has_effect,
     in_chain,
@@ -28,6 +27,7 @@ from gusjob.frontend.listing.c_trees import (
     is_output,
     names_in,
     qualifier,
+    variable_of,
 )
 from gusjob.frontend.listing.c_variables import (
     MAX_ARRAY,
@@ -452,7 +452,7 @@ class CEvaluator:
             given = self.addressed(arg) if not harmless or arg.data != "name" else set()
             self.variables.escaped |= given
             self.variables.lose(given, reason)
-            if self.has_references and not harmless and (place := _lvalue(arg)) is not None:
+            if self.has_references and not harmless and (place := variable_of(arg)) is not None:
                 self.variables.escaped.add(place)
                 self.variables.lose([place], reason)
         if owner is not None and owner[0] in self.variables.values:  # A method of the object.
@@ -476,9 +476,8 @@ class CEvaluator:
 
         A macro gives those of its text.
         """
-        found = {
-            name for part in tree.iter_subtrees() if (name := given_name(part)) is not None and part.data != "name"
-        }
+        given = [*tree.find_data("address"), *tree.find_data("by_reference")]
+        found = {name for part in given if (name := variable_of(part)) is not None}
         indexed = [id(subtrees(part)[0]) for part in tree.find_data("index")]
         for part in tree.find_data("name"):
             name = str(tokens(part)[0])
@@ -487,7 +486,7 @@ class CEvaluator:
         for name in names_in(tree):
             found |= self._names_of_macro(name)
         for part in tree.find_data("member"):
-            holder = given_name(Tree("address", [part]))
+            holder = variable_of(part)
             if id(part) not in indexed and holder is not None and isinstance(self._part(part), CArray):
                 found.add(holder)
         return found
@@ -505,7 +504,7 @@ class CEvaluator:
 
     def _part(self, member: Tree[Token]) -> CValue | None:
         """Return the field that an expression names, without any report."""
-        holder = self.variables.values.get(str(given_name(Tree("address", [member]))))
+        holder = self.variables.values.get(str(variable_of(member)))
         return holder.fields.get(str(tokens(member)[-1])) if isinstance(holder, CStruct) else None
 
     def _memset(self, args: Sequence[Tree[Token]]) -> bool:
@@ -568,13 +567,6 @@ _EXPRESSIONS: dict[str, Callable[[CEvaluator, Tree[Token]], CValue]] = {
     "member": CEvaluator._member,
     "call": CEvaluator._call,
 }
-
-
-def _lvalue(arg: Tree[Token]) -> str | None:
-    """Return the variable that a reference to an argument can change: x, x[1], x.y; None for none."""
-    while arg.data in ("index", "member"):
-        arg = subtrees(arg)[0]
-    return str(tokens(arg)[0]) if arg.data == "name" else None
 
 
 def _set_element(array: CArray, number: CValue, value: CValue) -> CValue:

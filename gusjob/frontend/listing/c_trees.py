@@ -85,7 +85,7 @@ def status_question(tree: Tree[Token]) -> Tree[Token] | None:
 
 def run_name(call: Tree[Token]) -> str | None:
     """Return the variable that tells whether the motion runs: the first that GT_CrdStatus sets."""
-    given = [given_name(arg) for arg in subtrees(call)[1:] if arg.data in ("address", "by_reference")]
+    given = [variable_of(arg) for arg in subtrees(call)[1:] if arg.data in ("address", "by_reference")]
     return given[0] if given else None
 
 
@@ -141,18 +141,6 @@ def only_leaves(reactions: Sequence[Tree[Token]]) -> bool:
     if any(isinstance(r.children[0], Token) for r in left[-1:]):
         return True
     return bool(left) and all(is_harmless(subtrees(r)[0]) for r in left)
-
-
-def given_name(arg: Tree[Token]) -> str | None:
-    """Return the variable that an argument gives a function to change: &x, ref x, an array; None for none."""
-    tree = arg
-    if tree.data in ("address", "by_reference"):
-        tree = subtrees(tree)[0]
-    while tree.data in ("index", "member") and subtrees(tree) and (tree is not arg):
-        tree = subtrees(tree)[0]
-    if tree.data == "name":
-        return str(tokens(tree)[0])
-    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,7 +201,7 @@ def only_begins(item: Tree[Token]) -> bool:
 
 
 def variable_of(arg: Tree[Token]) -> str | None:
-    """Return the variable that an argument names: run, &run, &pos[1], ref run."""
+    """Return the variable that an argument names or is a part of: run, &run, &pos[1], ref run; None for none."""
     tree = subtrees(arg)[0] if arg.data in ("address", "by_reference") else arg
     while tree.data in ("index", "member"):
         tree = subtrees(tree)[0]
