@@ -72,7 +72,16 @@ _MARK_HEADS = {
 }
 _FIRST_LEFT_OUT = (
     *("vel_max_mm_s", "power_min", "clamped_ms", "start_ms", "power_max", "emission_ms", "joules", "y_mm", "x_mm"),
-    *("corner_miss_um", "power_per_mm_rms_pct", "on_error_um", "off_error_um", "outside_power_ms", "channel"),
+    *(
+        "corner_miss_um",
+        "power_per_mm_rms_pct",
+        "on_error_um",
+        "off_error_um",
+        "outside_power_ms",
+        "channel",
+        "power_per_mm_mid",
+    ),
+    *("length_mm", "duration_ms"),
 )
 """Columns of the tables that a narrow terminal does not show, the first one first."""
 
