@@ -379,6 +379,14 @@ class Simulation:
         return self.diagnostics
 
     @property
+    def answer(self) -> str:
+        """What `gusjob run` prints: one line about the run, then what stands out, each with its line."""
+        from gusjob.report.answer import answer_of
+        from gusjob.report.table import report_text
+
+        return report_text(self._report, answer_of(self._report, self._simulated.diagnostics))
+
+    @property
     def totals(self) -> dict[str, Any]:
         """Totals of the whole run, as `totals` of `gusjob report --format json`.
 
@@ -389,10 +397,11 @@ class Simulation:
             channels: a list with an entry for each channel that the job uses:
                 channel: 0 or 1; unit: of its power, "%", "kHz" or "V" (with several modes a channel has several
                 entries); emission_ms: time of emission; power_ms: integral of the emitted power, unit * ms;
-                power_max: highest emitted power, None without emission; joules: energy, None where the profile names
-                no rated power; clamped_ms: time for which a limit clamped the power; before_motion_power_ms: integral
-                of the power emitted before the first motion, which is part of no segment; off_output: the output while
-                the laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
+                power_max: highest emitted power, None without emission; power_max_w: the same in watts, None where
+                the profile names no rated power; joules: energy, None likewise; clamped_ms: time for which a limit
+                clamped the power; before_motion_power_ms: integral of the power emitted before the first motion, which
+                is part of no segment; off_output: the output while the laser is off (standby pulse, pre-voltage);
+                lit_at_end: whether the laser is left on.
             marking: a list with the quality of the marks by channel and unit: channel, unit, marks (their number),
                 worst (largest magnitude) and typical (median magnitude) of each quality column of `marks()`.
         """

@@ -25,6 +25,9 @@ from gusjob.controllers.gus.ranges import (
 from gusjob.i18n.phrases import Phrase, printable
 from gusjob.kinematics.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
+DEFAULT_NAME = "default"
+"""Name of a machine whose profile gives none."""
+
 
 def _closed(name: str, unit: str, low: float, high: float) -> Range:
     return Range(name=name, unit=unit, low=low, high=high, section="profile")
@@ -216,7 +219,7 @@ class Budget:
 class Machine:
     """The machine that a job runs on. The defaults are those of the job language."""
 
-    name: str = field(default="default", metadata=entry(str, "Name of the machine"))
+    name: str = field(default=DEFAULT_NAME, metadata=entry(str, "Name of the machine"))
     pulses_per_mm: tuple[float, float] = field(
         default=(1000.0, 1000.0),
         metadata=entry(_positive("pulses per mm", "pulse/mm", 1e7), "Resolution, or [x, y]", pair=True, single=True),

@@ -169,12 +169,14 @@ def _totals(report: Report) -> Text:
 def _overall(report: Report) -> Phrase:
     totals = report.totals
     segments, stages = totals["segments"], totals["stages"]
+    in_segments = plural(
+        segments, Phrase("{count} segment", count=segments), Phrase("{count} segments", count=segments)
+    )
+    in_stages = plural(stages, Phrase("{count} stage", count=stages), Phrase("{count} stages", count=stages))
     return Phrase(
         "{segments} in {stages}, {duration}; marks {mark}, jumps {jump}{runs}",
-        segments=plural(
-            segments, Phrase("{count} segment", count=segments), Phrase("{count} segments", count=segments)
-        ),
-        stages=plural(stages, Phrase("{count} stage", count=stages), Phrase("{count} stages", count=stages)),
+        segments=in_segments,
+        stages=in_stages,
         duration=duration(totals["duration_ms"]),
         mark=length(totals["mark_mm"]),
         jump=length(totals["jump_mm"]),
