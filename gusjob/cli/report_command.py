@@ -23,6 +23,7 @@ from gusjob.cli.common import (
     stop,
     write,
 )
+from gusjob.cli.define import define_option
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import FileResult, Simulated, simulate_file
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
     from gusjob.report.compare import Comparison
     from gusjob.report.earlier import EarlierReport
     from gusjob.report.rows import Report
@@ -60,6 +62,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @file_argument
 @machine_option
 @scanner_option
+@define_option
 @click.option(
     "--format",
     "form",
@@ -94,6 +97,7 @@ def command(
     path: Path,
     machine_path: Path | None,
     scanner: Scanner | None,
+    overrides: Overrides,
     form: str | None,
     summary: bool,
     marking: bool | None,
@@ -116,7 +120,7 @@ def command(
     if earlier_path is not None and output is not None:
         refuse_overwriting(output, [earlier_path])
     earlier = None if earlier_path is None else _read_earlier(earlier_path)
-    result = simulate_file(path, machine_path, scanner=scanner)
+    result = simulate_file(path, machine_path, scanner=scanner, overrides=overrides)
     report = _report(result, marking) if isinstance(result, Simulated) else None
     comparison = None
     if report is not None and earlier is not None:
@@ -147,7 +151,7 @@ def _refuse(form: str, *, marking: bool, summary: bool) -> None:
 def _report(result: Simulated, marking: bool | None) -> Report:
     from gusjob.report.rows import make_report
 
-    return make_report(result.trace, result.machine, result.files, marking=marking)
+    return make_report(result.trace, result.machine, result.files, marking=marking, overrides=result.overrides)
 
 
 def _written(
@@ -169,7 +173,12 @@ def _written(
         from gusjob.report.markdown import report_markdown
 
         text = report_markdown(
-            report, result.diagnostics, name=str(result.path), summary=summary, comparison=comparison
+            report,
+            result.diagnostics,
+            name=str(result.path),
+            summary=summary,
+            comparison=comparison,
+            overrides=result.overrides,
         )
         return [text.encode()]
     assert report is not None

@@ -11,6 +11,7 @@ import numpy as np
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase, figure, localized, printable
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides, overrides_text
 from gusjob.kinematics.arrays import Indices
 from gusjob.report.compare import Comparison
 from gusjob.report.compare_text import outcome_lines, segment_rows, totals_rows
@@ -70,12 +71,14 @@ def report_markdown(
     name: str,
     summary: bool = False,
     comparison: Comparison | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> str:
     """Format totals, comparison, diagnostics and, unless `summary`, segments.
 
-    `report`: None if the job was not run.
+    `report`: None if the job was not run. `overrides`: the values of LETs that the job was read with.
     """
     lines = [f"## {code(name)}", ""]
+    lines += [f"-D {code(overrides_text(overrides))}", ""] if overrides else []
     lines += [localized(Phrase("Not run: the job has errors.")), ""] if report is None else _totals(report)
     lines += _comparison(comparison) if comparison is not None else []
     lines += _diagnostics(diagnostics)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized
 from gusjob.ir.intent import RunKind
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.events import LaserState
@@ -77,7 +78,7 @@ class Report:
         period_us: Tick of the controller.
         totals: As in the JSON.
         columns: One value per segment, by name; `kind` holds SegmentKind numbers.
-        notes: Further facts: scanner, readings, files.
+        notes: Further facts: scanner, readings, files, overrides.
         marks: Columns of mark quality, one value per mark; None if it was not computed.
     """
 
@@ -98,12 +99,23 @@ class Report:
                 named[name] = tuple(entry["unit"] for entry in entries)
         return named
 
+    @property
+    def overrides(self) -> Overrides:
+        """The values of LETs that the job was run with."""
+        found: Overrides = self.notes.get("overrides", NO_OVERRIDES)
+        return found
+
     def __len__(self) -> int:
         return len(self.columns["line"])
 
 
 def make_report(
-    trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = (), *, marking: bool | None = None
+    trace: Trace,
+    machine: Machine,
+    files: tuple[tuple[str, int], ...] = (),
+    *,
+    marking: bool | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Report:
     """Make the rows and totals of a trace.
 
@@ -113,6 +125,7 @@ def make_report(
         files: Name and first line of each file of a job with includes. Then the column `line` counts in the line's own
             file, and the column `file` is an index of `notes["files"]`.
         marking: Whether to compute mark quality; None: with a scanner, and up to MARKED_SEGMENTS segments.
+        overrides: The values of LETs that the job was run with.
     """
     schedule = trace.schedule
     columns = _motion_columns(trace, machine)
@@ -132,6 +145,8 @@ def make_report(
             if table:
                 table["line"], table["file"] = own_lines(table["line"], files)
         notes["files"] = [name for name, _ in files]
+    if overrides:
+        notes["overrides"] = dict(overrides)
     return Report(
         job=trace.name,
         period_us=trace.period_us,

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
+from gusjob.ir.overrides import overrides_text
 from gusjob.report.rows import Report, SegmentKind, while_off
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
@@ -94,7 +95,8 @@ def _summary(report: Report) -> Text:
         )
         for reading in report.notes["readings"]
     ]
-    return Text("\n".join([printable(report.job), *(f"  {localized(line)}" for line in lines)]) + "\n")
+    head = printable(report.job) + (f"  -D {overrides_text(report.overrides)}" if report.overrides else "")
+    return Text("\n".join([head, *(f"  {localized(line)}" for line in lines)]) + "\n")
 
 
 def _overall(report: Report) -> Phrase:
