@@ -33,7 +33,7 @@ def checked_overrides(pairs: Iterable[tuple[str, str]]) -> Overrides | Phrase:
             return Phrase("{name} is not a name: write NAME=VALUE, such as pitch=0.5mm", name=_shown(name) or "''")
         if name in found:
             return Phrase("{name} is given twice: {first} and {second}", name=name, first=found[name], second=value)
-        if reason := _fault(name, value):
+        if reason := _reserved(name) or _fault(name, value):
             return reason
         found[name] = value
     return MappingProxyType(found)
@@ -48,6 +48,12 @@ def override_statement(name: str, value: str) -> Statement:
 
 def _let(name: str, value: str) -> str:
     return f"LET {name} = {value}"
+
+
+def _reserved(name: str) -> Phrase | None:
+    """Return why a name can't be that of a LET."""
+    _, found = parse_statement(_let(name, "0"), 1)
+    return found[0].phrase if found else None
 
 
 def _fault(name: str, value: str) -> Phrase | None:
