@@ -120,14 +120,8 @@ def test_refusals(job: Path, args: list[str], code: int, said: str) -> None:
 
 
 def test_the_interface_takes_numbers_and_texts() -> None:
-    values: tuple[tuple[Any, float], ...] = (
-        ("60%", 60),
-        (55, 55),
-        (12.5, 12.5),
-        (1e-3, 1e-3),
-        (np.float32(0.5), 0.5),
-        (np.int8(7), 7),
-    )
+    values: list[tuple[Any, float]] = [("60%", 60), (55, 55), (12.5, 12.5), (1e-3, 1e-3)]
+    values += [(np.float32(0.5), 0.5), (np.int8(7), 7)]
     for value, power in values:
         file = gusjob.read_text(TEXT, overrides={"dose": value})
         assert file.simulate().totals["channels"][0]["power_max"] == power
