@@ -197,7 +197,7 @@ def comparison_text(comparison: Comparison) -> str:
     first, *others = outcome_lines(comparison)
     against = Phrase("against {report}: {outcome}", report=comparison.path, outcome=first)
     lines = [localized(against), *(f"  {localized(line)}" for line in others)]
-    totals = [[change, unit, f"{old} -> {new}", change] for change, unit, old, new, change in totals_rows(comparison)]
+    totals = [[name, unit, f"{old} -> {new}", change] for name, unit, old, new, change in totals_rows(comparison)]
     for rows in (totals, [*segment_rows(comparison.segments)] if comparison.segments else []):
         if len(rows) > (rows is not totals):
             widths = [max(map(cell_len, column)) for column in zip(*rows, strict=True)]

@@ -150,6 +150,7 @@ def test_the_table_says_what_how_far_and_how_much(tmp_path: Path) -> None:
     assert result.exit_code == 1
     lines = result.stdout.splitlines()
     assert f"against {out}: changed by more than 1 %: 1 total, 1 segment; 0 new, 0 removed" in lines
+    assert lines[-4].startswith("channel 0 power_ms  %*ms  ")
     assert lines[-2].split() == ["segment", "line", "kind", "ch0_power", "ch0_power_ms"]
     assert lines[-1].split()[:8] == ["4", "10", "mark", "20", "->", "25", "+20", "%"]
     listed = gusjob("report", job, "--against", out, "--format", "csv")
