@@ -58,19 +58,22 @@ def _reserved(name: str) -> Phrase | None:
 
 def _fault(name: str, value: str) -> Phrase | None:
     """Return why a value is none."""
-    fields = {"name": _shown(name), "value": _shown(value)}
-    text = _let(name, value)
+    text, name, shown = _let(name, value), _shown(name), _shown(value)
     if not value:
-        return Phrase("{name} has no value: {expected}", name=fields["name"], expected=_EXPECTED)
+        return Phrase("{name} has no value: {expected}", name=name, expected=_EXPECTED)
     if len(text) > MAX_LINE:
-        return Phrase("the value of {name} has more than {limit} characters", name=fields["name"], limit=MAX_LINE)
+        return Phrase("the value of {name} has more than {limit} characters", name=name, limit=MAX_LINE)
     if not value.isprintable() or strip_comment(text) != text:
-        return Phrase("{name}={value} is not a value: {expected}", **fields, expected=_EXPECTED)
+        return Phrase("{name}={value} is not a value: {expected}", name=name, value=shown, expected=_EXPECTED)
     statement, found = parse_statement(text, 1)
     if statement is not None:
         return None
     return Phrase(
-        "{name}={value} can't be read: {reason}; {expected}", **fields, reason=found[0].phrase, expected=_EXPECTED
+        "{name}={value} can't be read: {reason}; {expected}",
+        name=name,
+        value=shown,
+        reason=found[0].phrase,
+        expected=_EXPECTED,
     )
 
 

@@ -236,6 +236,8 @@ P_500 = ("p is 500 by -D, not as written here", 1)
          [("GJ127", 5, [("p is 1e7 by -D, not as written here", 1)])]),
         # At the LET itself: its text is not what was read.
         ("LET p = 10\n" + _POWER, {"p": "q + 1"}, [("GJ121", 1, [("p is q + 1 by -D, not as written here", 1)])]),
+        # Not at a diagnostic of the whole file, whose line 1 happens to be a LET.
+        ("LET p = 10\n" + _POWER, {"p": "20", "zz": "3"}, [("GJ160", 1, [])]),
         # Not where the value is another one.
         ("LET p = 10\nLET p = 500\n" + _POWER, {"p": "20"}, [("GJ201", 6, [])]),
         ("LET p = 10\nDEF r(p)\n" + _POWER + "END\nCALL r(600)\n", {"p": "20"}, [("GJ201", 6, [])]),

@@ -74,14 +74,15 @@ class OverrideNotes:
     def _overridden_lines(self, span: Span) -> Iterator[int]:
         """The lines of the overridden LETs that a span depends on."""
         line = self._global_line(span)
-        if line in self.applied:
+        if not span.end_column:  # It is about the whole file.
+            return
+        if line in self.applied:  # The text of this LET is not what is run.
             yield line
-        statement = self.sources.statement(line) if span.end_column else None
-        # Of an overridden LET the text is not what is run.
-        names = _names_at(statement, span) if statement is not None and line not in self.applied else ()
+            names = [name for setter in self.setters if setter.line == line for name in setter.reads]
+        else:
+            statement = self.sources.statement(line)
+            names = [] if statement is None else list(_names_at(statement, span))
         work = [(name, line) for name in names]
-        if line in self.applied:
-            work = [(name, line) for setter in self.setters if setter.line == line for name in setter.reads]
         seen = set()
         while work:
             setter = self._setter(*work.pop())
