@@ -19,13 +19,15 @@ from gusjob.config.profile import Profile, find_profile, read_profile
 from gusjob.controllers.gus import GUS
 from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
+from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity, Span, has_errors
 from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
 from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
 from gusjob.frontend.includes import may_be_included
 from gusjob.frontend.source import shown_name
+from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.lint import RULES_OF_A_COMPLETE_TEXT
 from gusjob.lint import check as lint_job
 
@@ -54,7 +56,7 @@ class FileResult:
     """Result for one file: its machine, the selection of rules, and its diagnostics, by position.
 
     `profile`: the machine profile that was read, None for the defaults. `sources`: the texts that spans point into, by
-    name.
+    name. `overrides`: values in place of those of a job's LETs.
     """
 
     path: Path
@@ -63,6 +65,7 @@ class FileResult:
     profile: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
     sources: _Sources = field(default_factory=lambda: MappingProxyType({}))
+    overrides: Overrides = field(default_factory=lambda: NO_OVERRIDES)
 
     @property
     def is_unreadable(self) -> bool:
@@ -159,35 +162,53 @@ class Simulated(Compiled):
 
 
 def load(
-    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None, data: bytes | None = None
+    path: Path,
+    profile_path: Path | None = None,
+    *,
+    scanner: Scanner | None = None,
+    data: bytes | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Checked | Rejected:
     """Parse and check a file. Arguments as for `parse`."""
-    parsed = parse(path, profile_path, scanner=scanner, data=data)
+    parsed = parse(path, profile_path, scanner=scanner, data=data, overrides=overrides)
     return check(parsed) if isinstance(parsed, Parsed) else parsed
 
 
-def examine_file(path: Path, profile_path: Path | None = None) -> Checked | Rejected:
+def examine_file(
+    path: Path, profile_path: Path | None = None, *, overrides: Overrides = NO_OVERRIDES
+) -> Checked | Rejected:
     """Everything that `gusjob check` reports of a file."""
-    loaded = load(path, profile_path)
+    loaded = load(path, profile_path, overrides=overrides)
     return examine(loaded) if isinstance(loaded, Checked) else loaded
 
 
-def compile_file(path: Path, profile_path: Path | None = None) -> Compiled | Checked | Rejected:
+def compile_file(
+    path: Path, profile_path: Path | None = None, *, overrides: Overrides = NO_OVERRIDES
+) -> Compiled | Checked | Rejected:
     """Load a file and compile it if there are no errors."""
-    loaded = load(path, profile_path)
+    loaded = load(path, profile_path, overrides=overrides)
     return compile_calls(loaded) if isinstance(loaded, Checked) else loaded
 
 
 def simulate_file(
-    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None
+    path: Path,
+    profile_path: Path | None = None,
+    *,
+    scanner: Scanner | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Simulated | Checked | Rejected:
-    """Load a file and simulate it if there are no errors. `scanner`: in place of the profile's."""
-    loaded = load(path, profile_path, scanner=scanner)
+    """Load a file and simulate it if there are no errors. Arguments as for `parse`."""
+    loaded = load(path, profile_path, scanner=scanner, overrides=overrides)
     return simulate(loaded) if isinstance(loaded, Checked) else loaded
 
 
 def parse(
-    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None, data: bytes | None = None
+    path: Path,
+    profile_path: Path | None = None,
+    *,
+    scanner: Scanner | None = None,
+    data: bytes | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Parsed | Rejected:
     """Read a job, listing or journal with its machine profile.
 
@@ -196,6 +217,7 @@ def parse(
         profile_path: The machine profile; None for gusjob.toml beside the file or above it.
         scanner: In place of the profile's.
         data: In place of the file's content, for a text that is not on the disk.
+        overrides: Values in place of those of the job's LETs, checked by frontend/overrides.py.
     """
     source, found = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
@@ -217,10 +239,12 @@ def parse(
         )
     if scanner is not None:
         profile = replace(profile, machine=replace(profile.machine, scanner=scanner))
-    return parse_source(source, path=path, profile=profile)
+    return parse_source(source, path=path, profile=profile, overrides=overrides)
 
 
-def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Rejected:
+def parse_source(
+    source: Source, *, path: Path, profile: Profile, overrides: Overrides = NO_OVERRIDES
+) -> Parsed | Rejected:
     """Read a text for the machine of a profile."""
     common: dict[str, Any] = {
         "path": path,
@@ -228,6 +252,7 @@ def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Re
         "selection": profile.selection,
         "profile": profile.source,
         "sources": MappingProxyType({source.name: source}),
+        "overrides": overrides,
     }
     if source.data.startswith(JOURNAL_START):
         from gusjob.hardware.journal_stream import journal_stream
@@ -235,17 +260,25 @@ def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Re
         stream, found = journal_stream(source)
         if stream is None:
             return Rejected(**common, diagnostics=tuple(found), unreadable=True)
+        found = [*found, *_no_lets(source, overrides, Phrase("a journal"))]
         return Parsed(**common, source=source, content=stream, origin=Origin.JOURNAL, diagnostics=tuple(found))
     suppressions = NO_SUPPRESSIONS.added(source.name, source.data, top=True)
     if is_listing(source):
         calls, found = read_listing(source, profile.machine.controller.abi)
         parsed = Parsed(**common, source=source, content=calls, origin=Origin.LISTING, suppressions=suppressions)
-        return _with_diagnostics(parsed, found)
-    job, found = read_job(source, profile.machine)
+        return _with_diagnostics(parsed, [*found, *_no_lets(source, overrides, Phrase("a listing"))])
+    job, found = read_job(source, profile.machine, overrides)
     for name, text in job.included:
         suppressions = suppressions.added(name, text, top=False)
     parsed = Parsed(**common, source=source, content=job, origin=Origin.JOB, suppressions=suppressions)
     return _with_diagnostics(parsed, found)
+
+
+def _no_lets(source: Source, overrides: Overrides, what: Phrase) -> list[Diagnostic]:
+    """Report overrides for a file that has no LETs. `what`: its kind."""
+    if not overrides:
+        return []
+    return [Diagnostic(rule=rules.OVERRIDE_OF_CALLS, span=NOWHERE, fields={"what": what}, path=source.name)]
 
 
 def check(parsed: Parsed) -> Checked:
@@ -319,6 +352,7 @@ def run_request(simulated: Simulated, options: RunOptions) -> RunRequest:
         trace=simulated.trace,
         machine=simulated.machine,
         options=options,
+        overrides=simulated.overrides,
         locate=locate,
         report=report,
     )
@@ -350,6 +384,8 @@ def _next(phase: type[_P], result: Parsed, **more: Any) -> _P:
 
 def _with_diagnostics(result: _P, found: Iterable[Diagnostic]) -> _P:
     """Add diagnostics: with the profile's severities, and without those that a comment suppresses."""
+    if result.job is not None and result.job.with_override_notes is not None:
+        found = map(result.job.with_override_notes, found)
     left, suppressions = result.suppressions.applied(result.selection.with_severities(list(found)))
     # Where the listed ones are suppressed, those that are only counted must not go unseen.
     seen = [f.at_least(_hidden_severity(f, suppressions)) if f.rule is rules.NOT_LISTED else f for f in left]

@@ -26,14 +26,14 @@ JOB = "LOOKAHEAD OFF\n" + MARK + "LASER POWER 40\nJUMP X 10\nLASER ON\nLINE X 20
 
 
 def test_the_example_of_the_guide_runs(tmp_path: Path) -> None:
-    (example,) = blocks(text_of("docs/python.md"), "python")
+    example = "".join(blocks(text_of("docs/python.md"), "python"))
     shutil.copytree(ROOT / "jobs", tmp_path / "jobs")
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", example],
         cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
-    assert "GT_SetAxisMode(7,1)" in done.stdout and "3423.67" in done.stdout
+    assert "GT_SetAxisMode(7,1)" in done.stdout and "3423.67" in done.stdout and "\n8 8mm " in done.stdout
     assert (tmp_path / "co2_cut.png").read_bytes().startswith(b"\x89PNG")
 
 

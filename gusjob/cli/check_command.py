@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
+from gusjob.cli.define import define_option
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.diagnostics.formats.writers import writer_for
@@ -20,6 +21,7 @@ from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.i18n.width import padded
+from gusjob.ir.overrides import Overrides
 from gusjob.pipeline import FileResult, examine_file, selected
 
 _CHECKED = (".job", ".gts")
@@ -41,6 +43,7 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 @click.command(name="check", cls=Command)
 @click.argument("paths", metavar="FILE|FOLDER|GLOB...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @machine_option
+@define_option
 @click.option(
     "--format", "form", type=click.Choice(["text", "json", "sarif", "junit"]), default="text", show_default=True,
     help="text for people, json for programs, sarif for code scanning, junit for CI systems that show test results.",
@@ -57,8 +60,8 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 )
 @click.option("--diff", "diffs", is_flag=True, help="Show what --fix would change, without writing.")
 def command(
-    paths: tuple[Path, ...], machine_path: Path | None, form: str, output: Path | None, strict: bool,
-    select: tuple[str, ...], ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
+    paths: tuple[Path, ...], machine_path: Path | None, overrides: Overrides, form: str, output: Path | None,
+    strict: bool, select: tuple[str, ...], ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
 ) -> None:  # fmt: skip
     """Check jobs and listings for errors.
 
@@ -69,9 +72,12 @@ def command(
     With --fix the exit status is that of the corrected files; with --diff it is 1 if there is something to correct.
     """
     _refuse(form, output, statistics=statistics, diffs=diffs)
+    if overrides and (fixes or diffs):
+        wrong = Phrase("--fix and --diff can't be combined with -D: they correct the job for the values in its text")
+        raise click.UsageError(localized(wrong))
     asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(status=ExitStatus(strict=strict))
-    writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
+    writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None, overrides=overrides)
     fixer = None
     if fixes or diffs:
         from gusjob.cli.fixes import FileFixer
@@ -82,7 +88,7 @@ def command(
     if output is not None:  # Before anything is fixed.
         refuse_overwriting(output, [*files, *named])
     for path in files:
-        examined: FileResult = examine_file(path, machine_path)
+        examined: FileResult = examine_file(path, machine_path, overrides=overrides)
         examined = examined if fixer is None else fixer.fix(examined)
         chosen = selected(examined, asked)
         sums.add(examined, chosen)

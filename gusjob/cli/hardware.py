@@ -19,6 +19,7 @@ from gusjob.hardware.request import Refusal, RunMode, RunOptions, read_recorded_
 from gusjob.hardware.run import Confirm, RunPlan, run_on
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.i18n.width import padded, width
+from gusjob.ir.overrides import overrides_text
 from gusjob.pipeline import Simulated, run_request
 
 
@@ -112,7 +113,7 @@ def _plan_text(plan: RunPlan) -> str:
         abi=plan.abi,
         title=plan.abi_title,
     )
-    rows: list[tuple[str, str]] = []
+    rows: list[tuple[str, str]] = [("-D", printable(overrides_text(plan.overrides)))] if plan.overrides else []
     if expected.box_mm is not None:
         x_low, x_high, y_low, y_high = (f"{edge:.3f}" for edge in expected.box_mm)
         box = Phrase(

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
+from gusjob.cli.define import define_option
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Simulated, simulate_file
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
     from gusjob.view.plot.picture import PlotArea
 
 _FORMATS = ("png", "svg", "pdf")
@@ -70,6 +72,7 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
 )
 @machine_option
 @scanner_option
+@define_option
 @click.option(
     "--by",
     type=click.Choice(_COLOURS),
@@ -101,6 +104,7 @@ def command(
     output: Path,
     machine_path: Path | None,
     scanner: Scanner | None,
+    overrides: Overrides,
     by: str,
     channel: int | None,
     no_jumps: bool,
@@ -126,7 +130,7 @@ def command(
     need("plot", "matplotlib", to=Phrase("draw a picture"))
     from gusjob.view.plot.picture import PlotArea
 
-    result = simulate_file(path, machine_path, scanner=scanner)
+    result = simulate_file(path, machine_path, scanner=scanner, overrides=overrides)
     if isinstance(result, Simulated):
         area = PlotArea(box_mm=zoom, field=field)
         write(

@@ -23,6 +23,7 @@ from gusjob.cli.common import (
     stop,
     write,
 )
+from gusjob.cli.define import define_option
 from gusjob.cli.language import Command
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.i18n.phrases import Phrase, localized, printable
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
     from gusjob.report.compare import Comparison
     from gusjob.report.earlier import EarlierReport
     from gusjob.report.rows import Report
@@ -61,6 +63,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @file_argument
 @machine_option
 @scanner_option
+@define_option
 @click.option(
     "--format",
     "form",
@@ -100,6 +103,7 @@ def command(
     path: Path,
     machine_path: Path | None,
     scanner: Scanner | None,
+    overrides: Overrides,
     form: str | None,
     summary: bool,
     marking: bool | None,
@@ -126,7 +130,7 @@ def command(
     if earlier_path is not None and output is not None:
         refuse_overwriting(output, [earlier_path])
     earlier = None if earlier_path is None else _read_earlier(earlier_path)
-    result = simulate_file(path, machine_path, scanner=scanner)
+    result = simulate_file(path, machine_path, scanner=scanner, overrides=overrides)
     report = _report(result, marking) if isinstance(result, Simulated) else None
     comparison = None
     if report is not None and earlier is not None:
@@ -164,9 +168,9 @@ def _refuse(form: str, *, marking: bool, summary: bool) -> None:
 
 
 def _report(result: Simulated, marking: bool | None) -> Report:
-    from gusjob.report.rows import make_report
+    from gusjob.report.rows import report_of
 
-    return make_report(result.trace, result.machine, result.files, marking=marking, profile=result.profile)
+    return report_of(result, marking=marking)
 
 
 def _written(
@@ -196,6 +200,7 @@ def _written(
             summary=summary,
             comparison=comparison,
             only_changes=only_changes,
+            overrides=result.overrides,
         )
         return [text.encode()]
     assert report is not None

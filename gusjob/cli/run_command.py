@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
+from gusjob.cli.define import define_option, recorded_overrides
 from gusjob.cli.language import Command
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.machine import Abi, Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, all_of, localized
+from gusjob.ir.overrides import Overrides
 from gusjob.pipeline import Checked, Compiled, FileResult, Origin, Simulated, compile_calls, load, simulate
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.
@@ -30,6 +32,7 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
 @machine_option
 @scanner_option
 @table_option
+@define_option
 @click.option(
     "--backend",
     type=click.Choice(["sim", "gts"]),
@@ -61,6 +64,7 @@ def command(
     machine_path: Path | None,
     scanner: Scanner | None,
     tables: bool,
+    overrides: Overrides,
     backend: str,
     library: str | None,
     abi: str | None,
@@ -79,7 +83,8 @@ def command(
     A job with errors is not run. With --backend gts it runs on hardware: library and ABI come from the options or the
     machine profile; the command describes the run and starts it when you confirm. Keys: p pauses and continues; q and
     Ctrl+C stop smoothly, pressed a second time at once. However a run ends, the laser is switched off first. All calls
-    are recorded in a journal; --resume continues the run of a journal. Options marked [gts] are for hardware only.
+    are recorded in a journal; --resume continues the run of a journal, with the same -D. Options marked [gts] are for
+    hardware only.
     """
     if backend == "sim":
         given = {
@@ -96,7 +101,7 @@ def command(
             stop(Phrase("{options}: only with --backend gts", options=all_of(wrong)))
         if path is None:
             raise click.UsageError(localized(_NO_FILE))
-        sys.exit(_in_simulator(path, machine_path, scanner, tables=tables))
+        sys.exit(_in_simulator(path, machine_path, scanner, overrides, tables=tables))
     if frame and no_laser:
         raise click.UsageError(localized(Phrase("--frame runs without laser already: leave out --no-laser.")))
     if frame and (resume is not None or from_line is not None):
@@ -114,6 +119,8 @@ def command(
         if recorded is None:
             raise click.UsageError(localized(_NO_FILE))
         path = path_of(recorded.head["job"])
+    if recorded is not None:
+        overrides = overrides or recorded_overrides(recorded.path, recorded.overrides)
     options = RunOptions(
         library=library or "",
         abi=Abi(abi) if abi else None,
@@ -122,15 +129,17 @@ def command(
         resume=recorded,
         from_line=from_line,
     )
-    sys.exit(_on_controller(path, machine_path, scanner, options, yes=yes, progress=progress))
+    sys.exit(_on_controller(path, machine_path, scanner, overrides, options, yes=yes, progress=progress))
 
 
-def _in_simulator(path: Path, machine_path: Path | None, scanner: Scanner | None, *, tables: bool) -> int:
-    result = _simulated(path, machine_path, scanner)
+def _in_simulator(
+    path: Path, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides, *, tables: bool
+) -> int:
+    result = _simulated(path, machine_path, scanner, overrides)
     if isinstance(result, Simulated):
-        from gusjob.report.rows import make_report
+        from gusjob.report.rows import report_of
 
-        report = make_report(result.trace, result.machine, result.files, profile=result.profile)
+        report = report_of(result)
         text = text_of(result, report, tables=tables, color=sys.stdout is not None and sys.stdout.isatty())
         write([text.encode()], None, for_people=True)
     show(result, notes=not isinstance(result, Simulated))
@@ -138,9 +147,16 @@ def _in_simulator(path: Path, machine_path: Path | None, scanner: Scanner | None
 
 
 def _on_controller(
-    path: Path, machine_path: Path | None, scanner: Scanner | None, options: RunOptions, *, yes: bool, progress: str
+    path: Path,
+    machine_path: Path | None,
+    scanner: Scanner | None,
+    overrides: Overrides,
+    options: RunOptions,
+    *,
+    yes: bool,
+    progress: str,
 ) -> int:
-    result = _simulated(path, machine_path, scanner)
+    result = _simulated(path, machine_path, scanner, overrides)
     show(result, notes=False)
     if not isinstance(result, Simulated) or has_errors(result.diagnostics):
         why = Phrase("not started: only a job without errors can run on hardware")
@@ -154,11 +170,11 @@ def _on_controller(
     return run_on_controller(result, options, yes=yes, progress=progress)
 
 
-def _simulated(path: Path, machine_path: Path | None, scanner: Scanner | None) -> FileResult:
+def _simulated(path: Path, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides) -> FileResult:
     """Take a file through the pipeline, as far as errors allow, with a status line for each phase."""
     with _status_line(path) as set_status:
         set_status(Phrase("reading and checking"))
-        result: FileResult = load(path, machine_path, scanner=scanner)
+        result: FileResult = load(path, machine_path, scanner=scanner, overrides=overrides)
         if isinstance(result, Checked):
             set_status(Phrase("planning"))
             result = compile_calls(result)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 import numpy.typing as npt
+import orjson
 
 from gusjob.cli.common import (
     exit_code,
@@ -24,14 +25,17 @@ from gusjob.cli.common import (
     show,
     write,
 )
+from gusjob.cli.define import define_option
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
+from gusjob.ir.overrides import overrides_text
 from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
     from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
@@ -67,6 +71,7 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
 @file_argument
 @machine_option
 @scanner_option
+@define_option
 @click.option(
     "--format", "form", type=click.Choice(_FORMATS), help="Default: by the output file's extension, else vcd."
 )
@@ -81,6 +86,7 @@ def command(
     path: Path,
     machine_path: Path | None,
     scanner: Scanner | None,
+    overrides: Overrides,
     form: str | None,
     first: _Bound | None,
     last: _Bound | None,
@@ -98,7 +104,7 @@ def command(
         need(*_EXTRA[form], to=Phrase("write {form}", form=form))
     if form in ("parquet", "npz"):
         refuse_terminal(form, output)
-    result = simulate_file(path, machine_path, scanner=scanner)
+    result = simulate_file(path, machine_path, scanner=scanner, overrides=overrides)
     if isinstance(result, Simulated):
         write(_written(result, form, first, last), output, sources=result.inputs)
     show(result, notes=not isinstance(result, Simulated))
@@ -115,15 +121,21 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
     if form == "vcd":
         from gusjob.simulate.outputs.vcd import vcd_pieces
 
-        return vcd_pieces(trace, lines, __version__, start_ms, end_ms)
+        return vcd_pieces(trace, lines, __version__, start_ms, end_ms, comment=_overridden(result.overrides))
     from gusjob.simulate.outputs.tick_table import tick_table
     from gusjob.tables import export
 
     table = tick_table(trace, result.machine, lines, start_ms, end_ms)
     if form == "parquet":
         about = {"schema": b"gusjob-trace/1", "job": trace.name.encode(), "period_us": str(trace.period_us).encode()}
+        if result.overrides:
+            about["overrides"] = orjson.dumps(dict(result.overrides))
         return export.parquet_bytes(table, about)
     return export.csv_bytes(table) if form == "csv" else export.npz_bytes(table)
+
+
+def _overridden(overrides: Overrides) -> str:
+    return f"-D {overrides_text(overrides)}" if overrides else ""
 
 
 def _span_ms(

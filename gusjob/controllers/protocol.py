@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
+
 if TYPE_CHECKING:  # The implementations import what they need when they are called: start-up stays short.
     from gusjob.config.machine import Machine
     from gusjob.diagnostics.model import Diagnostic
@@ -28,8 +30,14 @@ class Controller(Protocol[StreamT]):
     def compile(self, job: Job, machine: Machine) -> tuple[StreamT, list[Diagnostic]]:
         """Compile a checked job to calls; with them the diagnostics that only the planner can make."""
 
-    def write(self, stream: StreamT, form: str) -> Iterator[bytes]:
-        """Write a stream in one of the formats, in pieces that end with a line end."""
+    def write(self, stream: StreamT, form: str, overrides: Overrides = NO_OVERRIDES) -> Iterator[bytes]:
+        """Write a stream in one of the formats, in pieces that end with a line end.
+
+        Args:
+            stream: The calls.
+            form: One of `formats`.
+            overrides: The values of LETs that the job was compiled with; the head names them.
+        """
 
     def simulate(
         self, stream: StreamT, machine: Machine, *, is_listing: bool = False, coarse: bool = False

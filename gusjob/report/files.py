@@ -67,6 +67,8 @@ def report_parquet(report: Report) -> Iterator[bytes]:
     if "files" in report.notes:
         table["file"] = CategoryColumn(codes=report.columns["file"], categories=tuple(report.notes["files"]))
     about = {"schema": REPORT_SCHEMA.encode(), "job": report.job.encode(), "totals": orjson.dumps(report.totals)}
+    if report.overrides:
+        about["overrides"] = orjson.dumps(report.overrides)
     return parquet_bytes(chunks(table, _GROUP_ROWS), about)
 
 

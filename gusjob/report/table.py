@@ -15,6 +15,7 @@ from rich.text import Text
 from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.i18n.width import width as columns_of
+from gusjob.ir.overrides import overrides_text
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.answer import Answer, Finding
 from gusjob.report.quantities import TABLE_DIGITS, duration, energy, length, power_time, short
@@ -103,7 +104,8 @@ def report_text(
     console = Console(
         file=out, width=width, force_terminal=color, no_color=not color, highlight=False, legacy_windows=False
     )
-    console.print(Text(printable(report.job), style="bold"))
+    overrides = f"  -D {overrides_text(report.overrides)}" if report.overrides else ""
+    console.print(Text(printable(report.job) + overrides, style="bold"))
     console.print(_headline(answer, width))
     console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"))
     if answer.findings:

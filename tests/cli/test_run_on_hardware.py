@@ -279,6 +279,23 @@ def test_signals_switch_the_laser_off_and_the_run_is_resumed(desk: Desk, signals
     assert "nothing to resume" in again.stderr
 
 
+def test_a_resumed_run_takes_its_values_from_the_journal(desk: Desk) -> None:
+    job = desk.job("LET dose = 40%\n" + SLOW.replace("LASER POWER 40", "LASER POWER (dose)"))
+    process = desk.started(job, "-D", "dose=25%", "--yes", "--progress", "none")
+    in_motion(desk, process)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert "-D       dose=25%" in err
+    other = desk.run("--resume", desk.journals()[0], "-D", "dose=40%", "--yes", "--progress", "none")
+    assert other.returncode == 2
+    assert "this is the journal of a run with -D dose=25%: leave out -D" in other.stderr
+    done = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
+    assert done.returncode == 0, done.stderr
+    head, *lines = (json.loads(line) for line in desk.journals()[-1].read_text(encoding="utf-8").splitlines())
+    assert head["overrides"] == {"dose": "25%"}
+    assert {line["args"][1] for line in lines if line.get("call") == "GT_BufLaserPrfCmd"} == {25}
+
+
 def phase_reached(process: subprocess.Popen[str], phase: str) -> bool:
     """Wait until a run reports a phase; False if it ends before."""
     assert process.stdout is not None

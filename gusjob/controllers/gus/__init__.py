@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
+
 if TYPE_CHECKING:
     from gusjob.config.machine import Machine
     from gusjob.controllers.gus.calls import Stream
@@ -26,19 +28,19 @@ class GusController:
 
         return compile_job(job, machine)
 
-    def write(self, stream: Stream, form: str) -> Iterator[bytes]:
-        """Write a stream as a listing (gts), as columns (json) or as a C program (c)."""
+    def write(self, stream: Stream, form: str, overrides: Overrides = NO_OVERRIDES) -> Iterator[bytes]:
+        """Write a stream as a listing (gts), as columns (json) or as a C program (c). `overrides`: for its head."""
         from gusjob.controllers.gus.listing import listing, listing_json
 
         match form:
             case "gts":
-                return (text.encode() for text in listing(stream))
+                return (text.encode() for text in listing(stream, overrides))
             case "json":
-                return listing_json(stream)
+                return listing_json(stream, overrides)
             case "c":
                 from gusjob.controllers.gus.c_program import c_program
 
-                return (text.encode() for text in c_program(stream))
+                return (text.encode() for text in c_program(stream, overrides))
             case _:
                 raise ValueError(f"{form!r} is none of {', '.join(self.formats)}")
 

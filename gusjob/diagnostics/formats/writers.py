@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -28,19 +28,22 @@ class DiagnosticsWriter(Protocol):
         """Return everything that was added, in the format."""
 
 
-def writer_for(form: str, *, strict: bool, by_rule: Counter[str] | None) -> DiagnosticsWriter | None:
+def writer_for(
+    form: str, *, strict: bool, by_rule: Counter[str] | None, overrides: Mapping[str, str] | None = None
+) -> DiagnosticsWriter | None:
     """Return the writer of a format, or None for `text`, which is shown file by file.
 
     Args:
         form: `text`, `json`, `sarif` or `junit`.
         strict: Whether warnings fail (in JUnit).
         by_rule: The number of diagnostics of each rule, for JSON with statistics.
+        overrides: Values in place of those of the jobs' LETs, for JSON.
     """
     match form:  # A format is imported when it is needed: start-up time is part of the tool.
         case "json":
             from gusjob.diagnostics.formats.check_json import CheckJson
 
-            return CheckJson(by_rule=by_rule)
+            return CheckJson(by_rule=by_rule, overrides=overrides or {})
         case "sarif":
             from gusjob.diagnostics.formats.sarif import SarifLog
 

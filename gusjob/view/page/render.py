@@ -19,6 +19,7 @@ from markupsafe import Markup
 
 from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
+from gusjob.ir.overrides import overrides_text
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 from gusjob.view.page.encode import UNITS_PER_MM, Encoded, encode
 from gusjob.view.page.texts import page_language, script_texts, template_text
@@ -100,6 +101,7 @@ def _shell(page: Page, found: Encoded | None) -> str:
         language=page_language(),
         texts=_json(script_texts()),
         job=printable(str(page.facts.get("job", ""))),
+        overrides=printable(overrides_text(page.facts.get("overrides") or {})),
         version=str(page.facts.get("version", "")),
         policy=_policy(scripts, watched=bool(page.watched)),
         styles=Markup("\n".join(map(_style, _STYLES if interactive else _STYLES[-1:]))),
