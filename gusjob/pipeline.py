@@ -166,23 +166,25 @@ def load(
     return check(parsed) if isinstance(parsed, Parsed) else parsed
 
 
-def examine_file(path: Path, profile_path: Path | None = None) -> Checked | Rejected:
+def examine_file(path: Path, profile_path: Path | None = None, *, data: bytes | None = None) -> Checked | Rejected:
     """Everything that `gusjob check` reports of a file."""
-    loaded = load(path, profile_path)
+    loaded = load(path, profile_path, data=data)
     return examine(loaded) if isinstance(loaded, Checked) else loaded
 
 
-def compile_file(path: Path, profile_path: Path | None = None) -> Compiled | Checked | Rejected:
+def compile_file(
+    path: Path, profile_path: Path | None = None, *, data: bytes | None = None
+) -> Compiled | Checked | Rejected:
     """Load a file and compile it if there are no errors."""
-    loaded = load(path, profile_path)
+    loaded = load(path, profile_path, data=data)
     return compile_calls(loaded) if isinstance(loaded, Checked) else loaded
 
 
 def simulate_file(
-    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None
+    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None, data: bytes | None = None
 ) -> Simulated | Checked | Rejected:
-    """Load a file and simulate it if there are no errors. `scanner`: in place of the profile's."""
-    loaded = load(path, profile_path, scanner=scanner)
+    """Load a file and simulate it if there are no errors. Arguments as for `parse`."""
+    loaded = load(path, profile_path, scanner=scanner, data=data)
     return simulate(loaded) if isinstance(loaded, Checked) else loaded
 
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
+from gusjob.cli.common import machine_option, need, scanner_option, show, stop
 from gusjob.cli.language import Command
+from gusjob.cli.standard_input import file_path
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
@@ -33,7 +34,7 @@ Stamp = dict[Path, tuple[int, int] | None]
 
 
 @click.command(name="watch", cls=Command)
-@file_argument
+@click.argument("path", metavar="FILE", type=click.Path(), callback=file_path)
 @machine_option
 @scanner_option
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
