@@ -48,7 +48,9 @@ _ENDINGS = {
     ".parquet": "parquet",
 }
 _WITHOUT_RUN = ("json", "markdown", "html")
-"""Formats that have the diagnostics, and so are also written for a job with errors, or a file that can't be read."""
+"""Formats that have the diagnostics, and so are also written for a job with errors."""
+_ALWAYS = "json"
+"""The format that is also written for a file that can't be read: who parses it can rely on it."""
 _WITHOUT_COMPARISON = ("csv", "html", "parquet")
 """Formats without the comparison, which is written to standard error."""
 _EXTRAS = {"html": ("html", "jinja2"), "parquet": ("parquet", "pyarrow")}
@@ -138,7 +140,7 @@ def command(
         from gusjob.report.compare import compare
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
-    if report is not None or form in _WITHOUT_RUN:
+    if report is not None or form == _ALWAYS or (form in _WITHOUT_RUN and not result.is_unreadable):
         pieces = _written(result, report, comparison, form=form, summary=summary)
         write(pieces, output, sources=result.inputs, for_people=form == "table")
     if form in _WITHOUT_COMPARISON and comparison is not None:
