@@ -43,6 +43,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "checkout"
     folder.mkdir()
     monkeypatch.chdir(folder)
+    for variable in ("GITHUB_WORKSPACE", "CI_PROJECT_DIR"):  # Those of the CI that runs the tests.
+        monkeypatch.delenv(variable, raising=False)
     return folder
 
 
