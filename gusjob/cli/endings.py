@@ -37,8 +37,10 @@ def output_format(form: str | None, output: Path | None, endings: Mapping[str, s
         return endings[max(known, key=len)]
     if len(output.suffix) <= 1 or (exists(output) and not output.is_file()):
         return default
-    fields = {"path": printable(str(output)), "endings": any_of([*endings])}
-    wrong = Phrase("{path}: the name of the output file must end in {endings}", **fields)
+    shown, listed = printable(str(output)), any_of([*endings])
+    wrong = Phrase("{path}: the name of the output file must end in {endings}", path=shown, endings=listed)
     if option:
-        wrong = Phrase("{path}: the name of the output file must end in {endings}; or use --format", **fields)
+        wrong = Phrase(
+            "{path}: the name of the output file must end in {endings}; or use --format", path=shown, endings=listed
+        )
     raise click.UsageError(localized(wrong))
