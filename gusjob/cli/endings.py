@@ -18,7 +18,9 @@ def output_path(_context: click.Context, _parameter: click.Parameter, text: str 
     return None if path == STANDARD_INPUT else path
 
 
-def output_format(form: str | None, output: Path | None, endings: Mapping[str, str], *, option: bool = True) -> str:
+def output_format(
+    form: str | None, output: Path | None, endings: Mapping[str, str], *, option: bool = True, bare: bool = True
+) -> str:
     """Return the format in which a command writes; a usage error for an ending that has none.
 
     Args:
@@ -27,6 +29,7 @@ def output_format(form: str | None, output: Path | None, endings: Mapping[str, s
         endings: Format of each ending, in lower case. The first one is the default: that of standard output, of
             devices and pipes, and of names without an ending.
         option: Whether the command has the option --format.
+        bare: Whether a file may have a name without an ending.
     """
     default = next(iter(endings.values()))
     if form is not None or output is None:
@@ -35,7 +38,7 @@ def output_format(form: str | None, output: Path | None, endings: Mapping[str, s
     known = [ending for ending in endings if name.endswith(ending) and name != ending]
     if known:
         return endings[max(known, key=len)]
-    if len(output.suffix) <= 1 or (exists(output) and not output.is_file()):
+    if (bare and len(output.suffix) <= 1) or (exists(output) and not output.is_file()):
         return default
     shown, listed = printable(str(output)), any_of([*endings])
     wrong = Phrase("{path}: the name of the output file must end in {endings}", path=shown, endings=listed)

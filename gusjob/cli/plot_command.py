@@ -132,7 +132,7 @@ def command(
 
     With a scanner, emission is drawn where the beam is. A job with errors is not drawn; a listing with errors is.
     """
-    form = output_format(form, output, _ENDINGS)
+    form = output_format(form, output, _ENDINGS, bare=False)
     if zoom is not None and field:
         raise click.UsageError(localized(Phrase("--zoom and --field exclude each other")))
     size_in = size_mm[0] / _MM_PER_INCH, size_mm[1] / _MM_PER_INCH

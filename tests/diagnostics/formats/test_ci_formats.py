@@ -357,13 +357,13 @@ def test_any_file_makes_valid_logs(tmp_path_factory: pytest.TempPathFactory, dat
     run, top = sarif(job), junit(job)
     told = len(run["results"]) + len(run["invocations"][0]["toolExecutionNotifications"])
     assert told <= len(list(top.iter("testcase")))
-    assert len(annotations(gusjob("check", "--format", "github", job).stdout)) == len(gitlab(job)) == told
+    assert len(annotated(gusjob("check", "--format", "github", job).stdout)) == len(gitlab(job)) == told
 
 
 # GitHub
 
 
-def annotations(text: str) -> list[tuple[str, dict[str, str], str]]:
+def annotated(text: str) -> list[tuple[str, dict[str, str], str]]:
     """Commands with their properties and messages, read as GitHub's runner reads the lines of a log."""
     found = []
     for line in text.split("\n")[:-1]:
@@ -383,7 +383,7 @@ def test_an_annotation(here: Path) -> None:
     done = gusjob("check", "--format", "github", "jobs")
     assert done.exit_code == 1
     assert done.stdout.count("\n") == 1
-    ((command, properties, message),) = annotations(done.stdout)
+    ((command, properties, message),) = annotated(done.stdout)
     file = f"jobs/{name}"
     assert (command, properties) == (
         "error",
@@ -404,7 +404,7 @@ def test_severities_and_positions(monkeypatch: pytest.MonkeyPatch) -> None:
         (commands[f["severity"]], Path(f["path"]).as_posix(), f["line"], f["end_line"], f["code"], f["message"])
         for f in found
     }
-    read = annotations(gusjob("check", "--format", "github", "bad", "good").stdout)
+    read = annotated(gusjob("check", "--format", "github", "bad", "good").stdout)
     made = [
         (command, p["file"], int(p["line"]), int(p["endLine"]), p["title"], message) for command, p, message in read
     ]
@@ -512,7 +512,7 @@ def test_paths_are_those_of_the_checkout(here: Path, monkeypatch: pytest.MonkeyP
         for files in (["."], [here / "jobs"], ["../jobs/a.job", "parts/setup.job"]):
             text = gusjob("check", "--format", form, "--select", "GJ504", *files).stdout
             paths = [finding["location"]["path"] for finding in json.loads(text)] if form == "gitlab" else []
-            paths = paths or [properties["file"] for _, properties, _ in annotations(text)]
+            paths = paths or [properties["file"] for _, properties, _ in annotated(text)]
             assert paths == ["jobs/parts/setup.job"]
         text = gusjob("check", "--format", form, "../../outside.job").stdout
         assert outside.as_posix().replace(":", "%3A" if form == "github" else ":") in text
