@@ -22,7 +22,7 @@ from gusjob.cli.standard_input import (
     refuse_name_without_input,
     stdin_filename_option,
 )
-from gusjob.diagnostics.formats.writers import ENDINGS, FORMATS, TEXT, WITH_STATISTICS, writer_for
+from gusjob.diagnostics.formats.writers import ENDINGS, FORMATS, LOG, TEXT, WITH_STATISTICS, writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import SelectionLayer
@@ -121,7 +121,7 @@ def command(
         click.echo(_statistics_text(sums.by_rule), err=True, nl=False)
     elif statistics:
         write([_statistics_text(sums.by_rule).encode()], output, sources=[*sums.read, *named], for_people=True)
-    if writer is None or output is not None or fixer is not None:
+    if writer is None or output is not None or fixer is not None or form == LOG:
         click.echo(sums.summary + (fixer.summary if fixer else ""), err=True)
     code = max(sums.status.code, fixer.exit_code if fixer else 0)
     sys.exit(0 if exit_zero and code == 1 else code)

@@ -49,9 +49,18 @@ def file_path(_context: click.Context, _parameter: click.Parameter, text: str | 
     return None if text is None else named_path(text)
 
 
+def _name(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Path | None:
+    """Convert the name of standard input, which need not exist."""
+    path = None if text is None else Path(text)
+    if path is not None and path.name in ("", ".."):
+        raise click.BadParameter(localized(Phrase("{name} is not a file name", name=printable(str(text)) or '""')))
+    return path
+
+
 stdin_filename_option = click.option(
     "--stdin-filename",
-    type=click.Path(path_type=Path),
+    type=click.Path(),
+    callback=_name,
     metavar="PATH",
     help="Name of standard input (FILE is -) in messages; its folder is that of the profile and of included files, and "
     "its extension tells a job from a listing.",

@@ -123,6 +123,8 @@ def test_fixes_are_written_to_standard_output() -> None:
         ("run x.job --stdin-filename a.job", "write - as FILE, too"),
         ("check --stdin-filename a.job", "write - as FILE, too"),
         ("fmt x.job --stdin-filename a.job", "write - as FILE, too"),
+        ("check - --stdin-filename=", "is not a file name"),
+        ("check - --stdin-filename ..", "is not a file name"),
         ("compile - -o x.job --format gts --stdin-filename x.job", "x.job is an input of this command"),
     ],
 )

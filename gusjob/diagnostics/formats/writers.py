@@ -28,10 +28,11 @@ class DiagnosticsWriter(Protocol):
         """Return everything that was added, in the format."""
 
 
-TEXT = "text"
+TEXT, LOG = "text", "github"
+"""The formats that people read, too: on a terminal, and in a log."""
 ENDINGS = {".txt": TEXT, ".json": "json", ".sarif": "sarif", ".sarif.json": "sarif", ".xml": "junit"}
 """Format of an output file by its ending."""
-FORMATS = (TEXT, "json", "sarif", "junit", "github", "gitlab")
+FORMATS = (TEXT, "json", "sarif", "junit", LOG, "gitlab")
 WITH_STATISTICS = (TEXT, "json")
 """Formats that can have the number of diagnostics of each rule."""
 
@@ -57,7 +58,7 @@ def writer_for(form: str, *, strict: bool, by_rule: Counter[str] | None) -> Diag
             from gusjob.diagnostics.formats.junit import JUnitReport
 
             return JUnitReport(strict=strict)
-        case "github":
+        case _ if form == LOG:
             from gusjob.diagnostics.formats.github import GitHubAnnotations
 
             return GitHubAnnotations()

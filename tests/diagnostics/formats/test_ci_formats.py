@@ -19,8 +19,10 @@ from hypothesis import strategies as st
 from support.tools import MARK, ROOT
 
 from gusjob.cli import cli
+from gusjob.diagnostics.formats.github import GitHubAnnotations
 from gusjob.diagnostics.formats.sarif import FINGERPRINT, descriptor, message_text
-from gusjob.diagnostics.rules import RULES
+from gusjob.diagnostics.model import Diagnostic, Span
+from gusjob.diagnostics.rules import EMPTY, RULES
 
 jsonschema: Any = import_module("jsonschema")
 xmlschema: Any = import_module("xmlschema")
@@ -166,6 +168,9 @@ def test_a_name_that_is_no_text(here: Path) -> None:
         pytest.skip("this file system takes names of text only")
     uris = [place(result["locations"][0])[0] for result in sarif(".")["results"]]
     assert uris == ["%FF.job"]
+    (finding,) = json.loads(gusjob("check", "--format", "gitlab", ".").stdout)
+    ((_, properties, _),) = annotated(gusjob("check", "--format", "github", ".").stdout)
+    assert finding["location"]["path"] == properties["file"] == "\\xff.job"
 
 
 def test_files_elsewhere_are_absolute(here: Path) -> None:
@@ -381,7 +386,7 @@ def test_an_annotation(here: Path) -> None:
     name = "a,b%25.job" if os.name == "nt" else "a:b,c%0A.job"
     write(here / "jobs" / name, "LET w = 120\n" + MARK + "LASER POWER (w)\n")
     done = gusjob("check", "--format", "github", "jobs")
-    assert done.exit_code == 1
+    assert (done.exit_code, done.stderr) == (1, "1 file: 1 error\n")
     assert done.stdout.count("\n") == 1
     ((command, properties, message),) = annotated(done.stdout)
     file = f"jobs/{name}"
@@ -416,6 +421,22 @@ def test_severities_and_positions(monkeypatch: pytest.MonkeyPatch) -> None:
         assert ("col" in p) == ("endColumn" in p)
         if "col" in p:
             assert p["line"] == p["endLine"] and int(p["col"]) <= int(p["endColumn"])
+
+
+def test_columns_of_several_lines_are_left_out() -> None:
+    """The runner drops them, and says so in its debug log."""
+    made = GitHubAnnotations()
+    spans = [Span(line=2, column=3, end_line=4, end_column=5), Span(line=2, column=3), Span(line=2, end_column=1)]
+    made.add(Path("a"), [Diagnostic(rule=EMPTY, span=span, fields={"what": "x"}) for span in spans], lambda *_: "",
+             readable=True)  # fmt: skip
+    places = [
+        {name: p[name] for name in p.keys() - {"file", "title"}} for _, p, _ in annotated(made.to_bytes().decode())
+    ]
+    assert places == [
+        {"line": "2", "endLine": "4"},
+        {"line": "2", "endLine": "2"},
+        {"line": "2", "endLine": "2", "col": "1", "endColumn": "1"},
+    ]
 
 
 # GitLab
