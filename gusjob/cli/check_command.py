@@ -84,9 +84,9 @@ def command(
     --fix writes the corrected text of standard input to standard output.
     """
     form = output_format(form, output, ENDINGS)
-    writes_text = fixes and not diffs and STANDARD_INPUT in paths
     _refuse(form, statistics=statistics, diffs=diffs, strict=strict, exit_zero=exit_zero)
-    if writes_text and form != TEXT and output is None:
+    writes_text = fixes and not diffs and STANDARD_INPUT in paths
+    if writes_text and output is None and (form != TEXT or statistics):
         wrong = Phrase("--fix writes the text of standard input to standard output: name a file for the rest with -o")
         raise click.UsageError(localized(wrong))
     if fixes and not diffs:
@@ -117,8 +117,6 @@ def command(
             show(chosen, err=diffs or writes_text)
     if writer is not None:
         write([writer.to_bytes()], output, sources=[*sums.read, *named])
-    elif statistics and writes_text and output is None:
-        click.echo(_statistics_text(sums.by_rule), err=True, nl=False)
     elif statistics:
         write([_statistics_text(sums.by_rule).encode()], output, sources=[*sums.read, *named], for_people=True)
     if writer is None or output is not None or fixer is not None or form == LOG:

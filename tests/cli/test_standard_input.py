@@ -102,10 +102,11 @@ def test_fixes_are_written_to_standard_output() -> None:
     done = gusjob("check", "--fix", "-", "--format", "json", "-o", "rest.json", given=unfinished)
     assert (done.exit_code, done.stdout) == (0, GOOD)
     assert json.loads(Path("rest.json").read_bytes())["diagnostics"] == []
-    done = gusjob("check", "--fix", "-", "--format", "json", given=unfinished)
-    assert (done.exit_code, done.stdout, "with -o" in done.stderr) == (2, "", True)
-    counted = gusjob("check", "--fix", "-", "--statistics", given=BAD)
-    assert (counted.stdout_bytes, "1  GJ201" in counted.stderr) == (BAD, True)
+    for option in ("--format=json", "--statistics"):
+        done = gusjob("check", "--fix", "-", option, given=unfinished)
+        assert (done.exit_code, done.stdout, "with -o" in done.stderr) == (2, "", True)
+    counted = gusjob("check", "--fix", "-", "--statistics", "-o", "rest.txt", given=BAD)
+    assert (counted.stdout_bytes, "1  GJ201" in Path("rest.txt").read_text(encoding="utf-8")) == (BAD, True)
     shown = gusjob("check", "--diff", "-", "--stdin-filename", "a.job", given=unfinished)
     assert (shown.exit_code, shown.stdout.splitlines()[-1]) == (1, "+LASER OFF")
     assert "a.job" in shown.stdout.splitlines()[0]
