@@ -175,18 +175,18 @@ def load(
 
 
 def examine_file(
-    path: Path, profile_path: Path | None = None, *, overrides: Overrides = NO_OVERRIDES
+    path: Path, profile_path: Path | None = None, *, data: bytes | None = None, overrides: Overrides = NO_OVERRIDES
 ) -> Checked | Rejected:
     """Everything that `gusjob check` reports of a file."""
-    loaded = load(path, profile_path, overrides=overrides)
+    loaded = load(path, profile_path, data=data, overrides=overrides)
     return examine(loaded) if isinstance(loaded, Checked) else loaded
 
 
 def compile_file(
-    path: Path, profile_path: Path | None = None, *, overrides: Overrides = NO_OVERRIDES
+    path: Path, profile_path: Path | None = None, *, data: bytes | None = None, overrides: Overrides = NO_OVERRIDES
 ) -> Compiled | Checked | Rejected:
     """Load a file and compile it if there are no errors."""
-    loaded = load(path, profile_path, overrides=overrides)
+    loaded = load(path, profile_path, data=data, overrides=overrides)
     return compile_calls(loaded) if isinstance(loaded, Checked) else loaded
 
 
@@ -195,10 +195,11 @@ def simulate_file(
     profile_path: Path | None = None,
     *,
     scanner: Scanner | None = None,
+    data: bytes | None = None,
     overrides: Overrides = NO_OVERRIDES,
 ) -> Simulated | Checked | Rejected:
     """Load a file and simulate it if there are no errors. Arguments as for `parse`."""
-    loaded = load(path, profile_path, scanner=scanner, overrides=overrides)
+    loaded = load(path, profile_path, scanner=scanner, data=data, overrides=overrides)
     return simulate(loaded) if isinstance(loaded, Checked) else loaded
 
 

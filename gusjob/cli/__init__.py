@@ -64,8 +64,8 @@ class _CommandGroup(Command, click.Group):
 def cli() -> None:
     """Compile, lint and run laser jobs for Googol GUS galvo controllers.
 
-    FILE is a job (.job), or the GT_ calls of a listing or C program (.gts, .c). Exit status: 0 clean, 1 errors, or
-    changes found by report --against, 2 wrong usage or a file that can't be read.
+    FILE is a job (.job), or the GT_ calls of a listing or C program (.gts, .c); - is standard input. Exit status: 0
+    clean, 1 errors, or changes found by report --against, 2 wrong usage or a file that can't be read.
     """
 
 

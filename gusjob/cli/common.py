@@ -14,6 +14,8 @@ from typing import BinaryIO, NoReturn
 
 import click
 
+from gusjob.cli.endings import output_path
+from gusjob.cli.standard_input import file_path, input_path
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.i18n.phrases import Phrase, localized, plural, printable, reason_of
@@ -23,7 +25,8 @@ from gusjob.pipeline import FileResult
 machine_option = click.option(
     "--machine",
     "machine_path",
-    type=click.Path(path_type=Path),
+    type=click.Path(),
+    callback=file_path,
     help="Machine profile (TOML). Default: gusjob.toml in the job's folder or above it, else the documented defaults.",
 )
 
@@ -44,9 +47,13 @@ scanner_option = click.option(
     metavar="MODEL:TIME",
     help=f"Scanner model in place of the profile's: how the beam lags behind the commanded position. {SCANNER_FORM}.",
 )
-file_argument = click.argument("path", metavar="FILE", type=click.Path(path_type=Path))
+file_argument = click.argument("path", metavar="FILE", type=click.Path(), callback=input_path)
 output_option = click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Write to this file instead of standard output."
+    "-o",
+    "--output",
+    type=click.Path(),
+    callback=output_path,
+    help="Write to this file instead of standard output (-). Its extension sets the format.",
 )
 
 

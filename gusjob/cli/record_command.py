@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob.cli.common import stop
+from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command
+from gusjob.cli.standard_input import file_path
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 
@@ -66,8 +68,9 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
-    default=Path("calls.gts"),
+    type=click.Path(),
+    callback=file_path,
+    default="calls.gts",
     show_default=True,
     help="Write the listing to this file.",
 )
@@ -155,6 +158,7 @@ def command(
     """
     from gusjob.record.build import BuildError, Target
 
+    output_format(None, output, {".gts": "gts"}, option=False)
     chosen = Target(target) if target is not None else None
     bits = int(long_bits) if long_bits is not None else None
     try:

@@ -13,6 +13,14 @@ import click
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
 from gusjob.cli.define import define_option, recorded_overrides
 from gusjob.cli.language import Command
+from gusjob.cli.standard_input import (
+    STANDARD_INPUT,
+    InputFile,
+    file_path,
+    input_file,
+    input_path,
+    stdin_filename_option,
+)
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.machine import Abi, Scanner
 from gusjob.diagnostics.model import has_errors
@@ -23,16 +31,16 @@ from gusjob.pipeline import Checked, Compiled, FileResult, Origin, Simulated, co
 if TYPE_CHECKING:  # Only a run on hardware needs it.
     from gusjob.hardware.request import RunOptions
 
-_FILE = click.Path(path_type=Path)
 _NO_FILE = Phrase("Missing argument 'FILE'.")
 
 
 @click.command(name="run", cls=Command)
-@click.argument("path", metavar="FILE", type=_FILE, required=False)
+@click.argument("path", metavar="FILE", type=click.Path(), callback=input_path, required=False)
 @machine_option
 @scanner_option
 @table_option
 @define_option
+@stdin_filename_option
 @click.option(
     "--backend",
     type=click.Choice(["sim", "gts"]),
@@ -52,8 +60,19 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
     show_default=True,
     help="Show progress as a panel on a terminal and as lines elsewhere, or as JSON lines on standard output. [gts]",
 )
-@click.option("--journal", type=_FILE, help="Write the journal to this file; default: beside the job. [gts]")
-@click.option("--resume", type=_FILE, metavar="JOURNAL", help="Continue the run of this journal. [gts]")
+@click.option(
+    "--journal",
+    type=click.Path(),
+    callback=file_path,
+    help="Write the journal to this file; default: beside the job. [gts]",
+)
+@click.option(
+    "--resume",
+    type=click.Path(),
+    callback=file_path,
+    metavar="JOURNAL",
+    help="Continue the run of this journal. [gts]",
+)
 @click.option(
     "--from-line",
     metavar="[FILE:]N",
@@ -65,6 +84,7 @@ def command(
     scanner: Scanner | None,
     tables: bool,
     overrides: Overrides,
+    stdin_filename: Path | None,
     backend: str,
     library: str | None,
     abi: str | None,
@@ -101,7 +121,12 @@ def command(
             stop(Phrase("{options}: only with --backend gts", options=all_of(wrong)))
         if path is None:
             raise click.UsageError(localized(_NO_FILE))
-        sys.exit(_in_simulator(path, machine_path, scanner, overrides, tables=tables))
+        sys.exit(_in_simulator(input_file(path, stdin_filename), machine_path, scanner, overrides, tables=tables))
+    if path == STANDARD_INPUT or stdin_filename is not None:
+        why = Phrase(
+            "standard input can't be run on a controller, since --resume and the journal need the job's file: save it"
+        )
+        raise click.UsageError(localized(why))
     if frame and no_laser:
         raise click.UsageError(localized(Phrase("--frame runs without laser already: leave out --no-laser.")))
     if frame and (resume is not None or from_line is not None):
@@ -133,9 +158,9 @@ def command(
 
 
 def _in_simulator(
-    path: Path, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides, *, tables: bool
+    file: InputFile, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides, *, tables: bool
 ) -> int:
-    result = _simulated(path, machine_path, scanner, overrides)
+    result = _simulated(file, machine_path, scanner, overrides)
     if isinstance(result, Simulated):
         from gusjob.report.rows import report_of
 
@@ -156,7 +181,7 @@ def _on_controller(
     yes: bool,
     progress: str,
 ) -> int:
-    result = _simulated(path, machine_path, scanner, overrides)
+    result = _simulated(InputFile(path=path), machine_path, scanner, overrides)
     show(result, notes=False)
     if not isinstance(result, Simulated) or has_errors(result.diagnostics):
         why = Phrase("not started: only a job without errors can run on hardware")
@@ -170,11 +195,11 @@ def _on_controller(
     return run_on_controller(result, options, yes=yes, progress=progress)
 
 
-def _simulated(path: Path, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides) -> FileResult:
+def _simulated(file: InputFile, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides) -> FileResult:
     """Take a file through the pipeline, as far as errors allow, with a status line for each phase."""
-    with _status_line(path) as set_status:
+    with _status_line(file.path) as set_status:
         set_status(Phrase("reading and checking"))
-        result: FileResult = load(path, machine_path, scanner=scanner, overrides=overrides)
+        result: FileResult = load(file.path, machine_path, scanner=scanner, data=file.data, overrides=overrides)
         if isinstance(result, Checked):
             set_status(Phrase("planning"))
             result = compile_calls(result)

@@ -26,7 +26,9 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.define import define_option
+from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command
+from gusjob.cli.standard_input import input_file, stdin_filename_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.ir.overrides import overrides_text
 from gusjob.kinematics.arrays import Bools, Indices
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
+_ENDINGS = {f".{form}": form for form in _FORMATS}
 _EXTRA = {"vcd": ("trace", "vcd"), "parquet": ("parquet", "pyarrow")}
 _UNITS_MS = {"us": 1e-3, "ms": 1.0, "s": 1e3, "": 1.0}
 
@@ -72,6 +75,7 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
 @machine_option
 @scanner_option
 @define_option
+@stdin_filename_option
 @click.option(
     "--format", "form", type=click.Choice(_FORMATS), help="Default: by the output file's extension, else vcd."
 )
@@ -87,6 +91,7 @@ def command(
     machine_path: Path | None,
     scanner: Scanner | None,
     overrides: Overrides,
+    stdin_filename: Path | None,
     form: str | None,
     first: _Bound | None,
     last: _Bound | None,
@@ -98,13 +103,13 @@ def command(
     and PulseView. csv, parquet, npz: a table of the controller's ticks with position, velocity, and power and
     emission of each channel. Time counts from the first stage's start, off delays between stages included.
     """
-    ending = output.suffix.lower().removeprefix(".") if output is not None else ""
-    form = form or (ending if ending in _FORMATS else "vcd")
+    form = output_format(form, output, _ENDINGS)
     if form in _EXTRA:
         need(*_EXTRA[form], to=Phrase("write {form}", form=form))
     if form in ("parquet", "npz"):
         refuse_terminal(form, output)
-    result = simulate_file(path, machine_path, scanner=scanner, overrides=overrides)
+    file = input_file(path, stdin_filename)
+    result = simulate_file(file.path, machine_path, scanner=scanner, data=file.data, overrides=overrides)
     if isinstance(result, Simulated):
         write(_written(result, form, first, last), output, sources=result.inputs)
     show(result, notes=not isinstance(result, Simulated))

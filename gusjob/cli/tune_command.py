@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from gusjob.cli.common import bom_of, file_argument, machine_option, rewrite, scanner_option, show, stop
+from gusjob.cli.common import bom_of, machine_option, rewrite, scanner_option, show, stop
 from gusjob.cli.language import Command
+from gusjob.cli.standard_input import file_path
 from gusjob.config.machine import Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, figure, localized, reason_of
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @click.command(name="tune", cls=Command)
-@file_argument
+@click.argument("path", metavar="FILE", type=click.Path(), callback=file_path)
 @machine_option
 @scanner_option
 @click.option("--skywrite", is_flag=True, help="Tune SKYWRITE instead of LASER DELAY.")

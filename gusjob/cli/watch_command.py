@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
+from gusjob.cli.common import machine_option, need, scanner_option, show, stop
 from gusjob.cli.define import define_option
 from gusjob.cli.language import Command
+from gusjob.cli.standard_input import file_path
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
@@ -36,7 +37,7 @@ Stamp = dict[Path, tuple[int, int] | None]
 
 
 @click.command(name="watch", cls=Command)
-@file_argument
+@click.argument("path", metavar="FILE", type=click.Path(), callback=file_path)
 @machine_option
 @scanner_option
 @table_option

@@ -98,6 +98,8 @@ def _parse(path: str, data: bytes) -> EarlierReport:
     if type(found) is not dict or found.get("schema") != REPORT_SCHEMA:
         reason = Phrase('this is not a JSON report of gusjob (schema "{schema}")', schema=REPORT_SCHEMA)
         raise _NotAReportError(reason)
+    if found.get("totals", found) is None:
+        raise _NotAReportError(Phrase("this is the report of a job with errors, which was not simulated"))
     totals = flat_totals(_typed(found, "totals", dict)) | {("period_us", None, None): _figure(found, "period_us")}
     columns = _columns(_typed(found, "segments", dict)) if "segments" in found else None
     overrides = _overrides(_typed(found, "overrides", dict)) if "overrides" in found else NO_OVERRIDES

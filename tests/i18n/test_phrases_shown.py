@@ -394,7 +394,7 @@ def test_wrong_usage(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         text = wrong(command, *arguments)
         assert "·" in text
         # The value is shown as it was typed; a form is an option's value.
-        assert left(text, "csv", "html", "--from", "--to") == set(), arguments
+        assert left(text, "csv", "html", "png", "svg", "pdf", "--from", "--to") == set(), arguments
     stops = [
         (run_command.command, ("J.job", "--yes", "--frame")), (watch_command.command, ("NONE",)),
         (run_command.command, ("J.job", "--backend", "gts")), (tune_command.command, ("J.job",)),

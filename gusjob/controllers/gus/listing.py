@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 import orjson
 
 from gusjob.controllers.gus.calls import BUFFERED, Buffered, BufferedCalls, Stream, Value
+from gusjob.diagnostics.formats.check_json import diagnostic_object
+from gusjob.diagnostics.model import Diagnostic
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides, overrides_text
 
 _CHUNK = 1 << 16
@@ -61,20 +63,31 @@ def overridden_text(overrides: Overrides) -> str:
     return f"-D {overrides_text(overrides)}"
 
 
-def listing_json(stream: Stream, overrides: Overrides = NO_OVERRIDES) -> Iterator[bytes]:
+def listing_json(
+    stream: Stream | None, name: str, diagnostics: Iterable[Diagnostic], overrides: Overrides = NO_OVERRIDES
+) -> Iterator[bytes]:
     """Write the JSON schema gusjob-calls/1, in pieces.
 
     Calls that are not buffered are objects, each with `at`, the number of buffered calls before it; buffered calls are
-    columns.
+    columns. Without a stream, for a job that was not compiled, both are null.
     """
-    calls = [{"call": c.name, "args": c.args, "at": c.at, "line": c.line} for c in stream.calls]
-    yield b'{"schema": "gusjob-calls/1", "job": ' + orjson.dumps(stream.name) + b', "calls": ' + orjson.dumps(calls)
+    yield b'{"schema": "gusjob-calls/1", "job": ' + orjson.dumps(name)
     if overrides:
         yield b', "overrides": ' + orjson.dumps(dict(overrides))
+    if stream is None:
+        yield b', "calls": null, "buffered": null'
+    else:
+        yield from _calls_json(stream)
+    yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(diagnostic) for diagnostic in diagnostics]) + b"}\n"
+
+
+def _calls_json(stream: Stream) -> Iterator[bytes]:
+    calls = [{"call": c.name, "args": c.args, "at": c.at, "line": c.line} for c in stream.calls]
+    yield b', "calls": ' + orjson.dumps(calls)
     names = [BUFFERED[Buffered(kind)].name.encode() for kind in Buffered]
     yield b', "buffered": {"call": ['
     yield b",".join([b'"' + names[kind] + b'"' for kind in stream.buffered.kind.tolist()]) + b"]"
     for name in stream.buffered.__slots__[1:]:
         column = np.ascontiguousarray(stream.buffered.column(name))
         yield b", " + orjson.dumps(name) + b": " + orjson.dumps(column, option=orjson.OPT_SERIALIZE_NUMPY)
-    yield b"}}\n"
+    yield b"}"
