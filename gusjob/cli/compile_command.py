@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, output_option, show, write
+from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command
 from gusjob.cli.standard_input import input_file, stdin_filename_option
@@ -22,6 +23,7 @@ _ENDINGS = {f".{form}": form for form in GUS.formats}
 @click.command(name="compile", cls=Command)
 @file_argument
 @machine_option
+@define_option
 @stdin_filename_option
 @click.option(
     "--format", "form", type=click.Choice(GUS.formats), help="Default: by the output file's extension, else gts."

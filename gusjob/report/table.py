@@ -105,7 +105,7 @@ def report_text(
         file=out, width=width, force_terminal=color, no_color=not color, highlight=False, legacy_windows=False
     )
     overrides = f"  -D {overrides_text(report.overrides)}" if report.overrides else ""
-    console.print(Text(printable(report.job) + overrides, style="bold"))
+    console.print(Text(printable(report.job) + overrides, style="bold"), soft_wrap=True)  # A path stays whole.
     console.print(_headline(answer, width))
     console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"))
     if answer.findings:

@@ -13,7 +13,7 @@ from support.cli import GOOD, gusjob, write
 STARTS: dict[str, dict[str, bytes]] = {
     "compile": {".gts": b"GT_SetAxisMode(", ".json": b'{"schema": "gusjob-calls/1"', ".c": b"/*\n"},
     "report": {
-        ".txt": b"x.job\n  2 segments", ".json": b'{"schema": "gusjob-report/1"', ".csv": b"line,kind", ".md": b"## ",
+        ".txt": b"x.job\nOK, no", ".json": b'{"schema": "gusjob-report/1"', ".csv": b"line,kind", ".md": b"## ",
         ".html": b"<!DOCTYPE html>", ".parquet": b"PAR1",
     },
     "trace": {".vcd": b"$comment", ".csv": b"time_ms", ".parquet": b"PAR1", ".npz": b"PK\3\4"},
