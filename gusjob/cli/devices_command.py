@@ -14,8 +14,6 @@ from gusjob.cli.common import exit_code, machine_option, show, write
 from gusjob.cli.language import Command
 from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_profile
-from gusjob.frontend import Source
-from gusjob.frontend.source import shown_name
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
 from gusjob.i18n.width import width, wrapped
 from gusjob.pipeline import FileResult, Rejected
@@ -55,6 +53,9 @@ def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) ->
 
 def _profile(machine_path: Path | None) -> FileResult:
     """Read the profile that a job in this folder would have. Its errors don't prevent the search."""
+    from gusjob.frontend import Source
+    from gusjob.frontend.source import shown_name
+
     path = machine_path or find_profile(Path.cwd() / "x.job")
     if path is None:
         return FileResult(path=Path())

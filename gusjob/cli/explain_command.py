@@ -10,9 +10,8 @@ import click
 from gusjob.cli.language import Command
 from gusjob.diagnostics.model import Rule
 from gusjob.diagnostics.rules import RULES
-from gusjob.frontend.parse.misread import nearest
 from gusjob.i18n.language import translated
-from gusjob.i18n.phrases import Phrase, did_you_mean, localized, printable
+from gusjob.i18n.phrases import Phrase, did_you_mean, localized, nearest, printable
 from gusjob.i18n.width import padded, wrapped
 
 

@@ -6,6 +6,7 @@ import sys
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,9 +14,11 @@ from gusjob.cli.common import BOM, bom_of, counted_files, rewrite, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend import Source, check_text, is_listing, read_source
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.pipeline import FileResult
+
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    from gusjob.frontend import Source
 
 _STANDARD_INPUT = Path("-")
 _FORMATTED = (".job",)
@@ -63,6 +66,8 @@ class _Formatting:
 
     def file(self, path: Path) -> None:
         """Format a file."""
+        from gusjob.frontend import is_listing
+
         bom, source, diagnostics = _read(path)
         if source is None:
             show(FileResult(path=path, diagnostics=tuple(diagnostics)))
@@ -130,6 +135,8 @@ class _Formatting:
 
 def _read(path: Path) -> tuple[bytes, Source | None, list[Diagnostic]]:
     """Read a file: its BOM, if it has one, and its text, or why it is not text."""
+    from gusjob.frontend import check_text, read_source
+
     if path == _STANDARD_INPUT:
         data = sys.stdin.buffer.read() if sys.stdin is not None else b""
         source, diagnostics = check_text(data, "<stdin>")

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
-import numpy.typing as npt
 
 from gusjob.cli.common import (
     exit_code,
@@ -26,12 +24,15 @@ from gusjob.cli.common import (
 )
 from gusjob.cli.language import Command
 from gusjob.i18n.phrases import Phrase, localized, printable
-from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    import numpy as np
+    import numpy.typing as npt
+
     from gusjob.config.machine import Scanner
+    from gusjob.kinematics.arrays import Bools, Indices
     from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
@@ -111,7 +112,7 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
 
     trace = result.trace
     lines, files = own_lines(trace.line, result.files)
-    start_ms, end_ms = _span_ms(trace, np.where(files == 0, lines, 0), first, last)
+    start_ms, end_ms = _span_ms(trace, lines * (files == 0), first, last)
     if form == "vcd":
         from gusjob.simulate.outputs.vcd import vcd_pieces
 
@@ -156,7 +157,7 @@ def _span_ms(
 
 def _selected_segments(option: str, line: int, is_selected: Bools) -> Indices:
     """Return the indices of the selected segments; exit if there are none."""
-    at = np.flatnonzero(is_selected)
+    at = is_selected.nonzero()[0]
     if not len(at):
         if option == "--from":
             wrong = Phrase("{option}: nothing moves at line {line} or after it", option=option, line=line)
