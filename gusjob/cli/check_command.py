@@ -11,8 +11,10 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
+from gusjob.cli.completion import complete_codes
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option, summarize
 from gusjob.diagnostics.formats.writers import writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
@@ -48,14 +50,19 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 @output_option
 @click.option("--strict", is_flag=True, help="Exit with 1 on warnings, too.")
 @click.option(
-    "--select", multiple=True, callback=_prefixes, metavar="CODES", help="Report only these rules, such as GJ4,GJ201."
-)
-@click.option("--ignore", multiple=True, callback=_prefixes, metavar="CODES", help="Report all rules but these.")
+    "--select", multiple=True, callback=_prefixes, metavar="CODES", shell_complete=complete_codes,
+    help="Report only these rules, such as GJ4,GJ201.",
+)  # fmt: skip
+@click.option(
+    "--ignore", multiple=True, callback=_prefixes, metavar="CODES", shell_complete=complete_codes,
+    help="Report all rules but these.",
+)  # fmt: skip
 @click.option("--statistics", is_flag=True, help="Count the diagnostics of each rule instead of listing them.")
 @click.option(
     "--fix", "fixes", is_flag=True, help="Correct problems that have only one possible correction; report the rest."
 )
 @click.option("--diff", "diffs", is_flag=True, help="Show what --fix would change, without writing.")
+@quiet_option
 def command(
     paths: tuple[Path, ...], machine_path: Path | None, form: str, output: Path | None, strict: bool,
     select: tuple[str, ...], ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
@@ -95,7 +102,7 @@ def command(
     elif statistics:
         _print_statistics(sums.by_rule)
     if writer is None or output is not None or fixer is not None:
-        click.echo(sums.summary + (fixer.summary if fixer else ""), err=True)
+        summarize(sums.summary + (fixer.summary if fixer else ""))
     sys.exit(max(sums.status.code, fixer.exit_code if fixer else 0))
 
 

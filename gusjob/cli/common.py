@@ -14,6 +14,8 @@ from typing import BinaryIO, NoReturn
 
 import click
 
+from gusjob.cli.color import use_color
+from gusjob.cli.quiet import is_quiet
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.i18n.phrases import Phrase, localized, plural, printable, reason_of
@@ -21,7 +23,8 @@ from gusjob.inputs import exists, open_input
 from gusjob.pipeline import FileResult
 
 machine_option = click.option(
-    "--machine",
+    "--profile",
+    "--machine",  # Its former name.
     "machine_path",
     type=click.Path(path_type=Path),
     help="Machine profile (TOML). Default: gusjob.toml in the job's folder or above it, else the documented defaults.",
@@ -72,11 +75,12 @@ def exit_code(result: FileResult) -> int:
 
 
 def show(result: FileResult, *, err: bool = True, notes: bool = True) -> None:
-    """Print diagnostics with their source lines."""
+    """Print diagnostics with their source lines; no notes with -q."""
     from gusjob.diagnostics.formats.text import diagnostic_text
 
     stream = sys.stderr if err else sys.stdout
-    color = stream is not None and stream.isatty()  # A closed stream is None.
+    color = use_color(stream)
+    notes = notes and not is_quiet()
     for diagnostic in result.diagnostics:
         if notes or diagnostic.severity is not Severity.NOTE:
             click.echo(diagnostic_text(diagnostic, result.text_of, color=color), err=err, color=color)

@@ -9,6 +9,7 @@ import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, output_option, show, write
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.controllers.gus import GUS
 from gusjob.pipeline import Compiled, compile_file
 
@@ -18,6 +19,7 @@ from gusjob.pipeline import Compiled, compile_file
 @machine_option
 @click.option("--format", "form", type=click.Choice(GUS.formats), default=GUS.formats[0], show_default=True)
 @output_option
+@quiet_option
 def command(path: Path, machine_path: Path | None, form: str, output: Path | None) -> None:
     """Compile a job to GT_ calls.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gusjob.cli.common import exit_code, machine_option, show, write
+from gusjob.cli.completion import complete_files
 from gusjob.cli.language import Command
 from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_profile
@@ -28,7 +29,14 @@ _SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
 
 
 @click.command(name="devices", cls=Command)
-@click.option("--library", "libraries", multiple=True, metavar="FILE", help="Check this library, too; repeatable.")
+@click.option(
+    "--library",
+    "libraries",
+    multiple=True,
+    metavar="FILE",
+    shell_complete=complete_files,
+    help="Check this library, too; repeatable. Exit with 1 if it can't be used.",
+)
 @machine_option
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) -> None:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import colored_difference
 from gusjob.cli.common import BOM, bom_of, counted_files, rewrite, show, write
 from gusjob.cli.files import files_named
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option, summarize
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.pipeline import FileResult
@@ -29,6 +31,7 @@ _CHANGED, _UNCHANGED, _FAILED, _LISTING = "changed", "unchanged", "failed", "lis
 @click.argument("paths", metavar="FILE|FOLDER|GLOB...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--check", "checks", is_flag=True, help="List the files that would change, without writing.")
 @click.option("--diff", "diffs", is_flag=True, help="Show what would change, without writing.")
+@quiet_option
 def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
     """Format jobs: words, spaces, indents and comments in one canonical layout. Their calls stay the same.
 
@@ -41,7 +44,7 @@ def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
     run = _Formatting(checks=checks, diffs=diffs)
     for path in files:
         run.file(path)
-    click.echo(run.summary(), err=True)
+    summarize(run.summary())
     sys.exit(run.exit_code)
 
 
@@ -73,7 +76,7 @@ class _Formatting:
             show(FileResult(path=path, diagnostics=tuple(diagnostics)))
             self.fail(2)
         elif is_listing(source):
-            click.echo(printable(localized(Phrase("{path}: listings are not formatted", path=source.name))), err=True)
+            summarize(printable(localized(Phrase("{path}: listings are not formatted", path=source.name))))
             self.counts[_LISTING] += 1
             if path == _STANDARD_INPUT and self.writes:
                 write([bom, source.data], None)
@@ -109,7 +112,7 @@ class _Formatting:
         from gusjob.frontend.format.unified_diff import unified_diff
 
         named = [f"{name}\n".encode(errors="backslashreplace")]
-        write(unified_diff(name, before, after) if self.diffs else named, None)
+        write(colored_difference(unified_diff(name, before, after)) if self.diffs else named, None)
 
     def fail(self, exit_code: int) -> None:
         self.counts[_FAILED] += 1

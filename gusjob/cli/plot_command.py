@@ -11,6 +11,7 @@ import click
 
 from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Simulated, simulate_file
 
@@ -96,6 +97,7 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
     show_default=True,
     help="Pixels per inch. More pixels allow thinner lines in a dense path, in SVG and PDF too.",
 )
+@quiet_option
 def command(
     path: Path,
     output: Path,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import use_color
 from gusjob.cli.common import (
     exit_code,
     file_argument,
@@ -24,6 +25,7 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import FileResult, Simulated, simulate_file
 
@@ -90,6 +92,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     help="Ignore changes up to this percentage of the larger value. 0: ignore rounding only.",
 )
 @output_option
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
@@ -124,7 +127,8 @@ def command(
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
     if report is not None or (form in _WITHOUT_RUN and not result.is_unreadable):
-        pieces = _written(result, report, comparison, form=form, summary=summary)
+        color = output is None and use_color(sys.stdout)
+        pieces = _written(result, report, comparison, form=form, summary=summary, color=color)
         write(pieces, output, sources=result.inputs, for_people=form == "table")
     if form in _WITHOUT_COMPARISON and comparison is not None:
         from gusjob.report.compare_text import comparison_text
@@ -157,6 +161,7 @@ def _written(
     *,
     form: str,
     summary: bool,
+    color: bool,
 ) -> Iterable[bytes]:
     """Write the report in a format; only some formats have one of a job that was not run."""
     if form == "html":
@@ -176,7 +181,7 @@ def _written(
     if form == "table":
         from gusjob.report.table import report_table
 
-        tables = [report_table(report, summary=summary)]
+        tables = [report_table(report, summary=summary, color=color)]
         if comparison is not None:
             from gusjob.report.compare_text import comparison_text
 

@@ -23,6 +23,7 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
@@ -78,6 +79,7 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
     "--to", "last", callback=_bound, metavar="TIME|line:N", help="End at this time or line. Default: the end."
 )
 @output_option
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import use_color
 from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import is_quiet, quiet_option
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
@@ -47,6 +49,7 @@ Stamp = dict[Path, tuple[int, int] | None]
     metavar="N",
     help="Port of the page. Default: any free port.",
 )
+@quiet_option
 def command(
     path: Path, machine_path: Path | None, scanner: Scanner | None, summary: bool, page: bool, port: int
 ) -> None:
@@ -112,9 +115,9 @@ def _report(
     if report is not None:
         from gusjob.report.table import report_table
 
-        click.echo(report_table(report, summary=summary), nl=False)
+        click.echo(report_table(report, summary=summary, color=use_color(sys.stdout)), nl=False)
     show(result, err=False)
-    if not result.diagnostics:
+    if not result.diagnostics and not is_quiet():
         click.echo(localized(Phrase("no problems")))
     return result
 

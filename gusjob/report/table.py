@@ -62,6 +62,7 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
         file=out,
         width=_WIDTH,
         force_terminal=color,
+        color_system="standard" if color else None,
         no_color=not color,
         highlight=False,
         legacy_windows=False,
