@@ -6,6 +6,7 @@ follows it, and all other output takes it from use_color.
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -41,7 +42,7 @@ def color_decision(option: str | None, environment: Mapping[str, str]) -> bool |
 def use_color(stream: TextIO | None) -> bool:
     """Return whether the running command writes colours to a stream; a closed stream is None."""
     context = click.get_current_context(silent=True)
-    decided = context.color if context is not None else None
+    decided = context.color if context is not None else color_decision(None, os.environ)
     if stream is None:
         return False
     return stream.isatty() if decided is None else decided

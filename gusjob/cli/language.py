@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -21,6 +21,9 @@ from gusjob.cli.anywhere import value_given
 from gusjob.cli.color import COLOR_HELP, COLORS, color_decision
 from gusjob.i18n.language import CATALOGUES, DOMAIN, LANGUAGES, language, set_language, system_language, translated
 from gusjob.i18n.width import width, wrapped
+
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    from click.shell_completion import CompletionItem
 
 _OPTION, _COLOR_OPTION = "--lang", "--color"
 _SAMPLES = {"zh": "中"}
@@ -137,6 +140,10 @@ class Command(click.Command):
     def get_help(self, ctx: click.Context) -> str:
         """Write the help in the user's language."""
         return super(Command, _localized_command(self)).get_help(ctx)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete options and commands, with their help in the user's language."""
+        return super(Command, _localized_command(self)).shell_complete(ctx, incomplete)
 
     def get_short_help_str(self, limit: int = 45) -> str:
         """Cut the help to one line of the list of commands; wide characters count as two."""
