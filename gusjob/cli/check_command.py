@@ -13,6 +13,7 @@ import click
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
 from gusjob.cli.completion import complete_codes
 from gusjob.cli.files import files_named
+from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
 from gusjob.cli.quiet import quiet_option, summarize
 from gusjob.diagnostics.formats.writers import writer_for
@@ -44,7 +45,7 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 @click.argument("paths", metavar="FILE|FOLDER|GLOB...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @machine_option
 @click.option(
-    "--format", "form", type=click.Choice(["text", "json", "sarif", "junit"]), default="text", show_default=True,
+    "--format", "form", type=FormatChoice(["text", "json", "sarif", "junit"]), default="text", show_default=True,
     help="text for people, json for programs, sarif for code scanning, junit for CI systems that show test results.",
 )  # fmt: skip
 @output_option

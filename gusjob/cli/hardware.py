@@ -69,7 +69,7 @@ def _exit_code(result: Simulated, outcome: RunOutcome) -> int:
     if message := _closing_message(outcome):
         echo = summarize if is_complete else partial(click.echo, err=True)
         echo(f"gusjob: {localized(message)}")
-    return int(not is_complete)
+    return 2 if outcome.is_library_unusable else int(not is_complete)
 
 
 def _closing_message(outcome: RunOutcome) -> str:

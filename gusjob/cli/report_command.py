@@ -24,6 +24,7 @@ from gusjob.cli.common import (
     stop,
     write,
 )
+from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
 from gusjob.cli.quiet import quiet_option
 from gusjob.i18n.phrases import Phrase, localized, printable
@@ -65,7 +66,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["table", "json", "csv", "markdown", "html", "parquet"]),
+    type=FormatChoice(["table", "json", "csv", "markdown", "html", "parquet"]),
     help="Default: by the output file's extension, else table. html: one self-contained page for a browser.",
 )
 @click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
