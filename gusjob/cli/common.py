@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import sys
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
@@ -176,6 +175,8 @@ def rewrite(path: Path, before: bytes, after: bytes) -> str:
 
 def _replace(output: Path, pieces: Iterable[bytes]) -> None:
     """Write a temporary file beside a file, then move it to its place."""
+    import tempfile  # Start-up time is part of the tool.
+
     if output.exists():
         output.open("ab").close()  # A file that may not be written is not replaced either.
     handle, name = tempfile.mkstemp(prefix=".gusjob-", dir=output.parent)

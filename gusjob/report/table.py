@@ -65,6 +65,8 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
         color_system="standard" if color else None,
         no_color=not color,
         highlight=False,
+        markup=False,
+        emoji=False,
         legacy_windows=False,
     )
     console.print(_summary(report))
