@@ -61,6 +61,7 @@ def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
     console = Console(
         file=out,
         width=_WIDTH,
+        height=1,  # Without it, TERM=dumb would set the width.
         force_terminal=color,
         color_system="standard" if color else None,
         no_color=not color,
