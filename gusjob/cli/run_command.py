@@ -39,7 +39,9 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
     help="Execute the calls in the built-in simulator, or on a controller through the vendor's library.",
 )
 @click.option("--library", metavar="PATH", shell_complete=complete_files, help="The vendor's library. [gts]")
-@click.option("--abi", type=click.Choice([abi.value for abi in Abi]), help="The library's ABI. [gts]")
+@click.option(
+    "--abi", type=click.Choice([abi.value for abi in Abi]), help="The library's ABI, as gusjob devices prints it. [gts]"
+)
 @click.option("--yes", is_flag=True, help="Start without confirmation. [gts]")
 @click.option("--frame", is_flag=True, help="Move once around the bounding box of the marks, with the laser off. [gts]")
 @click.option("--no-laser", is_flag=True, help="Run the whole motion without any laser call. [gts]")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -15,10 +16,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 from support.cli import GOOD, gusjob, write
+from support.panel import Terminal
 from support.tools import MARK, ROOT
 
 from gusjob.cli import cli
 from gusjob.cli.anywhere import value_given
+from gusjob.cli.color import terminal_console
 from gusjob.diagnostics.rules import RULES
 
 COMMANDS = (
@@ -170,11 +173,12 @@ complete_words gusjob check jobs
 """
 ZSH = """
 compdef() { :; }
-compadd() { echo "compadd ${(P)@[-1]}"; }
+compadd() { local name=$@[-1]; echo "compadd ${(P)name}"; }
 _describe() { echo "describe ${(P)3}"; }
 _path_files() { echo "files"; }
 eval "$(_GUSJOB_COMPLETE=zsh_source gusjob)" || exit 1
 words=(gusjob check --format j); CURRENT=4; _gusjob_completion
+words=(gusjob explain GJ811); CURRENT=3; _gusjob_completion
 words=(gusjob check jobs); CURRENT=3; _gusjob_completion
 """
 FISH = """
@@ -191,6 +195,7 @@ def in_shell(shell: str, script: str, folder: Path) -> list[str]:
     program.chmod(0o755)
     path = f"{folder}{os.pathsep}{os.environ['PATH']}"
     variables = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), "LC_ALL": "C.UTF-8"}
+    variables |= {"HOME": str(folder), "ZDOTDIR": str(folder)}  # No start files of a user.
     done = subprocess.run([shell, "-c", script], capture_output=True, text=True, env=variables, cwd=ROOT, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     return [line.partition("\t")[0] for line in done.stdout.splitlines()]
@@ -212,7 +217,11 @@ def test_the_shells_of_this_computer_complete(tmp_path: Path) -> None:
             " ".join(COMMANDS), "report record", "json junit", "never", "GJ811", "compopt -o default", "",
         ]  # fmt: skip
     if shutil.which("zsh"):
-        assert in_shell("zsh", ZSH, tmp_path) == ["compadd json junit", "files"]
+        assert in_shell("zsh", ZSH, tmp_path) == [
+            "compadd json junit",
+            f"describe GJ811:{RULES['GJ811'].title}",
+            "files",
+        ]
     if shutil.which("fish"):
         assert in_shell("fish", FISH, tmp_path) == ["GJ811", "json"]
 
@@ -225,12 +234,11 @@ def test_quiet_leaves_results_errors_and_warnings(tmp_path: Path) -> None:
     warned = write(tmp_path, WARNED, "warned.job")
     noted = write(tmp_path, GOOD.replace("VEL", "vel"), "noted.job")
     listing = write(tmp_path, gusjob("compile", good).stdout, "a.gts")
-    report = tmp_path / "a.json"
-    silent = (
+    silent: tuple[tuple[object, ...], ...] = (
         ("check", good), ("check", noted), ("check", "--fix", good), ("fmt", "--check", good), ("fmt", listing),
-        ("compile", good, "-o", tmp_path / "b.gts"), ("report", good, "-o", report), ("trace", good, "-o", "a.csv"),
+        ("compile", good, "-o", tmp_path / "b.gts"), ("report", good, "-o", tmp_path / "a.json"),
+        ("trace", good, "-o", tmp_path / "a.csv"),
     )  # fmt: skip
-    os.chdir(tmp_path)
     for words in silent:
         done = gusjob(*words, "-q")
         assert (done.exit_code, done.output) == (0, ""), words
@@ -238,12 +246,10 @@ def test_quiet_leaves_results_errors_and_warnings(tmp_path: Path) -> None:
     for path, found in ((bad, "error[GJ201]"), (warned, "warning[")):
         for command in ("check", "compile", "report", "run"):
             assert found in gusjob(command, "--quiet", path).output, (command, path)
-    for words in (
-        ("run", good),
-        ("report", good),
-        ("check", "--format", "json", noted),
-        ("check", "--statistics", noted),
-    ):
+    results: tuple[tuple[object, ...], ...] = (
+        ("run", good), ("report", good), ("check", "--format", "json", noted), ("check", "--statistics", noted),
+    )  # fmt: skip
+    for words in results:
         loud = gusjob(*words)
         assert loud.stdout and gusjob(*words, "-q").stdout == loud.stdout
     tuned = gusjob("tune", good, "--scanner", "first-order:250us")
@@ -304,7 +310,8 @@ def expected_color(option: str, variables: dict[str, str], *, terminal: bool) ->
 @pytest.mark.parametrize("terminal", [False, pytest.param(True, marks=ON_POSIX)])
 def test_who_decides_on_colors(tmp_path: Path, terminal: bool) -> None:
     bad = str(write(tmp_path, BAD))
-    runs, expected = [], []
+    runs: list[dict[str, object]] = []
+    expected = []
     for option, no, force, term in product(
         ("", "auto", "always", "never"), (None, "", "1"), (None, "", "1"), ("xterm", "dumb")
     ):
@@ -338,6 +345,22 @@ def test_every_output_with_colors_follows_the_option(tmp_path: Path) -> None:
     # A file is no terminal: it has no colours, whatever the option says of the screen.
     gusjob("report", good, "--color", "always", "--format", "table", "-o", tmp_path / "a.txt")
     assert b"\x1b" not in (tmp_path / "a.txt").read_bytes()
+
+
+@pytest.mark.parametrize("color", [True, False])
+def test_the_panel_and_the_status_line_follow_too(monkeypatch: pytest.MonkeyPatch, color: bool) -> None:
+    for name in ("NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("FORCE_COLOR" if color else "NO_COLOR", "1")
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    assert terminal_console() is None  # With colours or without: where there is no terminal, nothing moves.
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    console = terminal_console()
+    assert console is not None and console.is_terminal
+    console.print("[red]stopping[/red]")
+    assert ("\x1b[31m" in screen.getvalue()) == color
 
 
 # Names.
