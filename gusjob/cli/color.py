@@ -10,6 +10,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING, TextIO
 
 import click
@@ -45,7 +46,12 @@ def use_color(stream: TextIO | None) -> bool:
     decided = context.color if context is not None else color_decision(None, os.environ)
     if stream is None:
         return False
-    return stream.isatty() if decided is None else decided
+    color = stream.isatty() if decided is None else decided
+    if (
+        color and sys.platform == "win32"
+    ):  # Tables and differences are bytes, which click's own conversion does not see.
+        import_module("colorama").just_fix_windows_console()
+    return color
 
 
 def terminal_console() -> Console | None:
