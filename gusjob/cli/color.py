@@ -47,9 +47,7 @@ def use_color(stream: TextIO | None) -> bool:
     if stream is None:
         return False
     color = stream.isatty() if decided is None else decided
-    if (
-        color and sys.platform == "win32"
-    ):  # Tables and differences are bytes, which click's own conversion does not see.
+    if color and sys.platform == "win32":  # Tables and differences are bytes, which click does not convert.
         import_module("colorama").just_fix_windows_console()
     return color
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 from support.cli import GOOD, gusjob, write
@@ -352,12 +353,13 @@ def test_the_panel_and_the_status_line_follow_too(monkeypatch: pytest.MonkeyPatc
     for name in ("NO_COLOR", "FORCE_COLOR"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("FORCE_COLOR" if color else "NO_COLOR", "1")
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    assert terminal_console() is None  # With colours or without: where there is no terminal, nothing moves.
-    screen = Terminal()
-    monkeypatch.setattr(sys, "stderr", screen)
-    console = terminal_console()
+    monkeypatch.setenv("NO_COLOR" if color else "FORCE_COLOR", "1")  # The option comes before them, for rich, too.
+    with click.Context(cli, color=color).scope():
+        monkeypatch.setattr(sys, "stderr", io.StringIO())
+        assert terminal_console() is None  # With colours or without: where there is no terminal, nothing moves.
+        screen = Terminal()
+        monkeypatch.setattr(sys, "stderr", screen)
+        console = terminal_console()
     assert console is not None and console.is_terminal
     console.print("[red]stopping[/red]")
     assert ("\x1b[31m" in screen.getvalue()) == color
