@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from gusjob.config.machine import Budget, Machine, Scanner
 from gusjob.config.profile import Profile, find_profile, read_profile
@@ -22,21 +22,16 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity, Span, has_errors
 from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
-from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
-from gusjob.frontend.includes import may_be_included
-from gusjob.frontend.source import shown_name
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.job import Job
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
-from gusjob.lint import RULES_OF_A_COMPLETE_TEXT
-from gusjob.lint import check as lint_job
 
-if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
+if TYPE_CHECKING:  # Start-up time is part of the tool: each step imports what it needs, and a help text needs no step.
     from gusjob.controllers.gus.calls import Stream
+    from gusjob.frontend import Source
     from gusjob.hardware.request import RunOptions, RunRequest
+    from gusjob.ir.job import Job
     from gusjob.simulate import Trace
 
-_Sources = Mapping[str, Source]
 _P = TypeVar("_P", bound="Parsed")
 
 _OF_JOBS = ("GJ2", "GJ3", "GJ4", "GJ5")
@@ -64,7 +59,7 @@ class FileResult:
     selection: RuleSelection = field(default_factory=RuleSelection)
     profile: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
-    sources: _Sources = field(default_factory=lambda: MappingProxyType({}))
+    sources: Mapping[str, Source] = field(default_factory=lambda: MappingProxyType({}))
     overrides: Overrides = field(default_factory=lambda: NO_OVERRIDES)
 
     @property
@@ -117,7 +112,12 @@ class Parsed(FileResult):
     @property
     def job(self) -> Job | None:
         """The job, None for a listing or journal."""
-        return self.content if isinstance(self.content, Job) else None
+        return None if self.is_listing else cast("Job", self.content)
+
+    @property
+    def listing_calls(self) -> Stream | None:
+        """The calls of a listing or journal, None for a job."""
+        return cast("Stream", self.content) if self.is_listing else None
 
     @property
     def is_listing(self) -> bool:
@@ -127,17 +127,17 @@ class Parsed(FileResult):
     @property
     def files(self) -> tuple[tuple[str, int], ...]:
         """Name and number of lines of each file that a job consists of, if there are several."""
-        return self.content.files if isinstance(self.content, Job) else ()
+        return () if self.job is None else self.job.files
 
     @property
     def included_paths(self) -> tuple[Path, ...]:
         """The files that INCLUDEs of a job name, whether or not they could be read."""
-        return self.content.included_paths if isinstance(self.content, Job) else ()
+        return () if self.job is None else self.job.included_paths
 
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""
-        if span.path and isinstance(self.content, Job):
-            return self.content.text_of(span)
+        if span.path and self.job is not None:
+            return self.job.text_of(span)
         return FileResult.text_of(self, span, path)
 
 
@@ -220,6 +220,9 @@ def parse(
         data: In place of the file's content, for a text that is not on the disk.
         overrides: Values in place of those of the job's LETs, checked by frontend/overrides.py.
     """
+    from gusjob.frontend import Source, check_text, read_source
+    from gusjob.frontend.source import shown_name
+
     source, found = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
         return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
@@ -247,6 +250,8 @@ def parse_source(
     source: Source, *, path: Path, profile: Profile, overrides: Overrides = NO_OVERRIDES
 ) -> Parsed | Rejected:
     """Read a text for the machine of a profile."""
+    from gusjob.frontend import is_listing, read_job, read_listing
+
     common: dict[str, Any] = {
         "path": path,
         "machine": profile.machine,
@@ -289,16 +294,20 @@ def check(parsed: Parsed) -> Checked:
     """
     checked = _next(Checked, parsed)
     job = parsed.job
-    return checked if job is None else _with_diagnostics(checked, lint_job(job, parsed.machine))
+    if job is None:
+        return checked
+    from gusjob.lint import check as lint_job
+
+    return _with_diagnostics(checked, lint_job(job, parsed.machine))
 
 
 def compile_calls(checked: Checked) -> Compiled | Checked:
     """Plan a job and lower it to calls; the same result, with the planner's diagnostics, if there are errors."""
     if isinstance(checked, Compiled) or has_errors(checked.diagnostics):
         return checked
-    if not isinstance(checked.content, Job):
+    if checked.job is None:
         return _next(Compiled, checked, stream=checked.content)
-    stream, found = GUS.compile(checked.content, checked.machine)
+    stream, found = GUS.compile(checked.job, checked.machine)
     planned = _with_diagnostics(checked, found)
     return planned if has_errors(planned.diagnostics) else _next(Compiled, planned, stream=stream)
 
@@ -326,10 +335,10 @@ def examine(checked: Checked) -> Checked:
     """
     if checked.machine.budget != Budget():
         checked = simulate(checked)
-    elif not isinstance(checked.content, Job):
-        _, found = GUS.simulate(checked.content, checked.machine, is_listing=True, coarse=True)
+    elif checked.listing_calls is not None:
+        _, found = GUS.simulate(checked.listing_calls, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
-    elif checked.content.has_forced_ends or checked.content.has_sky_writing:
+    elif checked.job is not None and (checked.job.has_forced_ends or checked.job.has_sky_writing):
         checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
 
@@ -407,7 +416,11 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
         return _with_diagnostics(checked, of_calls)
     job = checked.job
     if job is None:
+        from gusjob.frontend import locate_calls
+
         if has_errors(checked.diagnostics):  # What seems to be missing may be in a line that can't be read.
+            from gusjob.lint import RULES_OF_A_COMPLETE_TEXT
+
             found = [f for f in found if f.rule not in RULES_OF_A_COMPLETE_TEXT]
         return _with_diagnostics(checked, locate_calls(list(found), checked.source))
     # What is reported of a line already is not reported again of the line's calls.
@@ -418,6 +431,8 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
 
 def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
     """Comments that suppress what can't be suppressed or is not there. After an error not all has been looked for."""
+    from gusjob.frontend.includes import may_be_included
+
     if checked.origin is Origin.JOURNAL:
         return []
     clean = not has_errors(checked.diagnostics)

@@ -11,10 +11,13 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
+from gusjob.cli.completion import complete_codes
 from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format
 from gusjob.cli.files import CURRENT_FOLDER, files_named, refuse_writing_unnamed
+from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option, summarize
 from gusjob.cli.standard_input import (
     STANDARD_INPUT,
     InputFile,
@@ -55,7 +58,7 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 @define_option
 @stdin_filename_option
 @click.option(
-    "--format", "form", type=click.Choice(FORMATS),
+    "--format", "form", type=FormatChoice(FORMATS),
     help="text for people, json for programs, sarif for code scanning, junit for CI systems that show test results, "
     "github for annotations, gitlab for Code Quality. Default: by the output file's extension, else text.",
 )  # fmt: skip
@@ -63,19 +66,23 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 @click.option("--strict", is_flag=True, help="Exit with 1 on warnings, too.")
 @click.option("--exit-zero", is_flag=True, help="Exit with 0 also if there are errors.")
 @click.option(
-    "--select", multiple=True, callback=_prefixes, metavar="CODES", help="Report only these rules, such as GJ4,GJ201."
-)
-@click.option("--ignore", multiple=True, callback=_prefixes, metavar="CODES", help="Report all rules but these.")
+    "--select", multiple=True, callback=_prefixes, metavar="CODES", shell_complete=complete_codes,
+    help="Report only these rules, such as GJ4,GJ201.",
+)  # fmt: skip
+@click.option(
+    "--ignore", multiple=True, callback=_prefixes, metavar="CODES", shell_complete=complete_codes,
+    help="Report all rules but these.",
+)  # fmt: skip
 @click.option("--statistics", is_flag=True, help="Count the diagnostics of each rule instead of listing them.")
 @click.option(
     "--fix", "fixes", is_flag=True, help="Correct problems that have only one possible correction; report the rest."
 )
 @click.option("--diff", "diffs", is_flag=True, help="Show what --fix would change, without writing.")
+@quiet_option
 def command(
     paths: tuple[Path, ...], machine_path: Path | None, overrides: Overrides, stdin_filename: Path | None,
     form: str | None, output: Path | None, strict: bool, exit_zero: bool, select: tuple[str, ...],
-    ignore: tuple[str, ...],
-    statistics: bool, fixes: bool, diffs: bool,
+    ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
 ) -> None:  # fmt: skip
     """Check jobs and listings for errors.
 
@@ -128,7 +135,7 @@ def command(
     elif statistics:
         write([_statistics_text(sums.by_rule).encode()], output, sources=[*sums.read, *named], for_people=True)
     if writer is None or output is not None or fixer is not None or form == LOG:
-        click.echo(sums.summary + (fixer.summary if fixer else ""), err=True)
+        summarize(sums.summary + (fixer.summary if fixer else ""))
     code = max(sums.status.code, fixer.exit_code if fixer else 0)
     sys.exit(0 if exit_zero and code == 1 else code)
 

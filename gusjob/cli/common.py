@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import sys
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
@@ -14,7 +13,9 @@ from typing import BinaryIO, NoReturn
 
 import click
 
+from gusjob.cli.color import use_color
 from gusjob.cli.endings import output_path
+from gusjob.cli.quiet import is_quiet
 from gusjob.cli.standard_input import file_path, input_path
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
@@ -23,7 +24,8 @@ from gusjob.inputs import exists, open_input
 from gusjob.pipeline import FileResult
 
 machine_option = click.option(
-    "--machine",
+    "--profile",
+    "--machine",  # Its former name.
     "machine_path",
     type=click.Path(),
     callback=file_path,
@@ -79,11 +81,12 @@ def exit_code(result: FileResult) -> int:
 
 
 def show(result: FileResult, *, err: bool = True, notes: bool = True) -> None:
-    """Print diagnostics with their source lines."""
+    """Print diagnostics with their source lines; no notes with -q."""
     from gusjob.diagnostics.formats.text import diagnostic_text
 
     stream = sys.stderr if err else sys.stdout
-    color = stream is not None and stream.isatty()  # A closed stream is None.
+    color = use_color(stream)
+    notes = notes and not is_quiet()
     for diagnostic in result.diagnostics:
         if notes or diagnostic.severity is not Severity.NOTE:
             click.echo(diagnostic_text(diagnostic, result.text_of, color=color), err=err, color=color)
@@ -179,6 +182,8 @@ def rewrite(path: Path, before: bytes, after: bytes) -> str:
 
 def _replace(output: Path, pieces: Iterable[bytes]) -> None:
     """Write a temporary file beside a file, then move it to its place."""
+    import tempfile  # Start-up time is part of the tool.
+
     if output.exists():
         output.open("ab").close()  # A file that may not be written is not replaced either.
     handle, name = tempfile.mkstemp(prefix=".gusjob-", dir=output.parent)

@@ -11,9 +11,9 @@ from gusjob.cli.common import exit_code, file_argument, machine_option, output_o
 from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.cli.standard_input import input_file, stdin_filename_option
 from gusjob.controllers.gus import GUS
-from gusjob.frontend.source import shown_name
 from gusjob.ir.overrides import Overrides
 from gusjob.pipeline import Compiled, compile_file
 
@@ -29,6 +29,7 @@ _ENDINGS = {f".{form}": form for form in GUS.formats}
     "--format", "form", type=click.Choice(GUS.formats), help="Default: by the output file's extension, else gts."
 )
 @output_option
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
@@ -42,6 +43,8 @@ def command(
     gts: one call a line, which gusjob can read again. json: the calls as columns. c: a C program that sends them. A job
     with errors is not compiled: its JSON has no calls, only the diagnostics; the other formats are not written.
     """
+    from gusjob.frontend.source import shown_name
+
     form = output_format(form, output, _ENDINGS)
     file = input_file(path, stdin_filename)
     result = compile_file(file.path, machine_path, data=file.data, overrides=overrides)

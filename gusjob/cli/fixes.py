@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from gusjob.cli.color import colored_difference
 from gusjob.cli.common import BOM, bom_of, rewrite, write
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.phrases import Phrase, localized, printable
@@ -51,7 +52,7 @@ class FileFixer:
         if self.diffs:
             from gusjob.frontend.format.unified_diff import unified_diff
 
-            write(unified_diff(source.name, before, after), None)
+            write(colored_difference(unified_diff(source.name, before, after)), None)
             self.exit_code = max(self.exit_code, 1)
         elif data is None and (reason := rewrite(path, before, after)):
             text = localized(Phrase("{path}: can't write: {reason}", path=source.name, reason=reason))

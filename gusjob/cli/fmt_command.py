@@ -6,12 +6,15 @@ import sys
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import colored_difference
 from gusjob.cli.common import BOM, bom_of, counted_files, rewrite, show, write
 from gusjob.cli.files import CURRENT_FOLDER, files_named, refuse_writing_unnamed
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option, summarize
 from gusjob.cli.standard_input import (
     STANDARD_INPUT,
     InputFile,
@@ -21,10 +24,11 @@ from gusjob.cli.standard_input import (
     stdin_filename_option,
 )
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend import Source, check_text, is_listing, read_source
-from gusjob.frontend.source import shown_name
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.pipeline import FileResult
+
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    from gusjob.frontend import Source
 
 _FORMATTED = (".job",)
 _CHANGED, _UNCHANGED, _FAILED, _LISTING = "changed", "unchanged", "failed", "listing"
@@ -35,6 +39,7 @@ _CHANGED, _UNCHANGED, _FAILED, _LISTING = "changed", "unchanged", "failed", "lis
 @stdin_filename_option
 @click.option("--check", "checks", is_flag=True, help="List the files that would change, without writing.")
 @click.option("--diff", "diffs", is_flag=True, help="Show what would change, without writing.")
+@quiet_option
 def command(paths: tuple[Path, ...], stdin_filename: Path | None, checks: bool, diffs: bool) -> None:
     """Format jobs: words, spaces, indents and comments in one canonical layout. Their calls stay the same.
 
@@ -49,7 +54,7 @@ def command(paths: tuple[Path, ...], stdin_filename: Path | None, checks: bool, 
     refuse_name_without_input(paths, stdin_filename)
     for path in _files(paths or (CURRENT_FOLDER,)):
         run.file(InputFile(path=path) if path != STANDARD_INPUT else read_standard_input(stdin_filename))
-    click.echo(run.summary(), err=True)
+    summarize(run.summary())
     sys.exit(run.exit_code)
 
 
@@ -73,12 +78,14 @@ class _Formatting:
 
     def file(self, file: InputFile) -> None:
         """Format a file."""
+        from gusjob.frontend import is_listing
+
         bom, source, diagnostics = _read(file)
         if source is None:
             show(FileResult(path=file.path, diagnostics=tuple(diagnostics)))
             self.fail(2)
         elif is_listing(source):
-            click.echo(printable(localized(Phrase("{path}: listings are not formatted", path=source.name))), err=True)
+            summarize(printable(localized(Phrase("{path}: listings are not formatted", path=source.name))))
             self.counts[_LISTING] += 1
             if file.data is not None and self.writes:
                 write([file.data], None)
@@ -114,7 +121,7 @@ class _Formatting:
         from gusjob.frontend.format.unified_diff import unified_diff
 
         named = [f"{name}\n".encode(errors="backslashreplace")]
-        write(unified_diff(name, before, after) if self.diffs else named, None)
+        write(colored_difference(unified_diff(name, before, after)) if self.diffs else named, None)
 
     def fail(self, exit_code: int) -> None:
         self.counts[_FAILED] += 1
@@ -140,6 +147,9 @@ class _Formatting:
 
 def _read(file: InputFile) -> tuple[bytes, Source | None, list[Diagnostic]]:
     """Read a file: its BOM, if it has one, and its text, or why it is not text."""
+    from gusjob.frontend import check_text, read_source
+    from gusjob.frontend.source import shown_name
+
     if file.data is not None:
         source, diagnostics = check_text(file.data, shown_name(file.path), file.path)
         return BOM * file.data.startswith(BOM), source, diagnostics

@@ -22,6 +22,7 @@ from gusjob.cli.common import (
 from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format, output_path
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.cli.standard_input import input_file, stdin_filename_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Simulated, simulate_file
@@ -116,6 +117,7 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
     show_default=True,
     help="Pixels per inch. More pixels allow thinner lines in a dense path, in SVG and PDF too.",
 )
+@quiet_option
 def command(
     path: Path,
     output: Path | None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import use_color
 from gusjob.cli.common import (
     exit_code,
     file_argument,
@@ -25,10 +26,11 @@ from gusjob.cli.common import (
 )
 from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format
+from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.cli.standard_input import file_path, input_file, stdin_filename_option
 from gusjob.cli.text_report import table_option, text_of
-from gusjob.frontend.source import shown_name
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import FileResult, Rejected, Simulated, simulate_file
 
@@ -80,7 +82,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["text", "table", "json", "csv", "markdown", "html", "parquet"]),
+    type=FormatChoice(["text", "table", "json", "csv", "markdown", "html", "parquet"]),
     help="Default: by the output file's extension, else text. table: text with --table. html: one self-contained page "
     "for a browser.",
 )
@@ -113,6 +115,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option("--only-changes", is_flag=True, help="With --against: show the comparison alone, not the report itself.")
 @table_option
 @output_option
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
@@ -156,7 +159,14 @@ def command(
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
     if report is not None or form == _ALWAYS or (form in _WITHOUT_RUN and not result.is_unreadable):
         pieces = _written(
-            result, report, comparison, form=form, summary=summary, only_changes=only_changes, tables=tables
+            result,
+            report,
+            comparison,
+            form=form,
+            summary=summary,
+            only_changes=only_changes,
+            tables=tables,
+            color=output is None and use_color(sys.stdout),
         )
         write(pieces, output, sources=result.inputs, for_people=form in ("text", "table"))
     if form in _WITHOUT_COMPARISON and comparison is not None:
@@ -199,6 +209,7 @@ def _written(
     summary: bool,
     only_changes: bool,
     tables: bool,
+    color: bool,
 ) -> Iterable[bytes]:
     """Write the report in a format; only some formats have one of a job that was not run."""
     if form == "html":
@@ -224,9 +235,15 @@ def _written(
 
     if report is None:
         period_us = None if isinstance(result, Rejected) else result.machine.period_us
+        from gusjob.frontend.source import shown_name
+
         return report_json_without_run(shown_name(result.path), period_us, result.diagnostics, summary=summary)
     if form in ("text", "table"):
-        shown = [] if only_changes else [text_of(result, report, tables=(tables or form == "table") and not summary)]
+        shown = (
+            []
+            if only_changes
+            else [text_of(result, report, tables=(tables or form == "table") and not summary, color=color)]
+        )
         if comparison is not None:
             from gusjob.report.compare_text import comparison_text
 

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import terminal_console, use_color
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
+from gusjob.cli.completion import complete_files
 from gusjob.cli.define import define_option, recorded_overrides
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import is_quiet, quiet_option
 from gusjob.cli.standard_input import (
     STANDARD_INPUT,
     InputFile,
@@ -48,8 +51,10 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
     show_default=True,
     help="Execute the calls in the built-in simulator, or on a controller through the vendor's library.",
 )
-@click.option("--library", metavar="PATH", help="The vendor's library. [gts]")
-@click.option("--abi", type=click.Choice([abi.value for abi in Abi]), help="The library's ABI. [gts]")
+@click.option("--library", metavar="PATH", shell_complete=complete_files, help="The vendor's library. [gts]")
+@click.option(
+    "--abi", type=click.Choice([abi.value for abi in Abi]), help="The library's ABI, as gusjob devices prints it. [gts]"
+)
 @click.option("--yes", is_flag=True, help="Start without confirmation. [gts]")
 @click.option("--frame", is_flag=True, help="Move once around the bounding box of the marks, with the laser off. [gts]")
 @click.option("--no-laser", is_flag=True, help="Run the whole motion without any laser call. [gts]")
@@ -78,6 +83,7 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
     metavar="[FILE:]N",
     help="Begin at this line of the job, or of a FILE that it includes, with the state that the job has there. [gts]",
 )
+@quiet_option
 def command(
     path: Path | None,
     machine_path: Path | None,
@@ -154,6 +160,7 @@ def command(
         resume=recorded,
         from_line=from_line,
     )
+    progress = "none" if is_quiet() and progress == "auto" else progress
     sys.exit(_on_controller(path, machine_path, scanner, overrides, options, yes=yes, progress=progress))
 
 
@@ -165,7 +172,7 @@ def _in_simulator(
         from gusjob.report.rows import report_of
 
         report = report_of(result)
-        text = text_of(result, report, tables=tables, color=sys.stdout is not None and sys.stdout.isatty())
+        text = text_of(result, report, tables=tables, color=use_color(sys.stdout))
         write([text.encode()], None, for_people=True)
     show(result, notes=not isinstance(result, Simulated))
     return exit_code(result)
@@ -211,12 +218,12 @@ def _simulated(file: InputFile, machine_path: Path | None, scanner: Scanner | No
 
 @contextmanager
 def _status_line(path: Path) -> Iterator[Callable[[str], None]]:
-    """Show a status line on a terminal while the context lasts; nothing elsewhere."""
-    if sys.stderr is None or not sys.stderr.isatty():
+    """Show a status line on a terminal while the context lasts; nothing elsewhere, and with -q."""
+    console = None if is_quiet() else terminal_console()
+    if console is None:
         yield lambda _text: None
         return
-    from rich.console import Console
     from rich.markup import escape
 
-    with Console(stderr=True).status("") as status:
+    with console.status("") as status:
         yield lambda text: status.update(f"{escape(path.name)}: {localized(text)}")

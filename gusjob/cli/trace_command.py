@@ -10,9 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
-import numpy.typing as npt
-import orjson
 
 from gusjob.cli.common import (
     exit_code,
@@ -28,6 +25,7 @@ from gusjob.cli.common import (
 from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
 from gusjob.cli.standard_input import input_file, stdin_filename_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.ir.overrides import overrides_text
@@ -35,9 +33,13 @@ from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    import numpy as np
+    import numpy.typing as npt
+
     from gusjob.config.machine import Scanner
     from gusjob.ir.overrides import Overrides
+    from gusjob.kinematics.arrays import Bools, Indices
     from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
@@ -86,6 +88,7 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
     "--to", "last", callback=_bound, metavar="TIME|line:N", help="End at this time or line. Default: the end."
 )
 @output_option
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
@@ -122,7 +125,7 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
 
     trace = result.trace
     lines, files = own_lines(trace.line, result.files)
-    start_ms, end_ms = _span_ms(trace, np.where(files == 0, lines, 0), first, last)
+    start_ms, end_ms = _span_ms(trace, lines * (files == 0), first, last)
     if form == "vcd":
         from gusjob.simulate.outputs.vcd import vcd_pieces
 
@@ -134,6 +137,8 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
     if form == "parquet":
         about = {"schema": b"gusjob-trace/1", "job": trace.name.encode(), "period_us": str(trace.period_us).encode()}
         if result.overrides:
+            import orjson
+
             about["overrides"] = orjson.dumps(dict(result.overrides))
         return export.parquet_bytes(table, about)
     return export.csv_bytes(table) if form == "csv" else export.npz_bytes(table)
@@ -173,7 +178,7 @@ def _span_ms(
 
 def _selected_segments(option: str, line: int, is_selected: Bools) -> Indices:
     """Return the indices of the selected segments; exit if there are none."""
-    at = np.flatnonzero(is_selected)
+    at = is_selected.nonzero()[0]
     if not len(at):
         if option == "--from":
             wrong = Phrase("{option}: nothing moves at line {line} or after it", option=option, line=line)

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import use_color
 from gusjob.cli.common import machine_option, need, scanner_option, show, stop
 from gusjob.cli.define import define_option
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import is_quiet, quiet_option
 from gusjob.cli.standard_input import file_path
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.profile import find_profile
@@ -52,6 +54,7 @@ Stamp = dict[Path, tuple[int, int] | None]
     metavar="N",
     help="Port of the page. Default: any free port.",
 )
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
@@ -127,9 +130,9 @@ def _report(
     head = [f"{datetime.now():%H:%M:%S}", printable(str(path)), *([server.url] if server else [])]
     click.echo("  ".join([*head, localized(Phrase("Ctrl+C ends"))]))
     if report is not None:
-        click.echo(text_of(result, report, tables=tables), nl=False)
+        click.echo(text_of(result, report, tables=tables, color=use_color(sys.stdout)), nl=False)
     show(result, err=False)
-    if not result.diagnostics:
+    if not result.diagnostics and not is_quiet():
         click.echo(localized(Phrase("no problems")))
     return result
 

@@ -53,7 +53,7 @@ _TIMEOUT_S = _closed("time-out", "s", 0.01, 600)
 class Laser:
     """A laser source. `rated_w`: watts at full power, None if unknown; `max_frequency_khz`: its highest response."""
 
-    channel: int = field(metadata=entry(CHANNEL, "Laser channel", required=True, unique=True, example="0"))
+    channel: int = field(default=0, metadata=entry(CHANNEL, "Laser channel", unique=True))
     name: str = field(default="", metadata=entry(str, "Name in reports", example='"30 W CO2"'))
     rated_w: float | None = field(
         default=None,

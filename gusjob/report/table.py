@@ -102,7 +102,16 @@ def report_text(
     out = StringIO()
     width = max(width, _LEAST_WIDTH)
     console = Console(
-        file=out, width=width, force_terminal=color, no_color=not color, highlight=False, legacy_windows=False
+        file=out,
+        width=width,
+        height=1,  # Without it, TERM=dumb would set the width.
+        force_terminal=color,
+        color_system="standard" if color else None,
+        no_color=not color,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        legacy_windows=False,
     )
     overrides = f"  -D {overrides_text(report.overrides)}" if report.overrides else ""
     console.print(Text(printable(report.job) + overrides, style="bold"), soft_wrap=True)  # A path stays whole.

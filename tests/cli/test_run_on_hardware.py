@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from support.cli import GOOD
 from support.controller import GTS_MULTI, GUS, Floats, Row, needs_controller
 from support.controller import build as build_controller
 from support.hardware import EVERYTHING
@@ -114,6 +115,23 @@ def test_a_whole_run(desk: Desk) -> None:
     assert [line["row"] for line in sent] == list(range(head["rows"]))
     assert all({"t", "code", "line", "call", "args"} <= line.keys() for line in lines if "call" in line)
     assert len(desk.rows()) == 7
+
+
+def test_a_quiet_run(desk: Desk) -> None:
+    """It prints nothing if all is well, and all that is wrong."""
+    job = desk.job(GOOD)
+    done = desk.run(job, "--yes", "-q")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert desk.run(job, "--yes", "-q", "--progress", "json").stdout.count('"phase":"done"') == 1
+    unconfirmed = desk.run(job, "-q")
+    assert (unconfirmed.returncode, "must be confirmed" in unconfirmed.stderr) == (2, True)
+    desk.speed = 1.0
+    process = desk.started(desk.job(SLOW), "--yes", "-q", "--progress", "json")
+    assert process.stdout is not None
+    assert any('"phase":"running"' in line for line in process.stdout)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert (process.returncode, "the laser is off and the motion stopped" in error) == (1, True)
 
 
 def test_the_report_of_a_journal_is_that_of_the_job(desk: Desk) -> None:

@@ -9,10 +9,9 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule
 from gusjob.frontend.overrides import override_statement
-from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.statement import Statement
 from gusjob.frontend.source_map import SourceMap
-from gusjob.i18n.phrases import Phrase, all_of, did_you_mean
+from gusjob.i18n.phrases import Phrase, all_of, did_you_mean, nearest
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 
 _LISTED = 12

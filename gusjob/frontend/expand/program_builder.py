@@ -33,12 +33,11 @@ from gusjob.frontend.expand.program import (
 from gusjob.frontend.includes import find_include
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
-from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.statement import BLOCK_WORDS, BROKEN, RowOp, Statement, literals_in
 from gusjob.frontend.scan.rows import Rows, groups_of
 from gusjob.frontend.source import Source
 from gusjob.frontend.source_map import SourceMap
-from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, printable
+from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, nearest, printable
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Indices
 
