@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from gusjob.frontend.parse.expressions import Expression
-from gusjob.frontend.parse.forms import Word
-from gusjob.frontend.parse.statement import Statement
-from gusjob.frontend.scan.rows import Rows
+from gusjob.frontend.parse.forms import Column, Word
+from gusjob.frontend.parse.statement import RowOp, Statement
+from gusjob.frontend.scan.rows import Row, Rows, rows_of
 from gusjob.frontend.source_map import SourceMap
+from gusjob.ir.effects import Effect
 from gusjob.kinematics.arrays import Indices
 
 MAX_NESTING = 32
@@ -75,6 +76,12 @@ class StatementRun:
     def line(self) -> int:
         """Line of the first statement."""
         return int(self.rows.line[0])
+
+
+def unread_run(line: int, effects: Effect) -> StatementRun:
+    """A run of one row that stands for what could not be read or run at a line."""
+    values = {Column.VALUE: float(effects), Column.CHANNEL: -1.0}
+    return StatementRun(rows=rows_of([(line, Row(op=RowOp.UNREAD, values=dict(values)))]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,7 +168,7 @@ class Program:
         sequential_loops: `id`s of the loops that run iteration by iteration (see NameUsage).
         sources: The texts.
         lets: Lines that set each name.
-        unread_names: Names whose LET can't be parsed.
+        unread_names: Names that lines which can't be read may set; ANY_NAME among them: any name.
     """
 
     block: Block

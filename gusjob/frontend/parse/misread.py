@@ -98,7 +98,11 @@ def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: d
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word whose spelling is closest to this one; '' if none resembles it."""
+    known = list(known)
     from difflib import get_close_matches  # Diagnostics only: start-up time is part of the tool.
 
-    near = get_close_matches(word, list(known), 1, cutoff=0.6) if len(word) < 40 else []
+    longer = [one for one in known if one.startswith(word) and len(one) <= len(word) + 2] if len(word) > 1 else []
+    if len(longer) == 1:  # AC: ACC, although ARC resembles it as much.
+        return longer[0]
+    near = get_close_matches(word, known, 1, cutoff=0.6) if len(word) < 40 else []
     return near[0] if near else ""

@@ -82,7 +82,9 @@ class _StatementParser:
         self.report(rule, start, start + len(token), **fields)
 
     def report_twice(self, token: Token) -> None:
-        """Add a diagnostic for a word that is given twice."""
+        """Add a diagnostic for a word that is given twice, the first one: another word may be missing between them."""
+        if any(diagnostic.rule is rules.DUPLICATE_WORD for diagnostic in self.diagnostics):
+            return
         self.report_at(rules.DUPLICATE_WORD, token, word=str(token))
 
     # Statements.
