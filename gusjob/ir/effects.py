@@ -41,8 +41,8 @@ OF_LASER = Effect.MODE | Effect.MODE_KIND | Effect.SWITCH | Effect.POWER | Effec
 EVERYTHING = Effect(sum(Effect))
 """Effects of a file that can't be read."""
 UNCLEAR = EVERYTHING & ~(Effect.UNITS | Effect.COORDS | Effect.CHANNEL | Effect.MODE_KIND)
-"""Effects of a line whose intention is not known, and of a block that does not run. It may be what a check misses, but it
-rarely sets units or a mode: then nothing behind it could be checked."""
+"""Effects of a line whose intention is not known, and of a block that does not run. It may be what a check misses, but
+it rarely sets units or a mode: then nothing behind it could be checked."""
 FRAME_EFFECTS = Effect.X | Effect.Y | Effect.UNITS
 """Effects of a FRAME: it moves and scales what is in it."""
 _GEOMETRY = Effect.UNITS | Effect.COORDS

@@ -67,7 +67,8 @@ class Switches:
 class LaserCommand:
     """Commanded state of a channel's laser along the path.
 
-    `on` (n,): on in each row; not where a switch that can't be read may have changed it. `on_line` (n,): line of the ON in force, of the first where several follow each other.
+    `on` (n,): on in each row; not where a switch that can't be read may have changed it. `on_line` (n,): line of the ON
+    in force, of the first where several follow each other.
     `on_at_end`: on after the path; `last_on_line`: line of the ON in force there.
     """
 

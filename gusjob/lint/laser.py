@@ -82,8 +82,8 @@ def switching(context: LintContext, report: Reporter) -> None:
         on, buffered = switches.on, switches.is_buffered
         before = np.concatenate([[False], on[:-1]])
         begin = switches.line[np.maximum.accumulate(np.where(on & ~before, np.arange(len(on)), 0))]
-        certain = context.known(np.minimum(switches.rows, len(context.path) - 1), Effect.SWITCH, channel)
-        again = np.flatnonzero(on & before & buffered & certain)
+        again = np.flatnonzero(on & before & buffered)
+        again = again[context.known(switches.rows[again], Effect.SWITCH, channel)]
         remarks = context.line_remarks(d.ON_HERE, begin[again])
         report.rows(rules.ALREADY_ON, switches.rows[again], "", channel=channel, word="LASER OFF", remarks=remarks)
         timed_before = timed[(switches.instant + 1) // 2]
@@ -266,7 +266,7 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
         force = delays.at(switches.instant[:-1])
         on_us, off_us = delays.on_us[force], delays.off_us[force]
         buffered = switches.is_buffered & np.concatenate([[True], switches.is_buffered[1:]])
-        checked = buffered[:-1] & ~sky[rows[:-1]] & (most_us > 0) & report.is_sound(delays.lines)[force]
+        checked = buffered[:-1] & ~sky[rows[:-1]] & (most_us > 0) & np.all(report.is_sound(delays.lines)[force], axis=1)
         marks = np.flatnonzero(on[:-1] & ~on[1:] & (on_us > most_us) & checked)
         for no_emission, lost in (
             (True, Phrase("there is no emission")),
@@ -282,12 +282,15 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelaysInForce:
-    """Delay of emission after laser-on and laser-off, (k,) each: from an instant on, ascending; the line that set it."""
+    """Delay of emission after laser-on and laser-off, (k,) each: from an instant on, ascending.
+
+    `lines`: (k, 2), those of LASER DELAY and LASER FPK in force, 0 without one.
+    """
 
     instant: Indices
     on_us: Floats
     off_us: Floats
-    lines: Indices
+    lines: npt.NDArray[np.intp]
 
     def at(self, instants: Indices) -> Indices:
         """Number of the delays in force at some instants."""
@@ -296,20 +299,21 @@ class DelaysInForce:
 
 def _delays_in_force(context: LintContext, channel: int) -> DelaysInForce:
     """Delays of a channel: LASER DELAY and first pulse killer together."""
-    instants, on_us, off_us, lines = [-1], [0.0], [0.0], [0]
+    instants, on_us, off_us, lines = [-1], [0.0], [0.0], [(0, 0)]
     delay, killer = (0.0, 0.0), (0.0, 0.0)
     for setup in context.job.setups:
         if setup.channel != channel:
             continue
         match setup.statement:
             case LaserDelay(on_delay_us=on, off_delay_us=off):
-                delay = (on, off)
+                delay, lines = (on, off), [*lines, (setup.line, lines[-1][1])]
             case LaserFpk(times_us=times):
-                killer = (0.0, 0.0) if times is None else (times[1], times[2])
+                killer, lines = (0.0, 0.0), [*lines, (lines[-1][0], setup.line)]
+                if times is not None:
+                    killer = (times[1], times[2])
             case _:
                 continue
         instants.append(context.modal.stage_first[setup.order] * 2)
-        lines.append(setup.line)
         on_us.append(delay[0] + killer[0])
         off_us.append(delay[1] + killer[1])
     return DelaysInForce(

@@ -118,10 +118,10 @@ def field(context: LintContext, report: Reporter) -> None:
     for axis, values, (low, high), scale, effect in axes:
         end_mm = values[rows] / scale
         out = ((end_mm < low) | (end_mm > high)) & context.known_after(rows, effect)
-        out &= ~(reported & ~_has_word(context, rows, out & reported, axis))
+        outside, out = out, out & ~(reported & ~_has_word(context, rows, out & reported, axis))
         reported |= out
         report.rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=end_mm[out], low=low, high=high, hint="")
-        within = rows[~out & context.known_after(rows, effect)]
+        within = rows[~outside & context.known_after(rows, effect)]
         report.rows_in_range(within, np.rint(values[within]), ranges.COORDINATE_PULSE, axis, axis)
     arcs = _certain(context, context.arc_rows())
     if not len(arcs):
@@ -140,7 +140,7 @@ def field(context: LintContext, report: Reporter) -> None:
 
 
 def _has_word(context: LintContext, rows: Indices, where: Bools, axis: str) -> Bools:
-    """Whether rows have a word for an axis, (k,), looked up where it matters: a rotated frame moves both by one word."""
+    """Whether rows have a word for an axis, (k,), looked up where it matters: rotated, one word moves both."""
     found = np.ones(len(rows), dtype=np.bool_)
     if not where.any():
         return found

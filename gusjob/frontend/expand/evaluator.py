@@ -45,8 +45,8 @@ class Evaluator:
 
     ledger: Ledger
     unset: set[str] = field(default_factory=set)
-    """Names whose LET has no value or can't be parsed: that is reported where they are set. With ANY_NAME any name may be
-    one of them."""
+    """Names whose LET has no value or can't be parsed: that is reported where they are set. With ANY_NAME any name
+    may be one of them."""
 
     def report(self, rule: Rule, site: Site, /, **fields: object) -> None:
         """Report a diagnostic that concerns all lanes."""

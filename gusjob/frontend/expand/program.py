@@ -80,8 +80,8 @@ class StatementRun:
 
 def unread_run(line: int, effects: Effect) -> StatementRun:
     """A run of one row that stands for what could not be read or run at a line."""
-    values = {Column.VALUE: float(effects), Column.CHANNEL: -1.0}
-    return StatementRun(rows=rows_of([(line, Row(op=RowOp.UNREAD, values=dict(values)))]))
+    values: dict[int, float] = {Column.VALUE: float(effects), Column.CHANNEL: -1.0}
+    return StatementRun(rows=rows_of([(line, Row(op=RowOp.UNREAD, values=values))]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

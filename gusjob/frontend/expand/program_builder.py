@@ -117,9 +117,7 @@ class _ProgramBuilder:
             self.has_unread_routines = self.has_unread_lines = True
         return found or ((unread_run(line, EVERYTHING),), 0)
 
-    def included_block(
-        self, name: str, source: Source, line: int, chain: tuple[Path, ...]
-    ) -> tuple[Block, int] | None:
+    def included_block(self, name: str, source: Source, line: int, chain: tuple[Path, ...]) -> tuple[Block, int] | None:
         """The block of an included file and its depth; None and a diagnostic if it may not or can't be read."""
         limit = self.machine.expansion_max_includes
         if len(chain) >= limit:

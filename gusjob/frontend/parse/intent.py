@@ -1,7 +1,7 @@
 """The statement that a line with an error was meant to be, from its first words.
 
-Such a line still counts for the checks: what it may change is not known after it (ir.effects), its END ends a block, and
-the names in it may be those that another line reads.
+Such a line still counts for the checks: what it may change is not known after it (ir.effects), its END ends a block,
+and the names in it may be those that another line reads.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.statement import RowOp, Statement
-from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, UNCLEAR, OF_LASER, POSITION, Effect
+from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, OF_LASER, POSITION, UNCLEAR, Effect
 
 _HEADS = {
     **{word: word.lower() for word in ("UNITS", "COORDS", "CRD", "CHANNEL", "LINE", "JUMP", "ARC", "DWELL", "WAIT")},
@@ -58,9 +58,7 @@ _EFFECTS = {
 """Effects of a statement by its form; one that is not here has none."""
 _EFFECTS_OF_ROWS = {
     **dict.fromkeys((RowOp.LINE, RowOp.JUMP), POSITION),
-    **dict.fromkeys(
-        (RowOp.ARC_CENTRE_CW, RowOp.ARC_CENTRE_CCW, RowOp.ARC_RADIUS_CW, RowOp.ARC_RADIUS_CCW), POSITION
-    ),
+    **dict.fromkeys((RowOp.ARC_CENTRE_CW, RowOp.ARC_CENTRE_CCW, RowOp.ARC_RADIUS_CW, RowOp.ARC_RADIUS_CCW), POSITION),
     **dict.fromkeys((RowOp.POWER, RowOp.FOLLOW), Effect.POWER),
     **dict.fromkeys((RowOp.ON, RowOp.OFF), Effect.SWITCH),
     RowOp.CHANNEL: _EFFECTS["channel"],
@@ -88,8 +86,8 @@ class Intent:
     """The probable statement of a line.
 
     `form`: its form, 'laser' where only LASER is clear, '' where nothing is; `guessed`: the first word is misspelt.
-    `channel`: the CHANNEL at its end, -1 if it may be any. `names`: names that it may set, with ANY_NAME where they can't
-    be told.
+    `channel`: the CHANNEL at its end, -1 if it may be any. `names`: names that it may set, with ANY_NAME where they
+    can't be told.
     """
 
     form: str

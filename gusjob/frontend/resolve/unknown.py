@@ -17,14 +17,14 @@ from gusjob.ir.effects import CHANNEL_SHIFT, OF_LASER, Effect
 from gusjob.kinematics.arrays import Bools, Floats, Ints
 
 States = npt.NDArray[np.int32]
-_MODAL = (
+_MODAL: tuple[tuple[Effect, tuple[RowOp, ...]], ...] = (
     (Effect.UNITS, (RowOp.UNITS_MM, RowOp.UNITS_PULSE)),
     (Effect.COORDS, (RowOp.COORDS_ABS, RowOp.COORDS_REL)),
     (Effect.CHANNEL, (RowOp.CHANNEL,)),
     (Effect.JUMPVEL, (RowOp.JUMPVEL,)),
     (Effect.JUMPACC, (RowOp.JUMPACC,)),
 )
-_OF_CHANNEL = (
+_OF_CHANNEL: tuple[tuple[Effect, tuple[RowOp, ...]], ...] = (
     (Effect.MODE, ()),
     (Effect.MODE_KIND, ()),
     (Effect.SWITCH, (RowOp.ON, RowOp.OFF)),
@@ -119,7 +119,7 @@ class _States:
 
     def is_clear(self, effects: Effect) -> Bools:
         """Whether effects are known after each row."""
-        return (self.after & int(effects)) == 0
+        return np.asarray((self.after & int(effects)) == 0)
 
     def add(
         self, effect: Effect, is_set: Bools, *, own: Bools | None = None, extra: Bools | None = None, shift: int = 0
