@@ -137,5 +137,3 @@ def test_a_faulty_statement_counts_as_present(before: str, after: str) -> None:
 )
 def test_other_causes_are_still_reported(text: str, codes: set[str]) -> None:
     assert {d.rule.code for d in serious(Path("a.job"), text.splitlines())} == codes
-
-

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 
+from gusjob.frontend.parse.foreign import foreign_of
 from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, OF_LASER, POSITION, UNCLEAR, Effect
@@ -70,6 +73,8 @@ _EFFECTS_OF_ROWS = {
 }
 _MAY_DEFINE = ("let", "for", "repeat", "def", "include", "")
 """Forms whose names may be those that other lines read."""
+COMMENT = "comment"
+"""Form of a comment of another language."""
 ANY_NAME = ""
 """Among names that may be set: any name may be."""
 _AS = re.compile(r"\bAS?\b", re.IGNORECASE)
@@ -97,13 +102,15 @@ class Intent:
     names: frozenset[str]
 
 
-def intent_of(code: str, form: str | None = None) -> Intent:
-    """Find the statement that a line (without its comment) was meant to be; `form`: if it is known otherwise."""
+def intent_of(code: str) -> Intent:
+    """Find the statement that a line (without its comment) was meant to be."""
     code = code[:_MAX_READ]
-    guessed = form is None
-    if form is None:
-        form, guessed = _form_of([word.upper() for word in _WORD.findall(code)[:2]])
+    form, guessed = _form_of([word.upper() for word in _WORD.findall(code)[:2]])
     effects = _EFFECTS.get(form, Effect.NONE)
+    foreign = foreign_of(code) if guessed else None
+    if foreign is not None:
+        form = foreign.forms[0] if foreign.forms else COMMENT
+        effects = Effect(reduce(or_, (int(_EFFECTS.get(one, Effect.NONE)) for one in foreign.forms), 0))
     if form in ("line", "arc"):
         for word, effect in _SPEED_WORDS:
             effects |= effect if word.search(code.lstrip()[4:]) else Effect.NONE

@@ -101,6 +101,8 @@ class _JobReader:
     nodes: list[Statement] = field(default_factory=list)
     diagnostics: list[Diagnostic] = field(default_factory=list)
     not_listed: int = 0
+    unread_shapes: int = 0
+    """How many shapes can't be parsed."""
     unread_names: set[str] = field(default_factory=set)
     unclear_lines: range = range(0)
     has_lower_case: bool = False
@@ -116,8 +118,11 @@ class _JobReader:
 
     def learn(self, line: str) -> Template | None:
         """The template of a path, modal or control statement; None for all others."""
+        if self.unread_shapes >= MAX_DIAGNOSTICS:
+            return None  # So many lines have diagnostics that further ones are only counted.
         statement, _ = parse_statement(line, 1)
         if statement is None:
+            self.unread_shapes += 1
             return None
         self.check_case(line)
         builder = TemplateBuilder.of_line(line)
