@@ -12,6 +12,7 @@ import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
 from gusjob.cli.files import files_named
+from gusjob.cli.fixes import FileFixer, count_fixes
 from gusjob.cli.language import Command
 from gusjob.diagnostics.formats.writers import writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
@@ -74,8 +75,6 @@ def command(
     writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
     fixer = None
     if fixes or diffs:
-        from gusjob.cli.fixes import FileFixer
-
         fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs)
     files = files_named(paths, _CHECKED)
     named = [] if machine_path is None else [machine_path]
@@ -86,6 +85,8 @@ def command(
         examined = examined if fixer is None else fixer.fix(examined)
         chosen = selected(examined, asked)
         sums.add(examined, chosen)
+        if fixer is None and (writer is None or output is not None):
+            sums.add_fixable(count_fixes(examined, machine_path, asked))
         if writer is not None:
             writer.add(chosen.path, chosen.diagnostics, chosen.text_of, readable=not chosen.is_unreadable)
         elif not statistics:
@@ -101,7 +102,10 @@ def command(
 
 @dataclass(slots=True, kw_only=True)
 class _Sums:
-    """Sums over all files. `left_out`: what is not selected, by severity; `read`: every file that was read."""
+    """Sums over all files. `left_out`: what is not selected, by severity; `read`: every file that was read.
+
+    `fixable`: what --fix corrects; `is_counted`: this was counted in every file.
+    """
 
     status: ExitStatus
     files: int = 0
@@ -109,6 +113,8 @@ class _Sums:
     left_out: Counter[Severity] = field(default_factory=Counter)
     by_rule: Counter[str] = field(default_factory=Counter)
     read: list[Path] = field(default_factory=list)
+    fixable: int = 0
+    is_counted: bool = True
 
     def add(self, examined: FileResult, chosen: FileResult) -> None:
         """Add a file with all its diagnostics, and with those that are selected."""
@@ -120,9 +126,21 @@ class _Sums:
         self.status.add(chosen)
         self.read += examined.inputs
 
+    def add_fixable(self, count: int | None) -> None:
+        """Add the number of problems that --fix corrects in a file; None if it is not known."""
+        self.fixable += count or 0
+        self.is_counted &= count is not None
+
+    @property
+    def _fixable(self) -> str:
+        """'; 2 can be corrected with --fix'."""
+        if not self.is_counted:  # A large file is checked once only.
+            return Phrase("; --fix may correct some")
+        return Phrase("; {count} can be corrected with --fix", count=self.fixable) if self.fixable else ""
+
     @property
     def summary(self) -> str:
-        """'3 files: 1 error, 2 warnings (1 not selected)', in the user's language."""
+        """'3 files: 1 error, 2 warnings (1 not selected); 1 can be corrected with --fix', in the user's language."""
         errors, warnings, notes = (self.counts[severity] for severity in Severity)
         words = (
             (errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors)),
@@ -136,7 +154,7 @@ class _Sums:
             rest = Phrase(" ({count} not selected, {errors} of them errors)", count=hidden, errors=refused)
         return localized(
             Phrase("{files}: {counts}{hidden}", files=counted_files(self.files), counts=found, hidden=rest)
-        )
+        ) + localized(self._fixable)
 
 
 def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) -> None:

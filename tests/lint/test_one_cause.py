@@ -1,4 +1,4 @@
-"""One cause gives one error: every statement of sound jobs, damaged in each typical way, has its own error and no other.
+"""One cause gives one error: statements of sound jobs, damaged in each typical way, have their own error and no other.
 
 PROPERTY_EXAMPLES raises the number of damaged jobs; 100000 tries them all.
 """

@@ -33,12 +33,12 @@ from gusjob.frontend.includes import find_include
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
-from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.statement import BLOCK_WORDS, BROKEN, GUESSED, RowOp, Statement, literals_in
 from gusjob.frontend.scan.rows import Rows, groups_of
 from gusjob.frontend.source import Source
 from gusjob.frontend.source_map import SourceMap
 from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, printable
+from gusjob.i18n.spelling import nearest
 from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, UNCLEAR
 from gusjob.kinematics.arrays import Indices
 

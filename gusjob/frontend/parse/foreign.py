@@ -159,8 +159,14 @@ def _pause(values: dict[str, str]) -> Foreign:
     return Foreign(forms=("dwell",), meant=meant)
 
 
-_MOTIONS = {0: _rapid, 1: _linear, 2: _arc("CW"), 3: _arc("CCW"), 4: _pause}
-_OTHER_G = {
+_MOTIONS: dict[float, Callable[[dict[str, str]], Foreign]] = {
+    0: _rapid,
+    1: _linear,
+    2: _arc("CW"),
+    3: _arc("CCW"),
+    4: _pause,
+}
+_OTHER_G: dict[float, Foreign] = {
     20: Foreign(forms=("units",), meant=Phrase("all numbers in mm: there are no inches (1 inch is 25.4 mm)")),
     21: Foreign(forms=("units",), meant="UNITS MM"),
     28: Foreign(forms=("jump",), meant="JUMP X 0 Y 0"),

@@ -12,8 +12,8 @@ from functools import reduce
 from operator import or_
 
 from gusjob.frontend.parse.foreign import foreign_of
-from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.statement import RowOp, Statement
+from gusjob.i18n.spelling import nearest
 from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, OF_LASER, POSITION, UNCLEAR, Effect
 
 _HEADS = {

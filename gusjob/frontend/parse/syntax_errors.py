@@ -11,7 +11,7 @@ from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.frontend.parse.foreign import foreign_of
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR
 from gusjob.frontend.parse.misread import END_OF_LINE, Misread, misread
-from gusjob.i18n.phrases import Phrase, any_of, printable
+from gusjob.i18n.phrases import Phrase, any_of
 from gusjob.kinematics.units import UNITS, QuantityKind
 
 UNIT = re.compile("(?:" + "|".join(sorted(map(re.escape, UNITS), key=len, reverse=True)) + ")(?![A-Za-z0-9_])", re.I)
@@ -47,7 +47,7 @@ def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     span = Span(line=line, column=found.column, end_line=line, end_column=found.end_column)
     if not text[: found.column - 1].strip():
         foreign = foreign_of(text)
-        hint = Phrase("; write {meant}", meant=printable(foreign.meant)) if foreign else found.hint
+        hint = Phrase("; write {meant}", meant=foreign.meant) if foreign else found.hint
         fields: dict[str, object] = {"found": found.found, "hint": hint}
         return Diagnostic(rule=rules.UNKNOWN_STATEMENT, span=span, fields=fields)
     if found.found is END_OF_LINE and found.expected:
