@@ -14,7 +14,7 @@ CHANNEL_SHIFT = 16
 """Bits of channel 1 are those of channel 0, shifted by this."""
 
 
-class Effect(IntFlag):
+class StateEffect(IntFlag):
     """What a statement may change. Those of a laser have a bit for each channel."""
 
     NONE = 0
@@ -36,29 +36,29 @@ class Effect(IntFlag):
     """Which mode is in force; MODE is whether there is one."""
 
 
-POSITION = Effect.X | Effect.Y
-OF_LASER = Effect.MODE | Effect.MODE_KIND | Effect.SWITCH | Effect.POWER | Effect.DISTANCE
-EVERYTHING = Effect(sum(Effect))
+POSITION = StateEffect.X | StateEffect.Y
+OF_LASER = StateEffect.MODE | StateEffect.MODE_KIND | StateEffect.SWITCH | StateEffect.POWER | StateEffect.DISTANCE
+EVERYTHING = StateEffect(sum(StateEffect))
 """Effects of a file that can't be read."""
-UNCLEAR = EVERYTHING & ~(Effect.UNITS | Effect.COORDS | Effect.CHANNEL | Effect.MODE_KIND)
+UNCLEAR = EVERYTHING & ~(StateEffect.UNITS | StateEffect.COORDS | StateEffect.CHANNEL | StateEffect.MODE_KIND)
 """Effects of a line whose intention is not known, and of a block that does not run. It may be what a check misses, but
 it rarely sets units or a mode: then nothing behind it could be checked."""
-FRAME_EFFECTS = Effect.X | Effect.Y | Effect.UNITS
+FRAME_EFFECTS = StateEffect.X | StateEffect.Y | StateEffect.UNITS
 """Effects of a FRAME: it moves and scales what is in it."""
-_GEOMETRY = Effect.UNITS | Effect.COORDS
+_GEOMETRY = StateEffect.UNITS | StateEffect.COORDS
 
 
-def mask_of(effects: Effect, channel: int = 0) -> int:
+def mask_of(effects: StateEffect, channel: int = 0) -> int:
     """The bits that must be clear for some effects to be known, for a channel if they are a laser's."""
     needed = effects
     if effects & POSITION:
         needed |= _GEOMETRY
     if effects & OF_LASER:
-        needed |= Effect.CHANNEL
+        needed |= StateEffect.CHANNEL
     of_laser = int(needed & OF_LASER)
     return int(needed & ~OF_LASER) | (of_laser << CHANNEL_SHIFT if channel else of_laser)
 
 
-def is_known(state: Any, effects: Effect, channel: int = 0) -> Any:
+def is_known(state: Any, effects: StateEffect, channel: int = 0) -> Any:
     """Whether some effects are known in a state, or in each of an array of states."""
     return (state & mask_of(effects, channel)) == 0

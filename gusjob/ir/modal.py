@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import CHANNELS
-from gusjob.ir.effects import Effect, is_known
+from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op
 from gusjob.ir.setup import LaserMode, PowerNow, Setup, SwitchNow
@@ -108,7 +108,7 @@ class ModalState:
         if it may be one that can't be read.
         """
         spans = self.modes(setup.channel)
-        if not is_known(setup.unknown, Effect.MODE_KIND, setup.channel):
+        if not is_known(setup.unknown, StateEffect.MODE_KIND, setup.channel):
             return None
         before = bisect_right(spans, setup.order, key=lambda span: span.setup.order)
         return spans[max(before - 1, 0)] if spans else None
@@ -138,7 +138,7 @@ class ModalState:
         """Compute the commanded state of a channel's laser along the path."""
         if channel not in self.commands:
             found = _laser_command(self.switches(channel), len(self.job.path))
-            known = is_known(self.job.path.unknown_before, Effect.SWITCH, channel)
+            known = is_known(self.job.path.unknown_before, StateEffect.SWITCH, channel)
             self.commands[channel] = replace(found, on=found.on & known)
         return self.commands[channel]
 

@@ -13,7 +13,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics.model import Remark
 from gusjob.ir.display import DisplayUnits, display_units
-from gusjob.ir.effects import Effect, is_known
+from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.job import Job
 from gusjob.ir.modal import ModalState, ModeSpan, modal_state
 from gusjob.ir.path import Op, Path, arcs_mm
@@ -48,15 +48,15 @@ class LintContext:
         """Path of the job."""
         return self.job.path
 
-    def known(self, rows: Indices, effects: Effect, channel: int = 0) -> Bools:
+    def known(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
         """Whether effects are known before rows: no statement that can't be read may have changed them, (k,)."""
         return np.asarray(is_known(self.path.unknown_before[rows], effects, channel))
 
-    def known_after(self, rows: Indices, effects: Effect, channel: int = 0) -> Bools:
+    def known_after(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
         """Whether effects are known with what the rows themselves set, (k,)."""
         return np.asarray(is_known(self.path.unknown[rows], effects, channel))
 
-    def known_at(self, setup: Setup, effects: Effect) -> bool:
+    def known_at(self, setup: Setup, effects: StateEffect) -> bool:
         """Whether effects are known before a setup statement, on its channel."""
         return bool(is_known(setup.unknown, effects, setup.channel))
 
@@ -77,7 +77,7 @@ class LintContext:
         part = slice(span.first, span.last)
         found = (self.path.op[part] == op) & (self.path.channel[part] == span.channel)
         rows = np.flatnonzero(found) + span.first
-        return rows[self.known(rows, Effect.MODE_KIND, span.channel)]
+        return rows[self.known(rows, StateEffect.MODE_KIND, span.channel)]
 
     def lengths(self, rows: Indices) -> Floats:
         """Compute the lengths of rows, in pulses of X (in which velocities are given); 0 of a dwell."""

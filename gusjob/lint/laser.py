@@ -11,7 +11,7 @@ from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.effects import POSITION, Effect, is_known
+from gusjob.ir.effects import POSITION, StateEffect, is_known
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import LaserDelay, LaserFpk, PowerNow
 from gusjob.ir.stages import opens_stage
@@ -25,7 +25,7 @@ def left_on(context: LintContext, report: Reporter) -> None:
     """The job ends with every channel off."""
     for channel in CHANNELS:
         laser = context.modal.laser(channel)
-        if laser.on_at_end and is_known(context.job.unknown_at_end, Effect.SWITCH, channel):
+        if laser.on_at_end and is_known(context.job.unknown_at_end, StateEffect.SWITCH, channel):
             hint = f" CHANNEL {channel}" if channel else ""
             report.line(rules.LEFT_ON, laser.last_on_line, channel=channel, hint=hint)
 
@@ -68,7 +68,7 @@ def waits(context: LintContext, report: Reporter) -> None:
         # LASER OFF NOW can end a mark, too.
         switches = context.modal.switches(channel)
         for i in np.flatnonzero(switches.on_at(instants) & switches.on_at(instants + 1)).tolist():
-            if is_known(stops[i].unknown, Effect.SWITCH, channel):
+            if is_known(stops[i].unknown, StateEffect.SWITCH, channel):
                 report.setup(rules.WAIT_WITH_LASER_ON, stops[i], word=stops[i].word, channel=channel)
 
 
@@ -83,7 +83,7 @@ def switching(context: LintContext, report: Reporter) -> None:
         before = np.concatenate([[False], on[:-1]])
         begin = switches.line[np.maximum.accumulate(np.where(on & ~before, np.arange(len(on)), 0))]
         again = np.flatnonzero(on & before & buffered)
-        again = again[context.known(switches.rows[again], Effect.SWITCH, channel)]
+        again = again[context.known(switches.rows[again], StateEffect.SWITCH, channel)]
         remarks = context.line_remarks(d.ON_HERE, begin[again])
         report.rows(rules.ALREADY_ON, switches.rows[again], "", channel=channel, word="LASER OFF", remarks=remarks)
         timed_before = timed[(switches.instant + 1) // 2]
@@ -102,8 +102,8 @@ def marked_twice(context: LintContext, report: Reporter) -> None:
 
 def _is_certain(context: LintContext, rows: Indices, channel: int) -> Bools:
     """Whether position, power and velocity of some marks are known."""
-    where = context.known(rows, Effect.POWER | Effect.MODE | POSITION, channel)
-    return where & context.known_after(rows, POSITION | Effect.VEL)
+    where = context.known(rows, StateEffect.POWER | StateEffect.MODE | POSITION, channel)
+    return where & context.known_after(rows, POSITION | StateEffect.VEL)
 
 
 def marked_twice_outside_passes(context: LintContext, report: Reporter) -> None:
@@ -355,7 +355,7 @@ def no_power(context: LintContext, report: Reporter) -> None:
             changed = span if changed is None or changed.mode.mode is not span.mode.mode else changed
             rows = emitting[slice(*np.searchsorted(emitting, [span.first, span.last]))]
             rows = rows[laser.on[rows]]
-            rows = rows[context.known(rows, Effect.POWER | Effect.MODE, channel)]
+            rows = rows[context.known(rows, StateEffect.POWER | StateEffect.MODE, channel)]
             if not len(rows):
                 continue
             last = np.searchsorted(powers, rows * 2, side="right") - 1

@@ -9,7 +9,7 @@ from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import MAX_PER_RULE
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.effects import POSITION, Effect
+from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import SPEED_WORDS, Op, Path, arcs_mm
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import CLOSES_MM, arcs_by_either
@@ -49,8 +49,8 @@ def missing_speeds(context: LintContext, report: Reporter) -> None:
     rows = np.flatnonzero(path.moves)
     is_jump = path.op[rows] == Op.JUMP
     for values, missing, effect, of_jumps in (
-        (path.vel, rules.NO_VELOCITY, Effect.VEL, Effect.JUMPVEL),
-        (path.acc, rules.NO_ACCELERATION, Effect.ACC, Effect.JUMPACC),
+        (path.vel, rules.NO_VELOCITY, StateEffect.VEL, StateEffect.JUMPVEL),
+        (path.acc, rules.NO_ACCELERATION, StateEffect.ACC, StateEffect.JUMPACC),
     ):
         known = context.known_after(rows, effect) & (~is_jump | context.known(rows, of_jumps))
         absent = rows[np.isnan(values[rows]) & known]
@@ -111,8 +111,8 @@ def field(context: LintContext, report: Reporter) -> None:
     path, machine = context.path, context.machine
     rows = np.flatnonzero(path.moves)
     axes = (
-        ("X", path.x, machine.field_x_mm, machine.pulses_per_mm[0], Effect.X),
-        ("Y", path.y, machine.field_y_mm, machine.pulses_per_mm[1], Effect.Y),
+        ("X", path.x, machine.field_x_mm, machine.pulses_per_mm[0], StateEffect.X),
+        ("Y", path.y, machine.field_y_mm, machine.pulses_per_mm[1], StateEffect.Y),
     )
     reported = np.zeros(len(rows), dtype=np.bool_)
     for axis, values, (low, high), scale, effect in axes:
@@ -205,7 +205,7 @@ def arc_speed(context: LintContext, report: Reporter) -> None:
     """On an arc v^2/r stays within the machine's acceleration; the planner slows the arc where it may."""
     path, shown = context.path, context.shown
     rows = _certain(context, context.arc_rows())
-    rows = rows[context.known_after(rows, Effect.VEL)]
+    rows = rows[context.known_after(rows, StateEffect.VEL)]
     if not len(rows):
         return
     by_radius = path.op[rows] == Op.ARC_RADIUS
@@ -275,6 +275,6 @@ def forced_ends(context: LintContext, report: Reporter) -> None:
     path, shown = context.path, context.shown
     rows = np.flatnonzero(~np.isnan(path.end) & path.moves)
     rows = rows[report.rows_in_range(rows, path.end[rows], ranges.END_VELOCITY, "END", "END")]
-    above = rows[(path.end[rows] > path.vel[rows] * (1 + 1e-12)) & context.known_after(rows, Effect.VEL)]
+    above = rows[(path.end[rows] > path.vel[rows] * (1 + 1e-12)) & context.known_after(rows, StateEffect.VEL)]
     ends, velocities = path.end[above] * shown.per_pulse_per_ms, path.vel[above] * shown.per_pulse_per_ms
     report.rows(rules.END_ABOVE_VEL, above, "END", value=ends, velocity=velocities, speed=shown.speed)

@@ -21,7 +21,7 @@ from gusjob.controllers.gus.ranges import (
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Remark
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.effects import Effect
+from gusjob.ir.effects import StateEffect
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.path import Op
 from gusjob.ir.setup import PowerNow, Setup, SwitchNow
@@ -44,7 +44,7 @@ def before_a_mode(context: LintContext, report: Reporter) -> None:
         first = spans[0].setup.row if spans else len(path)
         early = np.arange(len(path))[:first]
         early = early[(path.op[early] >= Op.POWER) & (path.channel[early] == channel)]
-        early = early[context.known(early, Effect.MODE, channel)]
+        early = early[context.known(early, StateEffect.MODE, channel)]
         for op in (Op.POWER, Op.FOLLOW):
             report.rows(rules.POWER_WITHOUT_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
         on = early[path.op[early] == Op.ON]
@@ -52,11 +52,11 @@ def before_a_mode(context: LintContext, report: Reporter) -> None:
         first_order = spans[0].setup.order if spans else len(context.job.setups)
         for setup, switch in modal.statements(SwitchNow):
             early_on = switch.on and setup.channel == channel and setup.order < first_order
-            if early_on and context.known_at(setup, Effect.MODE):
+            if early_on and context.known_at(setup, StateEffect.MODE):
                 report.setup(rules.CHANNEL_WITHOUT_MODE, setup, channel=channel)
         for setup, _ in modal.statements(PowerNow):
             is_early = setup.channel == channel and setup.order < first_order
-            if is_early and context.known_at(setup, Effect.MODE):
+            if is_early and context.known_at(setup, StateEffect.MODE):
                 report.setup(rules.POWER_WITHOUT_MODE, setup, word=setup.word, channel=channel)
 
 
@@ -191,8 +191,8 @@ def saturation(context: LintContext, report: Reporter) -> None:
         in_force = np.maximum.accumulate(np.where(sets, np.arange(len(path)), -1))
         on = context.modal.laser(channel).on
         marks = np.flatnonzero(path.moves & (path.op != Op.JUMP) & on & (in_force >= 0))
-        marks = marks[context.known(marks, Effect.POWER | Effect.MODE, channel)]
-        marks = marks[context.known_after(marks, Effect.VEL)]
+        marks = marks[context.known(marks, StateEffect.POWER | StateEffect.MODE, channel)]
+        marks = marks[context.known_after(marks, StateEffect.VEL)]
         source = in_force[marks]
         with np.errstate(invalid="ignore"):
             power = path.ratio[source] * path.vel[marks] + path.low[source]

@@ -10,7 +10,7 @@ from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import DISTANCE_LIMIT, MODE_LIMIT, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.effects import Effect
+from gusjob.ir.effects import StateEffect
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.setup import (
     Crd,
@@ -138,7 +138,7 @@ def distance(context: LintContext, report: Reporter) -> None:
         if settings is None:
             continue
         span = context.modal.mode_of(setup)
-        if not context.known_at(setup, Effect.MODE):
+        if not context.known_at(setup, StateEffect.MODE):
             continue
         if span is None or span.setup.order > setup.order:
             report.setup(rules.DISTANCE_WITHOUT_MODE, setup, channel=setup.channel)
@@ -147,7 +147,7 @@ def distance(context: LintContext, report: Reporter) -> None:
         for later in context.modal.modes_after(setup):
             if following is not None and later.setup.row >= following.row:
                 break  # Another LASER DISTANCE is in force before anything moves in this mode.
-            known = context.known_at(later.setup, Effect.MODE | Effect.DISTANCE)
+            known = context.known_at(later.setup, StateEffect.MODE | StateEffect.DISTANCE)
             if known and later.mode.mode.unit != span.mode.mode.unit:
                 report.setup(
                     rules.DISTANCE_UNIT_CHANGED,

@@ -11,7 +11,7 @@ from gusjob.frontend.parse.forms import Column, Word
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.scan.rows import Row, Rows, rows_of
 from gusjob.frontend.source_map import SourceMap
-from gusjob.ir.effects import Effect
+from gusjob.ir.effects import StateEffect
 from gusjob.kinematics.arrays import Indices
 
 MAX_NESTING = 32
@@ -78,7 +78,7 @@ class StatementRun:
         return int(self.rows.line[0])
 
 
-def unread_run(line: int, effects: Effect) -> StatementRun:
+def unread_run(line: int, effects: StateEffect) -> StatementRun:
     """A run of one row that stands for what could not be read or run at a line."""
     values: dict[int, float] = {Column.VALUE: float(effects), Column.CHANNEL: -1.0}
     return StatementRun(rows=rows_of([(line, Row(op=RowOp.UNREAD, values=values))]))

@@ -14,7 +14,7 @@ from operator import or_
 from gusjob.frontend.parse.foreign import foreign_of
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.i18n.spelling import nearest
-from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, OF_LASER, POSITION, UNCLEAR, Effect
+from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, OF_LASER, POSITION, UNCLEAR, StateEffect
 
 _HEADS = {
     **{word: word.lower() for word in ("UNITS", "COORDS", "CRD", "CHANNEL", "LINE", "JUMP", "ARC", "DWELL", "WAIT")},
@@ -37,22 +37,22 @@ _LASER_HEADS = {
 }
 """Form of a LASER statement by its second word, which also tells it where LASER is missing."""
 _EFFECTS = {
-    "units": Effect.UNITS,
-    "coords": Effect.COORDS,
-    "channel": Effect.CHANNEL,
-    "VEL": Effect.VEL,
-    "ACC": Effect.ACC,
-    "JUMPVEL": Effect.JUMPVEL,
-    "JUMPACC": Effect.JUMPACC,
+    "units": StateEffect.UNITS,
+    "coords": StateEffect.COORDS,
+    "channel": StateEffect.CHANNEL,
+    "VEL": StateEffect.VEL,
+    "ACC": StateEffect.ACC,
+    "JUMPVEL": StateEffect.JUMPVEL,
+    "JUMPACC": StateEffect.JUMPACC,
     "line": POSITION,
     "jump": POSITION,
     "arc": POSITION,
-    "skywrite": Effect.SKY,
-    **dict.fromkeys(("laser_mode", "DUTY", "DUTY2", "FREQUENCY", "ANALOG"), Effect.MODE | Effect.MODE_KIND),
-    "laser_distance": Effect.DISTANCE,
-    "laser_power": Effect.POWER,
-    "laser_follow": Effect.POWER,
-    "laser_switch": Effect.SWITCH,
+    "skywrite": StateEffect.SKY,
+    **dict.fromkeys(("laser_mode", "DUTY", "DUTY2", "FREQUENCY", "ANALOG"), StateEffect.MODE | StateEffect.MODE_KIND),
+    "laser_distance": StateEffect.DISTANCE,
+    "laser_power": StateEffect.POWER,
+    "laser_follow": StateEffect.POWER,
+    "laser_switch": StateEffect.SWITCH,
     "laser": OF_LASER,
     "frame": FRAME_EFFECTS,
     **dict.fromkeys(("call", ""), UNCLEAR),
@@ -62,14 +62,14 @@ _EFFECTS = {
 _EFFECTS_OF_ROWS = {
     **dict.fromkeys((RowOp.LINE, RowOp.JUMP), POSITION),
     **dict.fromkeys((RowOp.ARC_CENTRE_CW, RowOp.ARC_CENTRE_CCW, RowOp.ARC_RADIUS_CW, RowOp.ARC_RADIUS_CCW), POSITION),
-    **dict.fromkeys((RowOp.POWER, RowOp.FOLLOW), Effect.POWER),
-    **dict.fromkeys((RowOp.ON, RowOp.OFF), Effect.SWITCH),
+    **dict.fromkeys((RowOp.POWER, RowOp.FOLLOW), StateEffect.POWER),
+    **dict.fromkeys((RowOp.ON, RowOp.OFF), StateEffect.SWITCH),
     RowOp.CHANNEL: _EFFECTS["channel"],
     RowOp.FRAME: _EFFECTS["frame"],
-    RowOp.VEL: Effect.VEL,
-    RowOp.ACC: Effect.ACC,
-    RowOp.JUMPVEL: Effect.JUMPVEL,
-    RowOp.JUMPACC: Effect.JUMPACC,
+    RowOp.VEL: StateEffect.VEL,
+    RowOp.ACC: StateEffect.ACC,
+    RowOp.JUMPVEL: StateEffect.JUMPVEL,
+    RowOp.JUMPACC: StateEffect.JUMPACC,
 }
 _MAY_DEFINE = ("let", "for", "repeat", "def", "include", "")
 """Forms whose names may be those that other lines read."""
@@ -81,13 +81,16 @@ _AS = re.compile(r"\bAS?\b", re.IGNORECASE)
 _WORD = re.compile(r"[A-Za-z_]+")
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _OWN_CHANNEL = re.compile(r"\bCHANNEL\s*=?\s*([01])\b", re.IGNORECASE)
-_SPEED_WORDS = ((re.compile(r"\b_?V", re.IGNORECASE), Effect.VEL), (re.compile(r"\b_?A", re.IGNORECASE), Effect.ACC))
+_SPEED_WORDS = (
+    (re.compile(r"\b_?V", re.IGNORECASE), StateEffect.VEL),
+    (re.compile(r"\b_?A", re.IGNORECASE), StateEffect.ACC),
+)
 _MAX_READ = 200
 """Characters of a line that are read to find its statement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Intent:
+class LineIntent:
     """The probable statement of a line.
 
     `form`: its form, 'laser' where only LASER is clear, '' where nothing is; `guessed`: the first word is misspelt.
@@ -97,40 +100,40 @@ class Intent:
 
     form: str
     guessed: bool
-    effects: Effect
+    effects: StateEffect
     channel: int
     names: frozenset[str]
 
 
-def intent_of(code: str) -> Intent:
+def intent_of(code: str) -> LineIntent:
     """Find the statement that a line (without its comment) was meant to be."""
     code = code[:_MAX_READ]
     form, guessed = _form_of([word.upper() for word in _WORD.findall(code)[:2]])
-    effects = _EFFECTS.get(form, Effect.NONE)
+    effects = _EFFECTS.get(form, StateEffect.NONE)
     foreign = foreign_of(code) if guessed else None
     if foreign is not None:
         form = foreign.forms[0] if foreign.forms else COMMENT
-        effects = Effect(reduce(or_, (int(_EFFECTS.get(one, Effect.NONE)) for one in foreign.forms), 0))
+        effects = StateEffect(reduce(or_, (int(_EFFECTS.get(one, StateEffect.NONE)) for one in foreign.forms), 0))
     if form in ("line", "arc"):
         for word, effect in _SPEED_WORDS:
-            effects |= effect if word.search(code.lstrip()[4:]) else Effect.NONE
+            effects |= effect if word.search(code.lstrip()[4:]) else StateEffect.NONE
     own = _OWN_CHANNEL.search(code) if form.startswith("laser") else None
     names = set(_NAME.findall(code)) if form in _MAY_DEFINE else set()
     if form in ("for", "include") or (form == "repeat" and _AS.search(code)):
         names.add(ANY_NAME)
     channel = int(own[1]) if own else -1
-    return Intent(form=form, guessed=guessed, effects=effects, channel=channel, names=frozenset(names))
+    return LineIntent(form=form, guessed=guessed, effects=effects, channel=channel, names=frozenset(names))
 
 
-def effects_of(op: RowOp, statement: Statement | None) -> Effect:
+def effects_of(op: RowOp, statement: Statement | None) -> StateEffect:
     """Effects of a row that has no value; `statement`: of a setup row."""
-    form_effects = Effect.NONE if statement is None else _EFFECTS.get(statement.form, Effect.NONE)
-    return form_effects if op is RowOp.SETUP else _EFFECTS_OF_ROWS.get(op, Effect.NONE)
+    form_effects = StateEffect.NONE if statement is None else _EFFECTS.get(statement.form, StateEffect.NONE)
+    return form_effects if op is RowOp.SETUP else _EFFECTS_OF_ROWS.get(op, StateEffect.NONE)
 
 
-def setup_effects(statement: Statement) -> Effect:
+def setup_effects(statement: Statement) -> StateEffect:
     """Effects of a setup statement."""
-    return _EFFECTS.get(statement.form, Effect.NONE)
+    return _EFFECTS.get(statement.form, StateEffect.NONE)
 
 
 def _form_of(words: list[str]) -> tuple[str, bool]:

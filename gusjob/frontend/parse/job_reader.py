@@ -10,7 +10,7 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.forms import Column
-from gusjob.frontend.parse.intent import Intent, intent_of
+from gusjob.frontend.parse.intent import LineIntent, intent_of
 from gusjob.frontend.parse.keyword_case import has_lower_case_keywords
 from gusjob.frontend.parse.statement import (
     BLOCK_WORDS,
@@ -210,7 +210,7 @@ class _JobReader:
 _NOT_PARSED = (Row(op=RowOp.UNREAD, values={Column.VALUE: float(EVERYTHING), Column.CHANNEL: -1.0}),)
 
 
-def _broken(intent: Intent) -> Statement | None:
+def _broken(intent: LineIntent) -> Statement | None:
     """The statement that stands for one that begins or ends a block and can't be parsed."""
     name = intent.form.upper()
     if name in BLOCK_WORDS:

@@ -13,23 +13,23 @@ from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.intent import setup_effects
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.resolve.columns import ResolvedColumns, last_set
-from gusjob.ir.effects import CHANNEL_SHIFT, OF_LASER, Effect
+from gusjob.ir.effects import CHANNEL_SHIFT, OF_LASER, StateEffect
 from gusjob.kinematics.arrays import Bools, Floats, Ints
 
 States = npt.NDArray[np.int32]
-_MODAL: tuple[tuple[Effect, tuple[RowOp, ...]], ...] = (
-    (Effect.UNITS, (RowOp.UNITS_MM, RowOp.UNITS_PULSE)),
-    (Effect.COORDS, (RowOp.COORDS_ABS, RowOp.COORDS_REL)),
-    (Effect.CHANNEL, (RowOp.CHANNEL,)),
-    (Effect.JUMPVEL, (RowOp.JUMPVEL,)),
-    (Effect.JUMPACC, (RowOp.JUMPACC,)),
+_MODAL: tuple[tuple[StateEffect, tuple[RowOp, ...]], ...] = (
+    (StateEffect.UNITS, (RowOp.UNITS_MM, RowOp.UNITS_PULSE)),
+    (StateEffect.COORDS, (RowOp.COORDS_ABS, RowOp.COORDS_REL)),
+    (StateEffect.CHANNEL, (RowOp.CHANNEL,)),
+    (StateEffect.JUMPVEL, (RowOp.JUMPVEL,)),
+    (StateEffect.JUMPACC, (RowOp.JUMPACC,)),
 )
-_OF_CHANNEL: tuple[tuple[Effect, tuple[RowOp, ...]], ...] = (
-    (Effect.MODE, ()),
-    (Effect.MODE_KIND, ()),
-    (Effect.SWITCH, (RowOp.ON, RowOp.OFF)),
-    (Effect.POWER, (RowOp.POWER, RowOp.FOLLOW)),
-    (Effect.DISTANCE, ()),
+_OF_CHANNEL: tuple[tuple[StateEffect, tuple[RowOp, ...]], ...] = (
+    (StateEffect.MODE, ()),
+    (StateEffect.MODE_KIND, ()),
+    (StateEffect.SWITCH, (RowOp.ON, RowOp.OFF)),
+    (StateEffect.POWER, (RowOp.POWER, RowOp.FOLLOW)),
+    (StateEffect.DISTANCE, ()),
 )
 
 
@@ -58,11 +58,11 @@ def unknown_states(
     states = _States(flags)
     for effect, ops in _MODAL:
         states.add(effect, np.isin(op, ops))
-    states.add(Effect.SKY, (setup & Effect.SKY) != 0)
-    for effect, statement, word in ((Effect.VEL, RowOp.VEL, Column.VEL), (Effect.ACC, RowOp.ACC, Column.ACC)):
+    states.add(StateEffect.SKY, (setup & StateEffect.SKY) != 0)
+    for effect, statement, word in ((StateEffect.VEL, RowOp.VEL, Column.VEL), (StateEffect.ACC, RowOp.ACC, Column.ACC)):
         states.add(effect, (op == statement) | (columns.moves & ~np.isnan(columns.raw(word))))
     # A channel of a statement's own is certain, whatever CHANNEL said before it.
-    is_certain = states.is_clear(Effect.CHANNEL) | ~np.isnan(columns.raw(Column.CHANNEL))
+    is_certain = states.is_clear(StateEffect.CHANNEL) | ~np.isnan(columns.raw(Column.CHANNEL))
     for number in CHANNELS:
         for effect, ops in _OF_CHANNEL:
             sets = np.isin(op, ops) | ((setup & effect) != 0)
@@ -70,15 +70,15 @@ def unknown_states(
             is_set = sets & (channel == number) & is_certain
             states.add(effect, is_set, own=own, extra=sets & ~is_certain, shift=CHANNEL_SHIFT * number)
     relative = columns.relative()
-    is_absolute = states.is_clear(Effect.UNITS | Effect.COORDS)
+    is_absolute = states.is_clear(StateEffect.UNITS | StateEffect.COORDS)
     if relative is not None:
         is_absolute &= ~relative
-    for effect, column, out in ((Effect.X, Column.X, outside[0]), (Effect.Y, Column.Y, outside[1])):
+    for effect, column, out in ((StateEffect.X, Column.X, outside[0]), (StateEffect.Y, Column.Y, outside[1])):
         is_set = columns.moves & ~np.isnan(columns.raw(column)) & is_absolute
-        states.add(effect, is_set, extra=(flags & (Effect.UNITS | Effect.COORDS)) != 0)
+        states.add(effect, is_set, extra=(flags & (StateEffect.UNITS | StateEffect.COORDS)) != 0)
         states.add_outside(effect, is_set, out)
     # What has a channel that does not exist is of no channel.
-    states.before |= np.where(bad_channel, np.int32(Effect.CHANNEL), np.int32(0))
+    states.before |= np.where(bad_channel, np.int32(StateEffect.CHANNEL), np.int32(0))
     return states.before, states.after
 
 
@@ -87,7 +87,7 @@ def _bad_channel_effects(columns: ResolvedColumns, setup: Ints) -> Ints:
     found = setup & int(OF_LASER)
     for effect, ops in _OF_CHANNEL:
         found = found | np.where(np.isin(columns.op, ops), int(effect), 0)
-    return np.where(columns.op == RowOp.CHANNEL, int(Effect.CHANNEL), found)
+    return np.where(columns.op == RowOp.CHANNEL, int(StateEffect.CHANNEL), found)
 
 
 def _outside(columns: ResolvedColumns, values: Floats, axis: int) -> Bools:
@@ -117,12 +117,18 @@ class _States:
         self.before = np.zeros(n, dtype=np.int32)
         self.after = np.zeros(n, dtype=np.int32)
 
-    def is_clear(self, effects: Effect) -> Bools:
+    def is_clear(self, effects: StateEffect) -> Bools:
         """Whether effects are known after each row."""
         return np.asarray((self.after & int(effects)) == 0)
 
     def add(
-        self, effect: Effect, is_set: Bools, *, own: Bools | None = None, extra: Bools | None = None, shift: int = 0
+        self,
+        effect: StateEffect,
+        is_set: Bools,
+        *,
+        own: Bools | None = None,
+        extra: Bools | None = None,
+        shift: int = 0,
     ) -> None:
         """Add an effect: unknown from a row that may have it to the next one with it."""
         unread = (self.flags & int(effect)) != 0
@@ -136,7 +142,7 @@ class _States:
         self.after |= unknown.astype(np.int32) << (effect.bit_length() - 1 + shift)
         self._before(effect, unknown, shift)
 
-    def add_outside(self, effect: Effect, is_set: Bools, outside: Bools) -> None:
+    def add_outside(self, effect: StateEffect, is_set: Bools, outside: Bools) -> None:
         """Add positions that follow from one outside the field: the one outside itself is known."""
         if not outside.any():
             return
@@ -144,7 +150,7 @@ class _States:
         self.before |= since.astype(np.int32) << (effect.bit_length() - 1)
         self.after |= (since & ~is_set).astype(np.int32) << (effect.bit_length() - 1)
 
-    def _before(self, effect: Effect, unknown: Bools, shift: int) -> None:
+    def _before(self, effect: StateEffect, unknown: Bools, shift: int) -> None:
         before = np.concatenate([[False], unknown[:-1]])
         self.before |= before.astype(np.int32) << (effect.bit_length() - 1 + shift)
 
