@@ -114,11 +114,12 @@ def field(context: LintContext, report: Reporter) -> None:
         ("X", path.x, machine.field_x_mm, machine.pulses_per_mm[0], StateEffect.X),
         ("Y", path.y, machine.field_y_mm, machine.pulses_per_mm[1], StateEffect.Y),
     )
-    reported = np.zeros(len(rows), dtype=np.bool_)
+    reported, lines = np.zeros(len(rows), dtype=np.bool_), path.line[rows]
     for axis, values, (low, high), scale, effect in axes:
         end_mm = values[rows] / scale
         out = ((end_mm < low) | (end_mm > high)) & context.known_after(rows, effect)
-        outside, out = out, out & ~(reported & ~_has_word(context, rows, out & reported, axis))
+        again = out & np.isin(lines, lines[reported]) if reported.any() else reported
+        outside, out = out, out & (~again | _has_both_words(context, rows, again))
         reported |= out
         report.rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=end_mm[out], low=low, high=high, hint="")
         within = rows[~outside & context.known_after(rows, effect)]
@@ -139,14 +140,14 @@ def field(context: LintContext, report: Reporter) -> None:
             )
 
 
-def _has_word(context: LintContext, rows: Indices, where: Bools, axis: str) -> Bools:
-    """Whether rows have a word for an axis, (k,), looked up where it matters: rotated, one word moves both."""
+def _has_both_words(context: LintContext, rows: Indices, where: Bools) -> Bools:
+    """Whether rows have X and Y, (k,), looked up where it matters: in a rotated frame one word moves both axes."""
     found = np.ones(len(rows), dtype=np.bool_)
     if not where.any():
         return found
     locate, lines = context.job.locate, context.path.line[rows]
     looked_up = np.unique(lines[where])[:MAX_PER_RULE]
-    without = [line for line in looked_up.tolist() if locate(line, axis) == locate(line, "")]
+    without = [line for line in looked_up.tolist() if locate(line, "") in (locate(line, "X"), locate(line, "Y"))]
     return ~(where & np.isin(lines, without))
 
 

@@ -26,7 +26,7 @@ NUMBER = re.compile(r"([0-9.]+)([a-zA-Z%].*)?$")
 LIT = MARK + "LASER POWER 30\nLASER ON\n"
 
 TWO_CAUSES = (
-    ("huge", r"JUMP X -?\d+e9 Y"),  # In a rotated frame both words leave the field.
+    ("huge", r"JUMP X .* Y"),  # In a rotated frame both words leave the field.
     ("zero", r"LASER POWER .* CHANNEL 0"),  # The power of one channel is given to the other.
     ("negative", r"ARC"),  # The arc ends elsewhere, and the next line marks the same line or nothing.
 )
