@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import CHANNELS
+from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op
 from gusjob.ir.setup import LaserMode, PowerNow, Setup, SwitchNow
@@ -66,7 +67,8 @@ class Switches:
 class LaserCommand:
     """Commanded state of a channel's laser along the path.
 
-    `on` (n,): on in each row. `on_line` (n,): line of the ON in force, of the first where several follow each other.
+    `on` (n,): on in each row; not where a switch that can't be read may have changed it. `on_line` (n,): line of the ON
+    in force, of the first where several follow each other.
     `on_at_end`: on after the path; `last_on_line`: line of the ON in force there.
     """
 
@@ -102,9 +104,12 @@ class ModalState:
     def mode_of(self, setup: Setup) -> ModeSpan | None:
         """Find the mode in force for a setup statement.
 
-        That is the last LASER MODE of its channel before it, else the first one after it.
+        That is the last LASER MODE of its channel before it, else the first one after it; None if there is none, or
+        if it may be one that can't be read.
         """
         spans = self.modes(setup.channel)
+        if not is_known(setup.unknown, StateEffect.MODE_KIND, setup.channel):
+            return None
         before = bisect_right(spans, setup.order, key=lambda span: span.setup.order)
         return spans[max(before - 1, 0)] if spans else None
 
@@ -132,7 +137,9 @@ class ModalState:
     def laser(self, channel: int) -> LaserCommand:
         """Compute the commanded state of a channel's laser along the path."""
         if channel not in self.commands:
-            self.commands[channel] = _laser_command(self.switches(channel), len(self.job.path))
+            found = _laser_command(self.switches(channel), len(self.job.path))
+            known = is_known(self.job.path.unknown_before, StateEffect.SWITCH, channel)
+            self.commands[channel] = replace(found, on=found.on & known)
         return self.commands[channel]
 
     def any_on(self) -> Bools:

@@ -234,7 +234,7 @@ def test_without_a_library_the_message_names_the_options(desk: Desk) -> None:
 def test_a_wrong_abi_on_the_command_line(tmp_path: Path) -> None:
     multi = Desk(tmp_path, build_controller(tmp_path, GTS_MULTI))
     done = multi.run(multi.job(SLOW), "--yes", "--progress", "none")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "part.job:1:1: error[GJ903]" in done.stderr
     assert "--abi gts" in done.stderr
 
