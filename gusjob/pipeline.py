@@ -26,7 +26,7 @@ from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_j
 from gusjob.frontend.includes import may_be_included
 from gusjob.frontend.source import shown_name
 from gusjob.ir.job import Job
-from gusjob.lint import RULES_OF_A_COMPLETE_TEXT
+from gusjob.lint import RULES_OF_A_COMPLETE_TEXT, needs_planner
 from gusjob.lint import check as lint_job
 
 if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
@@ -295,7 +295,7 @@ def examine(checked: Checked) -> Checked:
     elif not isinstance(checked.content, Job):
         _, found = GUS.simulate(checked.content, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
-    elif checked.content.has_forced_ends or checked.content.has_sky_writing:
+    elif not has_errors(checked.diagnostics) and needs_planner(checked.content, checked.machine):
         checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
 

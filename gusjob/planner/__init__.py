@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gusjob.config.machine import Machine
+from gusjob.diagnostics.model import has_errors
 from gusjob.ir.job import Job
 from gusjob.planner.flatten import flatten
 from gusjob.planner.plan import NO_SKY_WRITING, Plan
@@ -12,6 +13,7 @@ from gusjob.planner.quantize import quantize
 from gusjob.planner.skywriting.add_runs import add_runs
 from gusjob.planner.skywriting.place_switches import place_switches
 from gusjob.planner.skywriting.run_field import run_field_diagnostics
+from gusjob.planner.slow_marks import slow_mark_diagnostics
 from gusjob.planner.split import split
 from gusjob.planner.velocity import velocities
 
@@ -27,4 +29,6 @@ def plan(job: Job, machine: Machine) -> Plan:
     quantized = add_runs(quantize(staged, NO_SKY_WRITING))
     planned = velocities(quantized)
     done = place_switches(planned)
-    return replace(done, diagnostics=(*run_field_diagnostics(quantized), *done.diagnostics))
+    diagnostics = (*run_field_diagnostics(quantized), *done.diagnostics)
+    slow = () if has_errors(diagnostics) else slow_mark_diagnostics(done)
+    return replace(done, diagnostics=(*diagnostics, *slow))

@@ -43,7 +43,7 @@ def simulate_stream(
     if trace is not None:
         if is_listing:
             diagnostics += listing_diagnostics(execution, events, trace)
-            diagnostics += rule_diagnostics(stream, execution, trace, machine)
+            diagnostics += rule_diagnostics(stream, execution, events, trace, machine)
         diagnostics += carrier_diagnostics(trace)
     return trace, diagnostics
 
