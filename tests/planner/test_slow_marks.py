@@ -38,7 +38,7 @@ def mark(path: str) -> str:
 def values(text: str, machine: Machine = MACHINE) -> list[tuple[int, float, float, float, float]]:
     """Line (after the head), velocity reached, velocity set, length, and length that would do."""
     names = ("value", "velocity", "actual", "least")
-    return [(d.span.line - 4, *(d.fields[name] for name in names)) for d in found(text, machine)]  # type: ignore[misc]
+    return [(d.span.line - 4, *(d.fields[name] for name in names)) for d in found(text, machine)]
 
 
 # Chords of 0.29 mm that turn by 0.0196 rad: the corners allow 5/0.0196 = 255 mm/s, and between them it is hardly more.
