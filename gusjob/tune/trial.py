@@ -16,6 +16,7 @@ from gusjob.frontend import Source, read_job
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job
 from gusjob.ir.setup import LaserDelay, SkyWrite
+from gusjob.kinematics.arrays import running_sum
 from gusjob.lint import check
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
@@ -98,11 +99,15 @@ def run_job(
 def _ends(trace: Trace, marks: dict[str, npt.NDArray[Any]]) -> dict[int, EndMeasure]:
     """Measure the ends of the marks of each channel; `marks`: the result of marks_of."""
     found, done = dict[int, EndMeasure](), 0
+    run = running_sum(trace.segments.length)
     for channel in trace.channels:
         emission = channel.emission
         rows = slice(done, done + len(emission.stage))
         done = rows.stop
         switched = (emission.on_event >= 0) & (emission.off_event >= 0)
+        # A point that only the difference of the delays burns is no mark.
+        start, end = (np.append(channel.switch.mark_segment, 0)[e] for e in (emission.on_event, emission.off_event))
+        switched &= run[end] > run[start]
         if switched.any():
             misses = np.concatenate([marks[name][rows][switched] for name in ("on_miss_um", "off_miss_um")])
             found[channel.channel] = EndMeasure(

@@ -46,6 +46,15 @@ class Objective:
         """Describe it, in lines."""
         shorter = Phrase("the shorter emission") if self.cost == "emission_ms" else Phrase("the shorter run")
         tolerance = figure(self.tolerance_um, _DIGITS)
+        then = Phrase(
+            "of distances that differ by no more than {tolerance} um: {shorter}", tolerance=tolerance, shorter=shorter
+        )
+        if not self.replaces:
+            then = Phrase(
+                "as the job has no SKYWRITE of this mode, a distance that grows by no more than {tolerance} um is good "
+                "enough",
+                tolerance=tolerance,
+            )
         return [
             Phrase("objective: the beam is at the intended start of a mark when its emission starts, and at its end"),
             Phrase(
@@ -53,11 +62,7 @@ class Objective:
                 marks=marks,
                 channel=self.channel,
             ),
-            Phrase(
-                "of distances that differ by no more than {tolerance} um: {shorter}",
-                tolerance=tolerance,
-                shorter=shorter,
-            ),
+            then,
         ]
 
 
@@ -198,12 +203,14 @@ def delay_objective(machine: Machine, channel: int) -> Objective:
 def sky_writing_objective(run: TuneRun, machine: Machine, channel: int, mode: int | None) -> Objective:
     """The objective of SKYWRITE; another mode than the job's is another kind of marking, which the user asks for."""
     own = own_sky_writing(run)
+    replaces = own is not None and mode in (None, int(own.mode))
+    tolerance_pulse = MIN_GAIN_PULSE if replaces else 1.0  # A GUS switches at whole pulses.
     return Objective(
         statement="SKYWRITE",
         channel=channel,
         cost="duration_ms",
-        tolerance_um=MIN_GAIN_PULSE * _UM_PER_MM / min(machine.pulses_per_mm),
-        replaces=own is not None and mode in (None, int(own.mode)),
+        tolerance_um=tolerance_pulse * _UM_PER_MM / min(machine.pulses_per_mm),
+        replaces=replaces,
     )
 
 
