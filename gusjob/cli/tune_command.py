@@ -68,7 +68,7 @@ def command(
         sys.exit(1)
     if skywrite:
         tuned = tune_sky_writing(before, loaded.machine, channel, mode)
-        objective = sky_writing_objective(before, loaded.machine, channel, mode)
+        objective = sky_writing_objective(before, loaded.machine, mode)
     else:
         tuned = tune_delays(before, loaded.machine, channel)
         objective = delay_objective(loaded.machine, channel)
@@ -97,28 +97,23 @@ def command(
 
 def _text(before: TuneRun, tuned: TuneResult, verdict: Verdict, machine: Machine) -> Iterator[str]:
     """Yield the lines: the objective, what was found, mark quality before and after, the verdict."""
-    from gusjob.simulate.quality.marks import MARKING_WORDS
     from gusjob.tune import paired_totals
 
     yield from (localized(line) for line in verdict.objective.lines(verdict.after.marks))
     yield tuned.statement
     yield _how(tuned, machine)
-    for one, other in paired_totals(before.marking, tuned.run.marking, verdict.objective.channel):
-        yield ""
-        yield from _compared(one, other)
+    for channel in verdict.objective.channels:
+        for one, other in paired_totals(before.marking, tuned.run.marking, channel):
+            yield ""
+            if len(verdict.objective.channels) > 1:
+                yield localized(Phrase("channel {channel}", channel=channel))
+            yield from _compared(one, other)
     yield ""
     found = Phrase("better: {text}", text=verdict.text)
     yield localized(found if verdict.is_gain else Phrase("nothing to gain: unchanged; {text}", text=verdict.text))
     if not verdict.is_gain:
         return
-    for end in verdict.worse:
-        which = Phrase("worst") if end.which == "worst" else Phrase("typical")
-        figures = {"old": figure(end.before, 4), "new": figure(end.after, 4)}
-        worse = Phrase(
-            "worse: {what} ({which}) rises from {old} to {new} um; all ends together decide",
-            what=MARKING_WORDS[end.name], which=which, **figures,
-        )  # fmt: skip
-        yield localized(worse)
+    yield from (localized(line) for line in verdict.worse_lines())
     if verdict.new_warnings:
         yield localized(
             Phrase("worse: with this statement the job has more warnings: {codes}", codes=all_of(verdict.new_warnings))

@@ -1,23 +1,27 @@
 """The objective of tuning, and the verdict: is a job with the statement found better than it was?
 
 The measure is the distance of the beam from the intended start of each mark when its emission starts, and from its end
-when its emission ends: RMS over all starts and ends of the channel's marks that calls switch. If two runs differ by no
+when its emission ends: RMS over all starts and ends of the marks that calls switch. If two runs differ by no
 more than a tolerance, the cheaper one is better: for LASER DELAY the one with less emission, since a laser that is on
 while the beam rests burns a point; for SKYWRITE the shorter run. So values are only replaced by better ones.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from enum import Enum
+from itertools import product
 from typing import Any
 
 import orjson
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Severity
-from gusjob.i18n.phrases import Phrase, figure
+from gusjob.i18n.phrases import Phrase, both_of, figure
+from gusjob.simulate.quality.marks import MARKING_WORDS
 from gusjob.tune.skywriting import MIN_GAIN_PULSE, own_sky_writing
 from gusjob.tune.trial import NO_ENDS, EndMeasure, TuneResult, TuneRun
 
@@ -26,18 +30,22 @@ _ROUNDING_UM, _ROUNDING_MS = 1e-6, 1e-6
 _WORSE_UM = 1e-3
 """Smallest increase of an error of an end that is named."""
 _UM_PER_MM = 1000.0
+_WHICH = {"worst": Phrase("worst"), "typical": Phrase("typical")}
+_SMALL = Phrase("which is within the tolerance")
+_OUTWEIGHED = Phrase("but over all ends the distance is smaller")
 _ENDS = ("on_error_um", "off_error_um", "on_miss_um", "off_miss_um")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """What is minimized, for a channel. `replaces`: the job has a value of its own that this one would replace.
+    """What is minimized, for the marks of some channels. SKYWRITE holds for all of them, LASER DELAY for one.
 
-    `tolerance_um`: difference of the distances below which `cost` decides: "emission_ms" or "duration_ms".
+    `replaces`: the job has a value of its own that this one would replace. `tolerance_um`: difference of the distances
+    up to which `cost` decides: "emission_ms" or "duration_ms".
     """
 
     statement: str
-    channel: int
+    channels: tuple[int, ...]
     cost: str
     tolerance_um: float
     replaces: bool
@@ -60,7 +68,7 @@ class Objective:
             Phrase(
                 "measured by: the RMS distance over all starts and ends of the marks of channel {channel} ({marks})",
                 marks=marks,
-                channel=self.channel,
+                channel=both_of(str(channel) for channel in self.channels),
             ),
             then,
         ]
@@ -84,8 +92,13 @@ _GAINS = (Reason.MORE_MARKS, Reason.NEARER, Reason.CHEAPER, Reason.NEW)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorseEnd:
-    """An error or miss of an end that is larger than before. `which`: "worst" or "typical"; um."""
+    """An error or miss of an end that is larger than before. `which`: "worst" or "typical"; um.
 
+    `unit`: of the power of these marks.
+    """
+
+    channel: int
+    unit: str
     name: str
     which: str
     before: float
@@ -110,6 +123,24 @@ class Verdict:
     def is_gain(self) -> bool:
         """Whether the statement is worth writing."""
         return self.reason in _GAINS
+
+    def worse_lines(self) -> Iterator[Phrase]:
+        """Describe the ends that are worse, each with its largest increase, and why that is still better."""
+        largest = dict[tuple[int, str, str], WorseEnd]()
+        for end in sorted(self.worse, key=lambda end: end.after - end.before):
+            largest[end.channel, end.name, end.which] = end
+        limit_um = self.objective.tolerance_um
+        for (channel, name, which), end in sorted(largest.items(), key=lambda item: item[0]):
+            is_small = end.after - end.before <= limit_um
+            yield Phrase(
+                "worse: {what} of channel {channel} ({which}) rises from {old} to {new} um, {why}",
+                what=MARKING_WORDS[name],
+                channel=channel,
+                which=_WHICH[which],
+                old=figure(end.before, _DIGITS),
+                new=figure(end.after, _DIGITS),
+                why=_SMALL if is_small else _OUTWEIGHED,
+            )
 
     @property
     def text(self) -> Phrase:
@@ -165,15 +196,29 @@ class Verdict:
 
 def judge(before: TuneRun, tuned: TuneResult, objective: Objective) -> Verdict:
     """Compare the job with the statement found with the job as it is; both were simulated."""
-    old, new = (run.ends.get(objective.channel, NO_ENDS) for run in (before, tuned.run))
+    old, new = (_pooled(run, objective.channels) for run in (before, tuned.run))
     reason = compare(old, new, objective)
     return Verdict(
         objective=objective,
         reason=reason,
         before=old,
         after=new,
-        worse=tuple(_worse_ends(before, tuned.run, objective.channel)),
+        worse=tuple(_worse_ends(before, tuned.run, objective.channels)),
         new_warnings=tuple(dict.fromkeys((_warnings(tuned.run) - _warnings(before)).elements())),
+    )
+
+
+def _pooled(run: TuneRun, channels: tuple[int, ...]) -> EndMeasure:
+    """Measure the ends of the marks of some channels together."""
+    found = [run.ends[channel] for channel in channels if channel in run.ends]
+    marks = sum(ends.marks for ends in found)
+    if not marks:
+        return NO_ENDS
+    return EndMeasure(
+        marks=marks,
+        rms_um=math.sqrt(sum(ends.marks * ends.rms_um**2 for ends in found) / marks),
+        emission_ms=sum(ends.emission_ms for ends in found),
+        duration_ms=found[0].duration_ms,
     )
 
 
@@ -196,40 +241,48 @@ def compare(old: EndMeasure, new: EndMeasure, objective: Objective) -> Reason:
 
 def delay_objective(machine: Machine, channel: int) -> Objective:
     """The objective of LASER DELAY: without one both delays are 0, so there is always a value to replace."""
-    pulse_um = _UM_PER_MM / min(machine.pulses_per_mm)
-    return Objective(statement="LASER DELAY", channel=channel, cost="emission_ms", tolerance_um=pulse_um, replaces=True)
+    return Objective(
+        statement="LASER DELAY",
+        channels=(channel,),
+        cost="emission_ms",
+        tolerance_um=_pulse_um(machine),
+        replaces=True,
+    )
 
 
-def sky_writing_objective(run: TuneRun, machine: Machine, channel: int, mode: int | None) -> Objective:
+def sky_writing_objective(run: TuneRun, machine: Machine, mode: int | None) -> Objective:
     """The objective of SKYWRITE; another mode than the job's is another kind of marking, which the user asks for."""
     own = own_sky_writing(run)
     replaces = own is not None and mode in (None, int(own.mode))
     tolerance_pulse = MIN_GAIN_PULSE if replaces else 1.0  # A GUS switches at whole pulses.
     return Objective(
         statement="SKYWRITE",
-        channel=channel,
+        channels=tuple(run.ends),
         cost="duration_ms",
-        tolerance_um=tolerance_pulse * _UM_PER_MM / min(machine.pulses_per_mm),
+        tolerance_um=tolerance_pulse * _pulse_um(machine),
         replaces=replaces,
     )
+
+
+def _pulse_um(machine: Machine) -> float:
+    return _UM_PER_MM / min(machine.pulses_per_mm)
 
 
 def _warnings(run: TuneRun) -> Counter[str]:
     return Counter(d.rule.code for d in run.diagnostics if d.severity is Severity.WARNING)
 
 
-def _worse_ends(before: TuneRun, after: TuneRun, channel: int) -> list[WorseEnd]:
-    """List the errors and misses of ends that are larger than before."""
-    found = []
-    for old, new in paired_totals(before.marking, after.marking, channel):
+def _worse_ends(before: TuneRun, after: TuneRun, channels: tuple[int, ...]) -> Iterator[WorseEnd]:
+    """Find the errors and misses of ends that are larger than before."""
+    for channel, (old, new) in (
+        (c, pair) for c in channels for pair in paired_totals(before.marking, after.marking, c)
+    ):
         if old is None or new is None:
             continue
-        for name in _ENDS:
-            for which in ("worst", "typical"):
-                was, now = abs(old[which][name] or 0.0), abs(new[which][name] or 0.0)
-                if now > was + _WORSE_UM:
-                    found.append(WorseEnd(name=name, which=which, before=was, after=now))
-    return found
+        for name, which in product(_ENDS, ("worst", "typical")):
+            was, now = abs(old[which][name] or 0.0), abs(new[which][name] or 0.0)
+            if now > was + _WORSE_UM:
+                yield WorseEnd(channel=channel, unit=new["unit"], name=name, which=which, before=was, after=now)
 
 
 def paired_totals(
@@ -259,7 +312,7 @@ def tune_json(before: TuneRun, tuned: TuneResult, verdict: Verdict, machine: Mac
         "written": written,
         "objective": {
             "statement": objective.statement,
-            "channel": objective.channel,
+            "channels": list(objective.channels),
             "measure": "rms_um",
             "ends": ["on_miss_um", "off_miss_um"],
             "weights": [1, 1],
@@ -269,8 +322,8 @@ def tune_json(before: TuneRun, tuned: TuneResult, verdict: Verdict, machine: Mac
             "method": tuned.how,
             "range": tuned.searched,
         },
-        "before": _json_of(before, verdict.before, objective.channel),
-        "after": _json_of(tuned.run, verdict.after, objective.channel),
+        "before": _json_of(before, verdict.before, objective.channels),
+        "after": _json_of(tuned.run, verdict.after, objective.channels),
         "verdict": {
             "gain": verdict.is_gain,
             "reason": verdict.reason.value,
@@ -282,5 +335,5 @@ def tune_json(before: TuneRun, tuned: TuneResult, verdict: Verdict, machine: Mac
     return orjson.dumps(content, option=orjson.OPT_PASSTHROUGH_SUBCLASS, default=str) + b"\n"
 
 
-def _json_of(run: TuneRun, ends: EndMeasure, channel: int) -> dict[str, Any]:
-    return {**asdict(ends), "totals": [entry for entry in run.marking if entry["channel"] == channel]}
+def _json_of(run: TuneRun, ends: EndMeasure, channels: tuple[int, ...]) -> dict[str, Any]:
+    return {**asdict(ends), "totals": [entry for entry in run.marking if entry["channel"] in channels]}
