@@ -146,10 +146,9 @@ class Verdict:
     def text(self) -> Phrase:
         """The reason as a sentence."""
         before, after = self.before, self.after
-        distances = {"old": figure(before.rms_um, _DIGITS), "new": figure(after.rms_um, _DIGITS)}
+        old, new = figure(before.rms_um, _DIGITS), figure(after.rms_um, _DIGITS)
         tolerance = figure(self.objective.tolerance_um, _DIGITS)
-        old_ms, new_ms = (getattr(m, self.objective.cost) for m in (before, after))
-        costs = {"old_ms": figure(old_ms), "new_ms": figure(new_ms)}
+        old_ms, new_ms = (figure(getattr(ends, self.objective.cost)) for ends in (before, after))
         is_emission = self.objective.cost == "emission_ms"
         match self.reason:
             case Reason.MORE_MARKS:
@@ -157,41 +156,41 @@ class Verdict:
             case Reason.FEWER_MARKS:
                 return Phrase("the job would then have {new} marks, not {old}", new=after.marks, old=before.marks)
             case Reason.NEARER:
-                return Phrase("the RMS distance falls from {old} to {new} um", **distances)
+                return Phrase("the RMS distance falls from {old} to {new} um", old=old, new=new)
             case Reason.FARTHER:
-                return Phrase("the RMS distance would rise from {old} to {new} um", **distances)
+                return Phrase("the RMS distance would rise from {old} to {new} um", old=old, new=new)
             case Reason.CHEAPER if is_emission:
                 return Phrase(
                     "the RMS distance changes by no more than {tolerance} um ({old} to {new} um), and the laser emits "
                     "{new_ms} ms instead of {old_ms} ms: less while the beam rests",
-                    tolerance=tolerance, **distances, **costs,
+                    tolerance=tolerance, old=old, new=new, old_ms=old_ms, new_ms=new_ms,
                 )  # fmt: skip
             case Reason.CHEAPER:
                 return Phrase(
                     "the RMS distance changes by no more than {tolerance} um ({old} to {new} um), and the run takes "
                     "{new_ms} ms instead of {old_ms} ms",
-                    tolerance=tolerance, **distances, **costs,
+                    tolerance=tolerance, old=old, new=new, old_ms=old_ms, new_ms=new_ms,
                 )  # fmt: skip
             case Reason.DEARER if is_emission:
                 return Phrase(
                     "the RMS distance would change by no more than {tolerance} um ({old} to {new} um), and the laser "
                     "would emit {new_ms} ms instead of {old_ms} ms",
-                    tolerance=tolerance, **distances, **costs,
+                    tolerance=tolerance, old=old, new=new, old_ms=old_ms, new_ms=new_ms,
                 )  # fmt: skip
             case Reason.DEARER:
                 return Phrase(
                     "the RMS distance would change by no more than {tolerance} um ({old} to {new} um), and the run "
                     "would take {new_ms} ms instead of {old_ms} ms",
-                    tolerance=tolerance, **distances, **costs,
+                    tolerance=tolerance, old=old, new=new, old_ms=old_ms, new_ms=new_ms,
                 )  # fmt: skip
             case Reason.NEW:
                 return Phrase(
                     "the RMS distance changes by no more than {tolerance} um ({old} to {new} um), and the marks are at "
                     "their velocity from start to end",
-                    tolerance=tolerance, **distances,
+                    tolerance=tolerance, old=old, new=new,
                 )  # fmt: skip
             case Reason.EQUAL:
-                return Phrase("the RMS distance is {new} um with these values, too", **distances)
+                return Phrase("the RMS distance is {new} um with these values, too", new=new)
 
 
 def judge(before: TuneRun, tuned: TuneResult, objective: Objective) -> Verdict:
