@@ -133,5 +133,5 @@ def test_a_loop_has_one_diagnostic_with_a_count() -> None:
 def test_both_lasers_on_one_path_have_one_diagnostic() -> None:
     head = "CHANNEL 1\nLASER MODE DUTY CARRIER 10\nLASER POWER 30\nCHANNEL 0\n"
     both = "LASER ON CHANNEL 0\nLASER ON CHANNEL 1\nLINE X 0.5\nLASER OFF CHANNEL 0\nLASER OFF CHANNEL 1\n"
-    assert len(found(head + both)) == 1
+    assert [d.count for d in found(head + both)] == [1]
     assert len(found(head + both + "JUMP X 0\nLASER ON CHANNEL 1\nLINE Y 0.5\nLASER OFF CHANNEL 1\n")) == 2

@@ -106,7 +106,8 @@ INSIDE_AND_OUTSIDE = [
     # sqrt(1000 pulse/ms2 * 203 pulse) = 450.6 pulse/ms, 90 % of 500; with 202 pulse it is 449.4.
     (DUTY + POWER + mark(line(203)), "203,0", "202,0", "GJ516"),
     # Its end velocity is not reached: that is reported by itself.
-    (DUTY + POWER + mark(line(2000), line(2100)), "2000,0,500,1000,0", "2000,0,500,1000,499", None),
+    # It is sqrt(2 * 1000 pulse/ms2 * 100 pulse) = 447 pulse/ms.
+    (DUTY + POWER + mark(line(250)), "250,0,500,1000,0", "100,0,500,1000,499", None),
     # Power that follows the velocity makes up for it.
     (DUTY + "GT_BufLaserPrfFollow(1,0.1,10,60,0,0)\n" + mark(line(1000)), line(1000), line(10), None),
 ]
