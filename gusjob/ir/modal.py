@@ -142,6 +142,27 @@ class ModalState:
             self.commands[channel] = replace(found, on=found.on & known)
         return self.commands[channel]
 
+    def mark_numbers(self, channel: int) -> Indices:
+        """Number the marks of a channel: for each row the number of its mark, 0 while the laser is off, (n,)."""
+        switches = self.switches(channel)
+        turns_on = switches.on & ~np.concatenate([[False], switches.on[:-1]])[: len(switches)]
+        instants = np.arange(len(self.job.path)) * 2
+        number = np.searchsorted(switches.instant[turns_on], instants, side="right")
+        return np.where(self.laser(channel).on, number, 0)
+
+    def follows_velocity(self, channel: int) -> Bools:
+        """Rows in which the power of a channel follows the velocity, (n,)."""
+        path = self.job.path
+        rows = np.flatnonzero(path.sets_power & (path.channel == channel))
+        if not (path.op[rows] == Op.FOLLOW).any():
+            return np.zeros(len(path), dtype=np.bool_)
+        now = [self.stage_first[s.order] * 2 for s, _ in self.statements(PowerNow) if s.channel == channel]
+        instants = np.concatenate([np.array(now, dtype=rows.dtype), rows * 2 + 1])
+        follows = np.concatenate([np.zeros(len(now), dtype=np.bool_), path.op[rows] == Op.FOLLOW])
+        order = np.argsort(instants, kind="stable")
+        last = np.searchsorted(instants[order], np.arange(len(path)) * 2, side="right") - 1
+        return np.where(last >= 0, follows[order][last], False)
+
     def any_on(self) -> Bools:
         """Rows in which the laser of some channel is commanded on, (n,)."""
         return np.asarray(np.logical_or.reduce([self.laser(channel).on for channel in CHANNELS]))

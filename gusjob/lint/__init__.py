@@ -110,6 +110,11 @@ def check(job: Job, machine: Machine) -> list[Diagnostic]:
     return run_checks(CHECKS, context, Reporter(context, Collector(job.name)))
 
 
+def needs_planner(job: Job, machine: Machine) -> bool:
+    """Whether only planning a job can tell everything that is wrong with it."""
+    return job.has_forced_ends or job.has_sky_writing or motion.may_be_slow(lint_context(job, machine))
+
+
 def run_checks(checks: tuple[Check, ...], context: LintContext, report: Reporter) -> list[Diagnostic]:
     """Run some checks; returns their diagnostics in line order."""
     for one in checks:

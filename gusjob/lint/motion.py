@@ -11,8 +11,10 @@ from gusjob.diagnostics.model import MAX_PER_RULE
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import SPEED_WORDS, Op, Path, arcs_mm
+from gusjob.ir.short_marks import PlannedSpeeds, short_marks
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import CLOSES_MM, arcs_by_either
+from gusjob.kinematics.trapezoids import peak_velocity
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
 
@@ -20,6 +22,8 @@ _MM_S_PER_MM_MS, _MM_S2_PER_MM_MS2 = 1e3, 1e6
 _ABOVE = 1 + 1e-9
 """Factor by which a value has to be above a limit: more than rounding."""
 _FIELD_SLACK_MM = 1e-6
+_MARGIN = 1.02
+"""Factor of a velocity: rounding to pulses is not known before planning."""
 
 
 def speeds(context: LintContext, report: Reporter) -> None:
@@ -263,6 +267,30 @@ def starving(context: LintContext, report: Reporter) -> None:
         begins = empty[np.concatenate([[True], np.diff(lowest[empty]) != 0])]
         start = np.searchsorted(-np.minimum.accumulate(behind), -lowest[begins])
         report.rows(rules.FIFO_MAY_RUN_EMPTY, begins, "", calls=begins - start, rate=rate, slots=ranges.FIFO_SLOTS)
+
+
+def may_be_slow(context: LintContext) -> bool:
+    """Whether some mark may be too short for its velocity; if so, only the planner can tell.
+
+    No segment of such a mark reaches the velocity from rest to rest.
+    """
+    path, (numbers, _) = context.path, context.job.sky_writing_by_row()
+    rows = np.flatnonzero(path.moves & context.modal.any_on())
+    length, vel, acc = context.lengths(rows), path.vel[rows], path.acc[rows]
+    rest = np.zeros(len(rows))
+    speeds = PlannedSpeeds(
+        row=rows,
+        op=path.op[rows],
+        length=length,
+        asked=vel,
+        vel=vel * _MARGIN,
+        acc=acc,
+        start=rest,
+        peak=peak_velocity(length, rest, vel, rest, acc),
+        end=rest,
+        is_sky=numbers[rows] >= 0,
+    )
+    return len(short_marks(context.modal, speeds)) > 0
 
 
 def dwells(context: LintContext, report: Reporter) -> None:
