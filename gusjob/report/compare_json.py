@@ -7,7 +7,7 @@ from typing import Any
 import orjson
 
 from gusjob.report.compare import Comparison, SegmentComparison
-from gusjob.report.rows import SegmentKind
+from gusjob.simulate.kinds import SegmentKind
 
 
 def against_json(comparison: Comparison) -> orjson.Fragment:

@@ -10,7 +10,7 @@ from rich.cells import cell_len
 from gusjob.i18n.phrases import Phrase, figure, localized, number, plural
 from gusjob.report.compare import ColumnChange, Comparison, SegmentComparison, TotalChange
 from gusjob.report.earlier import CHANNELS, COUNTS, POWERS
-from gusjob.report.rows import OFF_OUTPUT, SegmentKind
+from gusjob.report.rows import OFF_OUTPUT, kind_for_people
 
 MAX_ROWS = 40
 
@@ -116,11 +116,11 @@ def segment_rows(segments: SegmentComparison, most: int = MAX_ROWS) -> Iterator[
     new, old = segments.new, segments.old
     blank = [""] * len(shown)
     for row in segments.appeared[:rest].tolist():
-        kind = SegmentKind(new["kind"][row]).localized
+        kind = kind_for_people(new["kind"][row])
         yield [str(row + 1), str(new["line"][row]), localized(Phrase("new {kind}", kind=kind)), *blank]
     rest -= min(len(segments.appeared), rest)
     for row in segments.vanished[:rest].tolist():
-        kind = SegmentKind(old["kind"][row]).localized
+        kind = kind_for_people(old["kind"][row])
         yield ["-", str(old["line"][row]), localized(Phrase("removed {kind}", kind=kind)), *blank]
     more = len(changed) + len(segments.appeared) + len(segments.vanished) - most
     if more > 0:
@@ -161,9 +161,7 @@ def _changed_row(segments: SegmentComparison, pair: int, shown: Iterable[ColumnC
     cells = [
         str(row + 1),
         _from_to(str(segments.old["line"][old_row]), str(segments.new["line"][row])),
-        _from_to(
-            SegmentKind(segments.old["kind"][old_row]).localized, SegmentKind(segments.new["kind"][row]).localized
-        ),
+        _from_to(kind_for_people(segments.old["kind"][old_row]), kind_for_people(segments.new["kind"][row])),
     ]
     for change in shown:
         at = int(np.searchsorted(change.pair, pair))

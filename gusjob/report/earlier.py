@@ -15,7 +15,8 @@ from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.i18n.phrases import Phrase, all_of, printable, reason_of
 from gusjob.inputs import open_input
 from gusjob.kinematics.arrays import Floats
-from gusjob.report.rows import REPORT_SCHEMA, SegmentKind
+from gusjob.report.rows import REPORT_SCHEMA
+from gusjob.simulate.kinds import SegmentKind
 
 Columns = Mapping[str, npt.NDArray[Any]]
 Key = tuple[str, int | None, str | None]

@@ -14,7 +14,7 @@ from gusjob.i18n.phrases import Phrase, figure, localized, printable
 from gusjob.kinematics.arrays import Indices
 from gusjob.report.compare import Comparison
 from gusjob.report.compare_text import outcome_lines, segment_rows, totals_rows
-from gusjob.report.rows import Report, SegmentKind, while_off
+from gusjob.report.rows import Report, kind_for_people, while_off
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_CHARACTERS = 65_000
@@ -205,7 +205,7 @@ def _segments(report: Report) -> Iterator[str]:
 
 def _cell(report: Report, name: str, row: int) -> str:
     value = report.columns[name][row]
-    return SegmentKind(int(value)).localized if name == "kind" else figure(float(value))
+    return kind_for_people(int(value)) if name == "kind" else figure(float(value))
 
 
 def _select_rows(report: Report) -> Indices:

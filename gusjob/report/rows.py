@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,10 @@ import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized
-from gusjob.ir.intent import RunKind
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.events import LaserState
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.lengths import mm_per_pulse, segment_mm
 from gusjob.simulate.quality.marks import marking_totals, marks_of
 
@@ -24,24 +23,9 @@ MARKED_SEGMENTS = 100_000
 """Without a scanner, mark quality of a job with more segments is computed only on request, since it takes long."""
 
 
-class SegmentKind(IntEnum):
-    """Kind of a row of the report."""
-
-    MARK = 0
-    JUMP = 1
-    RUN_IN = 2
-    RUN_OUT = 3
-    DWELL = 4
-
-    @property
-    def word(self) -> str:
-        """The name in the JSON."""
-        return self.name.lower()
-
-    @property
-    def localized(self) -> str:
-        """The name for people, localized."""
-        return localized(_KINDS[self])
+def kind_for_people(kind: int) -> str:
+    """Return the name of a SegmentKind, localized."""
+    return localized(_KINDS[SegmentKind(kind)])
 
 
 _KINDS = {
@@ -159,12 +143,9 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
         mean = np.where(duration > 0, length_mm / duration * 1e3, 0.0)
     scale = mm_per_pulse(segments, machine)
     vel_max = np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start)) * scale * 1e3
-    emitting = np.zeros(len(duration), dtype=np.bool_)
-    for channel in trace.channels:
-        emitting |= channel.emitted.emission_ms > 0
     return {
         "line": trace.line,
-        "kind": _segment_kinds(trace, emitting),
+        "kind": trace.kind,
         "stage": (schedule.stage + 1).astype(np.int32),
         "x_mm": segments.x1 / px,
         "y_mm": segments.y1 / py,
@@ -174,18 +155,6 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
         "vel_mean_mm_s": mean,
         "vel_max_mm_s": vel_max,
     }
-
-
-def _segment_kinds(trace: Trace, emitting: Bools) -> npt.NDArray[np.int8]:
-    """Return the SegmentKind of each timed call. Run-ins and run-outs are known of a planned job only."""
-    off_kind = np.full(len(emitting), SegmentKind.JUMP, dtype=np.int8)
-    run = trace.run_kind
-    if run is not None:
-        off_kind[run == RunKind.RUN_IN] = SegmentKind.RUN_IN
-        off_kind[run == RunKind.RUN_OUT] = SegmentKind.RUN_OUT
-    return np.where(trace.schedule.dwell, SegmentKind.DWELL, np.where(emitting, SegmentKind.MARK, off_kind)).astype(
-        np.int8
-    )
 
 
 def own_lines(

@@ -12,7 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
-from gusjob.report.rows import Report, SegmentKind, while_off
+from gusjob.report.rows import Report, kind_for_people, while_off
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_ROWS = 40
@@ -188,7 +189,7 @@ def _segments(report: Report) -> Table:
     for name in channels:
         head = Phrase("ch{channel} {what}", channel=name[2], what=_CHANNEL_HEADS[name[4:]])
         table.add_column(localized(head), justify="right", no_wrap=True)
-    words = report.words | {"kind": tuple(kind.localized for kind in SegmentKind)}
+    words = report.words | {"kind": tuple(map(kind_for_people, SegmentKind))}
     _fill(table, {name: report.columns[name] for name in (*names, *channels)}, words)
     return table
 

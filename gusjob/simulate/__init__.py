@@ -14,6 +14,7 @@ from gusjob.simulate.beam import Beam
 from gusjob.simulate.checks import emission_diagnostics, motion_diagnostics, path_diagnostics
 from gusjob.simulate.emission import emission_of
 from gusjob.simulate.events import ChannelEvents, Events
+from gusjob.simulate.kinds import segment_kinds
 from gusjob.simulate.motion import Motion, motion_of
 from gusjob.simulate.power import HeldPower
 from gusjob.simulate.power_settings import power_timeline
@@ -64,7 +65,8 @@ def simulate(
         beam=beam,
         channels=channels,
         readings=tuple(sorted(_readings(channels), key=lambda reading: reading[0])),
-        run_kind=events.motion.run_kind,
+        kind=segment_kinds(events.motion.dwell, events.motion.run_kind, (c.emission for c in channels)),
+        is_sky_written=events.motion.run_kind is not None,
     )
     return trace, diagnostics
 

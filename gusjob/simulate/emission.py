@@ -23,6 +23,8 @@ class Emission:
     of merged intervals the first one's on and the last one's off. `switch`: intervals in which the switch is on, delays
     included; they differ from the emission with FPK. `carried`: of these, the ones that were on before their stage.
     `on_at_end`: the switch is still on after the last stage. `readings`: (line, on) of each reading of the switch.
+    `commanded` (m,): segments that run, at least in part, between a commanded on and a commanded off, whatever delays
+    and FPK make of them; with sky writing those between the intended start and end of a mark.
     """
 
     stage: Indices
@@ -33,6 +35,7 @@ class Emission:
     switch: Intervals
     carried: Bools
     on_at_end: bool
+    commanded: Bools
     readings: tuple[tuple[int, bool], ...] = ()
 
     @property
@@ -131,8 +134,28 @@ def emission_of(channel: ChannelEvents, events: Events, schedule: Schedule) -> E
         switch=switch,
         carried=carried,
         on_at_end=immediate.on_at_end,
+        commanded=_commanded(changes, channel, schedule),
         readings=tuple(immediate.readings),
     )
+
+
+def _commanded(changes: _SwitchChanges, channel: ChannelEvents, schedule: Schedule) -> Bools:
+    """Find the segments in which the switch is commanded on, (m,)."""
+    times, first, opens = schedule.times_ms, schedule.stage_first, np.flatnonzero(changes.on)
+    if not len(opens):
+        return np.zeros(len(times) - 1, dtype=np.bool_)
+    # What is buffered acts between two segments, or belongs to the point that the planner names; the rest has a time.
+    buffered = changes.event >= 0
+    named = np.append(channel.switch.mark_segment, 0)[changes.event]
+    begin, behind = first[changes.stage], first[changes.stage + 1]
+    begins = np.where(buffered, named, np.clip(np.searchsorted(times[1:], changes.time, side="right"), begin, behind))
+    ends = np.where(buffered, named, np.clip(np.searchsorted(times[:-1], changes.time, side="left"), begin, behind))
+    stops = np.append(changes.stage[1:] == changes.stage[:-1], False)  # Otherwise it stays on until its stage ends.
+    last = np.where(stops, np.append(ends[1:], 0), behind)[opens]
+    start = np.minimum(begins[opens], last)
+    count = len(times)
+    depth = np.cumsum(np.bincount(start, minlength=count) - np.bincount(last, minlength=count))
+    return np.asarray(depth[:-1] > 0)
 
 
 def _changes(channel: ChannelEvents, events: Events, schedule: Schedule) -> tuple[_SwitchChanges, _ImmediateSwitches]:

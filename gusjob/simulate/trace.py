@@ -70,8 +70,8 @@ class Trace:
     """Result of a simulation. Times in ms, positions in pulse; columns have one entry a segment or dwell, (m,).
 
     `line`: source line of each. `call`: index of its call in the stream. `stage_line` (s,): source line of each stage's
-    start. `run_kind`: purpose of each jump (RunKind), of a planned job with sky writing, else None. `readings`: (line,
-    channel, value) of each reading of a switch.
+    start. `kind`: SegmentKind of each. `is_sky_written`: a planned job with sky writing. `readings`: (line, channel,
+    value) of each reading of a switch.
     """
 
     name: str
@@ -83,7 +83,8 @@ class Trace:
     beam: Beam
     channels: tuple[ChannelTrace, ...]
     readings: tuple[tuple[int, int, int], ...]
-    run_kind: npt.NDArray[np.int8] | None = None
+    kind: npt.NDArray[np.int8]
+    is_sky_written: bool = False
 
     def __len__(self) -> int:
         """Number of segments, dwells included."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.mark_ends import MarkPoints, mark_ends_of
 
 _MOST_MARKS = 2000
@@ -57,8 +57,8 @@ def nearest_delays(
     ends, schedule = mark_ends_of(trace, machine, channel), trace.schedule
     emission = channel.emission
     is_switched = (emission.on_event >= 0) & (emission.off_event >= 0)
-    if trace.run_kind is not None:
-        is_switched &= trace.run_kind[np.maximum(ends.first_motion - 1, 0)] == RunKind.RUN_IN
+    if trace.is_sky_written:
+        is_switched &= trace.kind[np.maximum(ends.first_motion - 1, 0)] == SegmentKind.RUN_IN
     marks = np.flatnonzero(is_switched)
     if not len(marks) or machine.scanner is None:
         return None

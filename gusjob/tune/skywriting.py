@@ -104,7 +104,7 @@ def _sky_statement(mode: int, timelag_us: float, shift_us: float, nprev: int, np
 
 def _check_in_effect(tuned: TuneResult | str) -> TuneResult | str:
     """Return the result if its SKYWRITE is in effect for any mark, else the reason."""
-    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.run_kind is not None:
+    if isinstance(tuned, str) or tuned.run.trace is None or tuned.run.trace.is_sky_written:
         return tuned
     return Phrase(
         "a SKYWRITE OFF before the first mark cancels a SKYWRITE after LASER MODE; write it after that by hand"

@@ -1,9 +1,9 @@
 """The path as strokes: straight pieces, each with its emission, power and velocity.
 
 Strokes are contiguous, from the first motion to the last. They are cut where a segment ends and where emission begins
-or ends. A run of at most FINE_STROKES is also cut between acceleration, constant velocity and deceleration, where energy
-per mm changes, and at the controller's ticks where power follows velocity or distance or the beam lags. Arcs are cut into
-chords.
+or ends. A run of at most FINE_STROKES is also cut between acceleration, constant velocity and deceleration, where
+energy per mm changes, and at the controller's ticks where power follows velocity or distance or the beam lags. Arcs are
+cut into chords.
 """
 
 from __future__ import annotations
@@ -64,8 +64,9 @@ class EmissionStrokes:
         channel: The channel.
         on: Whether the laser emits, (n,).
         power: Mean power during emission, else 0, in the mode's unit, (n,).
-        per_mm: Energy per mm in the report's bins, unit*ms/mm, (n,): the highest bin of a stroke; the mean of its bins if
-            there are too many strokes to cut them where it changes. NaN without emission, and in marks that do not move.
+        per_mm: Energy per mm in the report's bins, unit*ms/mm, (n,): the highest bin of a stroke; the mean of its bins
+            if there are too many strokes to cut them where it changes. NaN without emission, and in marks that do not
+            move.
         peak_per_mm: Highest energy per mm of all bins, by unit, (units,); NaN if there is none.
         units: Units of the channel's modes.
         unit: Index of the power's unit in `units`, (n,).

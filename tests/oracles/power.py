@@ -220,8 +220,9 @@ def emission(channel: Channel, commands: Sequence[tuple[float, bool]], stage_end
 
 
 def simulate(calls: Iterable[Call], period_us: float, pulses_per_mm: float = 1000.0) -> list[dict[str, Any]]:
-    """One dict a motion or dwell call: start_ms, duration_ms, length_pulse, length_mm, x_mm, y_mm, dwell, and under
-    `channels` one dict each of emission_ms, power_ms, power_min, power_max, clamped_ms."""
+    """One dict a motion or dwell call: start_ms, duration_ms, length_pulse, length_mm, x_mm, y_mm, dwell, commanded
+    (some channel is commanded on); under `channels` one dict each of emission_ms, power_ms, power_min, power_max,
+    clamped_ms."""
     channels = (Channel(), Channel())
     rows: list[dict[str, Any]] = []
     place, clock = (0.0, 0.0), 0.0
@@ -278,9 +279,16 @@ def _stage(
     first = len(rows)
     for segment, start in zip(segments, times, strict=False):
         row = {"start_ms": clock + start, "duration_ms": segment.duration, "length_pulse": segment.length}
-        rows.append({**row, "x": segment.x1, "y": segment.y1, "dwell": segment.dwell, "channels": {}})
+        rows.append(
+            {**row, "x": segment.x1, "y": segment.y1, "dwell": segment.dwell, "channels": {}, "commanded": False}
+        )
     for number, channel in enumerate(channels):
         mine = [(at, c) for at, c in laser_calls if c[-1] == number]
+        switches = {at: c[0] == "GT_BufLaserOn" for at, c in mine if c[0] in SWITCHES}  # The last one before a segment.
+        on = channel.lit
+        for index in range(len(segments)):
+            on = switches.get(index, on)
+            rows[first + index]["commanded"] |= on
         spans = emission(channel, [(times[at], c[0] == "GT_BufLaserOn") for at, c in mine if c[0] in SWITCHES], end)
         # Samples (time, power, held) in force from their time on: at each tick, and at each power call.
         last = max([end, *(b for _, b in spans)])

@@ -18,7 +18,8 @@ from gusjob.cli import cli
 from gusjob.report import compare_text
 from gusjob.report.compare import Comparison, SegmentComparison, compare
 from gusjob.report.earlier import EarlierReport, flat_totals, read_earlier
-from gusjob.report.rows import Report, SegmentKind
+from gusjob.report.rows import Report
+from gusjob.simulate.kinds import SegmentKind
 
 TEXT = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLINE Y 10\nLASER POWER 20\nLINE X 0\nLASER OFF\n"
 """Segments in lines 5 (jump), 7, 8 (50 %) and 10 (20 %)."""

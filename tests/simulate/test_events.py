@@ -63,7 +63,7 @@ def test_a_trace_of_events() -> None:
     assert trace is not None
     assert diagnostics == []
     assert trace.schedule.times_ms == pytest.approx([0, 30, 35, 65])
-    assert (trace.line.tolist(), trace.call.tolist(), trace.run_kind) == ([10, 20, 30], [2, 4, 5], None)
+    assert (trace.line.tolist(), trace.call.tolist(), trace.kind.tolist()) == ([10, 20, 30], [2, 4, 5], [0, 4, 1])
     (channel,) = trace.channels
     assert (channel.emission.start_ms.tolist(), channel.emission.end_ms.tolist()) == ([0.2], [30.5])
     assert channel.emitted.emission_ms == pytest.approx([29.8, 0.5, 0])

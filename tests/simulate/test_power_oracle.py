@@ -13,7 +13,8 @@ from oracles.power import Call, simulate
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.frontend import check_text, read_listing
-from gusjob.report.rows import Report, SegmentKind, make_report
+from gusjob.report.rows import Report, make_report
+from gusjob.simulate.kinds import SegmentKind
 
 CASES = 150
 Row = dict[str, Any]
@@ -55,8 +56,7 @@ def differences(rows: list[dict[str, Any]], report: Report) -> list[str]:
     """Where the reference and the package do not say the same."""
     found = [] if len(rows) == len(report) else [f"{len(rows)} rows, {len(report)} in the package"]
     for i, row in enumerate(rows[: len(report)]):
-        light = any(c["emission_ms"] > ABSOLUTE for c in row["channels"].values())
-        kind = SegmentKind.DWELL if row["dwell"] else SegmentKind.MARK if light else SegmentKind.JUMP
+        kind = SegmentKind.DWELL if row["dwell"] else SegmentKind.MARK if row["commanded"] else SegmentKind.JUMP
         pairs = [("kind", kind, report.columns["kind"][i])]
         pairs += [(n, row[n], report.columns[n][i]) for n in ("start_ms", "duration_ms", "length_mm", "x_mm", "y_mm")]
         for channel, values in row["channels"].items():

@@ -18,8 +18,8 @@ from support.tools import MACHINE, stream_of
 
 from gusjob.config.machine import Machine, parse_scanner
 from gusjob.controllers.gus.model import simulate_stream
-from gusjob.ir.intent import RunKind
 from gusjob.simulate import Trace
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.energy_bins import BIN_MM
 from gusjob.simulate.quality.mark_ends import mark_ends_of
 
@@ -204,8 +204,12 @@ def legs_of(trace: Trace) -> list[Leg]:
     marked = {c for a, b in motions for c in range(a, b + 1)}
     legs: list[Leg] = []
     for cell in range(len(trace)):
-        meant = RunKind(int(trace.run_kind[cell])) if trace.run_kind is not None else RunKind.NONE
-        role = "mark" if cell in marked else {RunKind.RUN_IN: "run-in", RunKind.RUN_OUT: "run-out"}.get(meant, "jump")
+        meant = SegmentKind(int(trace.kind[cell]))
+        role = (
+            "mark"
+            if cell in marked
+            else {SegmentKind.RUN_IN: "run-in", SegmentKind.RUN_OUT: "run-out"}.get(meant, "jump")
+        )
         leg = Leg(role=role, start=points[cell], end=points[cell + 1])
         if legs and legs[-1].role == role and _straight_on(legs[-1], leg):
             legs[-1] = replace(legs[-1], end=leg.end)

@@ -7,6 +7,7 @@ import numpy as np
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream, crd_start
 from gusjob.controllers.gus.remainder import CRD_CALLS
 from gusjob.simulate import Trace
+from gusjob.simulate.kinds import SegmentKind
 
 
 def without_laser(stream: Stream) -> Stream:
@@ -60,10 +61,8 @@ def box_pulse(trace: Trace) -> tuple[float, float, float, float] | None:
     Returns:
         (x low, x high, y low, y high) in pulse; None without motion.
     """
-    emitting = np.zeros(len(trace), dtype=np.bool_)
-    for channel in trace.channels:
-        emitting |= channel.emitted.emission_ms > 0
-    taken = np.flatnonzero(emitting if emitting.any() else ~trace.schedule.dwell)
+    marks = trace.kind == SegmentKind.MARK
+    taken = np.flatnonzero(marks if marks.any() else ~trace.schedule.dwell)
     if not len(taken):
         return None
     x_low, x_high, y_low, y_high = trace.segments.extent(taken)

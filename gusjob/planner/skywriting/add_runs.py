@@ -12,7 +12,13 @@ A line is continued straight, an arc along its circle. Switches that need all ve
 
 from __future__ import annotations
 
-from gusjob.planner.plan import QuantizedPath
+import numpy as np
+
+from gusjob.controllers.gus.ranges import CHANNELS
+from gusjob.ir.job import Job
+from gusjob.ir.modal import modal_state
+from gusjob.kinematics.arrays import Indices
+from gusjob.planner.plan import NO_SKY_WRITING, QuantizedPath, rearranged
 from gusjob.planner.quantize import quantize
 from gusjob.planner.skywriting.added_rows import AddedRows
 from gusjob.planner.skywriting.marks import find_marks
@@ -28,7 +34,28 @@ def add_runs(quantized: QuantizedPath) -> QuantizedPath:
     marks = find_marks(quantized, number, settings)
     if not marks.is_mark.any():
         return quantized
+    spare = redundant_switches(quantized.job)
+    if len(spare):
+        kept = np.flatnonzero(~np.isin(quantized.origin, spare))
+        quantized = quantize(rearranged(quantized, kept, {}), NO_SKY_WRITING)
+        marks = find_marks(quantized, number, settings)
     rows = AddedRows(quantized=quantized, marks=marks)
     run_out_ends = add_run_rows(quantized, marks, rows)
     add_switch_rows(quantized, marks, rows, run_out_ends)
     return quantize(*rows.build())
+
+
+def redundant_switches(job: Job) -> Indices:
+    """Find the rows of the job's path that switch a laser on that is on, or off that is off, ascending.
+
+    Sky writing moves the switches of its marks along the path. A switch that stays where it is must not come behind a
+    LASER OFF that was moved before it, nor before one that was moved behind it: such switches are left out. What comes
+    before the first LASER ON stays, since an earlier program may have left the laser on.
+    """
+    modal, found = modal_state(job), []
+    for channel in CHANNELS:
+        switches = modal.switches(channel)
+        same = np.append(False, switches.on[1:] == switches.on[:-1])[: len(switches)]
+        begun = np.maximum.accumulate(switches.on) if len(switches) else switches.on
+        found.append(switches.rows[same & begun & switches.is_buffered])
+    return np.sort(np.concatenate(found))

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.units import MS_PER_S
-from gusjob.report.rows import Report, SegmentKind
+from gusjob.report.rows import Report
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.version import __version__
 from gusjob.view.page.render import Page
 from gusjob.view.strokes import EmissionStrokes, Strokes, undrawn_emission

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from gusjob.config.machine import Machine
-from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.simulate import Trace
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.view.plot.color_scale import ColoredPath, switch_points, uncolored_strokes
 from gusjob.view.plot.frame import Layout, PanelBox, color_bar, set_axes
 from gusjob.view.plot.lines import (
@@ -108,19 +106,15 @@ class PlotPanel:
     def _uncolored(self) -> dict[str, Bools]:
         """Return the visible strokes that are not colored, by line style."""
         off, other = uncolored_strokes(self.strokes, self.colored)
-        run = np.full(len(off), RunKind.NONE) if self.trace.run_kind is None else self._run_kinds()
+        kind = self.trace.kind[self.strokes.row]
         seen = self.viewport.of(self.strokes.path)
         found = {"commanded path": ~off & ~other & seen} if self.strokes.beam is not None else {}
         found["other emission"] = other & seen
         if self.jumps:
             off = off & seen & (self.strokes.duration_ms > 0) & ~self.trace.schedule.dwell[self.strokes.row]
-            found["jump"] = off & (run != RunKind.RUN_IN) & (run != RunKind.RUN_OUT)
-            found["run-in"], found["run-out"] = off & (run == RunKind.RUN_IN), off & (run == RunKind.RUN_OUT)
+            found["jump"] = off & (kind != SegmentKind.RUN_IN) & (kind != SegmentKind.RUN_OUT)
+            found["run-in"], found["run-out"] = off & (kind == SegmentKind.RUN_IN), off & (kind == SegmentKind.RUN_OUT)
         return found
-
-    def _run_kinds(self) -> npt.NDArray[Any]:
-        assert self.trace.run_kind is not None
-        return np.asarray(self.trace.run_kind[self.strokes.row])
 
     def _count(self) -> int:
         """Return the number of visible strokes."""

@@ -10,7 +10,7 @@ import pytest
 from oracles import skywriting as ref
 from oracles.skywriting import Sky, Step
 from support.skywriting import BEAM, FAST, HEAD_MM, LATE, compiled, head, marked, ran
-from support.tools import MACHINE, run_job
+from support.tools import MACHINE, calls_of, run_job
 
 from gusjob.config.machine import Scanner, ScannerModel
 
@@ -96,3 +96,29 @@ def test_each_channel_has_its_own_delays() -> None:
     assert marks["length_mm"] == pytest.approx([7, 3], abs=2e-3)
     assert np.abs(marks["on_error_um"]).max() <= 1
     assert np.abs(marks["off_error_um"]).max() <= 1
+
+
+@pytest.mark.parametrize(
+    "sky", ["MODE 1 TIMELAG 1000us", "MODE 2 TIMELAG 250us NPOST 2", "MODE 3 TIMELAG 400us SHIFT 90us"]
+)
+@pytest.mark.parametrize(
+    "mark",
+    [
+        "LASER ON\n{on}LINE X 8\n{on}LINE X 12 Y 1\n{on}LASER OFF\n",
+        "LASER ON\nLINE X 8\nLINE X 12 Y 1\nLASER OFF\n{off}",
+        "LASER ON\nLINE X 8\nLASER OFF\n{off}JUMP X 12\n{off}LASER ON\n{on}LINE X 16\nLASER OFF\n{off}DWELL 5\n{off}",
+    ],
+)  # fmt: skip
+def test_a_switch_that_changes_nothing_moves_no_edge(sky: str, mark: str) -> None:
+    """Otherwise one that stays would switch on behind a laser-off that was moved, and off before it."""
+    top = HEAD_MM + f"SKYWRITE {sky}\nLASER POWER 40\nJUMP X 2\n"
+    spare, plain = (top + mark.format(on=on, off=off) for on, off in (("LASER ON\n", "LASER OFF\n"), ("", "")))
+    assert calls_of(spare) == calls_of(plain)
+
+
+def test_a_laser_off_before_the_first_laser_on_stays() -> None:
+    """An earlier program may have left the laser on."""
+    job = (
+        HEAD_MM + "SKYWRITE MODE 2 TIMELAG 250us\nLASER POWER 40\nLASER OFF\nJUMP X 2\nLASER ON\nLINE X 8\nLASER OFF\n"
+    )
+    assert sum("BufLaserOff" in call for call in calls_of(job)) == 2

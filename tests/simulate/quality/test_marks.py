@@ -22,9 +22,10 @@ from gusjob.frontend import check_text, read_listing
 from gusjob.ir.intent import Intent, RunKind
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
-from gusjob.report.rows import Report, SegmentKind, make_report
+from gusjob.report.rows import Report, make_report
 from gusjob.report.table import report_table
 from gusjob.simulate.intervals import Intervals
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.energy_bins import BIN_MM
 from gusjob.simulate.quality.marks import MARKING_WORDS, _root
 
@@ -174,9 +175,9 @@ def test_the_planner_says_where_a_mark_begins_and_ends() -> None:
     assert math.isnan(found["corner_miss_um"])
     assert [SegmentKind(k).word for k in report.columns["kind"].tolist()] == [
         "run_in",
+        "mark",
+        "mark",
         "jump",
-        "mark",
-        "mark",
         "run_out",
     ]
     assert (report.totals["run_in_mm"], report.totals["run_out_mm"]) == pytest.approx((10, 4.98))

@@ -38,7 +38,7 @@ from gusjob.cli.page import too_long
 from gusjob.cli.serve import PageServer
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized
-from gusjob.report.rows import SegmentKind
+from gusjob.simulate.kinds import SegmentKind
 from gusjob.view.page import texts as page_texts
 from gusjob.view.page.render import Page
 
