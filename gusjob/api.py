@@ -365,7 +365,8 @@ class Simulation:
     def _report(self) -> Report:
         from gusjob.report.rows import make_report
 
-        return make_report(self._simulated.trace, self._simulated.machine, self._simulated.files, marking=True)
+        simulated = self._simulated
+        return make_report(simulated.trace, simulated.machine, simulated.files, marking=True, profile=simulated.profile)
 
     @property
     def diagnostics(self) -> tuple[ReportedDiagnostic, ...]:

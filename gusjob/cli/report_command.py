@@ -24,6 +24,7 @@ from gusjob.cli.common import (
     write,
 )
 from gusjob.cli.language import Command
+from gusjob.cli.text_report import table_option, text_of
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import FileResult, Simulated, simulate_file
 
@@ -45,13 +46,13 @@ _EXTRAS = {"html": ("html", "jinja2"), "parquet": ("parquet", "pyarrow")}
 
 
 def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: str | None) -> float | None:
-    """Parse a percentage, or 0."""
+    """Parse a percentage; the sign % may be left out."""
     if text is None:
         return None
-    found = re.fullmatch(r"(\d+\.?\d*|\.\d+) ?%|0", text.strip(), re.ASCII)
-    percent = float(found[1] or 0) if found else 101.0
+    found = re.fullmatch(r"(\d+\.?\d*|\.\d+) ?%?", text.strip(), re.ASCII)
+    percent = float(found[1]) if found else 101.0
     if percent > 100:
-        wrong = Phrase("{text} is not a percentage: write 1%, 0.1% or 0; at most 100%", text=printable(text)[:40])
+        wrong = Phrase("{text} is not a percentage: write 1, 0.1% or 0; at most 100%", text=printable(text)[:40])
         raise click.BadParameter(localized(wrong))
     return percent
 
@@ -63,10 +64,13 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["table", "json", "csv", "markdown", "html", "parquet"]),
-    help="Default: by the output file's extension, else table. html: one self-contained page for a browser.",
+    type=click.Choice(["text", "table", "json", "csv", "markdown", "html", "parquet"]),
+    help="Default: by the output file's extension, else text. table: text with --table. html: one self-contained page "
+    "for a browser.",
 )
-@click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
+@click.option(
+    "--summary", is_flag=True, help="Totals only, no segments and marks; for the text the same as without --table."
+)
 @click.option(
     "--marks/--no-marks",
     "marking",
@@ -89,6 +93,8 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     show_default="1%",
     help="Ignore changes up to this percentage of the larger value. 0: ignore rounding only.",
 )
+@click.option("--only-changes", is_flag=True, help="With --against: show the comparison alone, not the report itself.")
+@table_option
 @output_option
 def command(
     path: Path,
@@ -99,20 +105,24 @@ def command(
     marking: bool | None,
     earlier_path: Path | None,
     tolerance_pct: float | None,
+    only_changes: bool,
+    tables: bool,
     output: Path | None,
 ) -> None:
-    """Report the time, speed and laser power of every segment.
+    """Report the time, speed and laser power of a run, and what stands out.
 
-    The calls are simulated tick by tick. A job with errors is not simulated. A listing with errors is: calls that the
-    controller would refuse are reported and have no effect.
+    The text begins with the answer; --table adds the tables of all segments and marks. The calls are simulated tick by
+    tick. A job with errors is not simulated. A listing with errors is: calls that the controller would refuse are
+    reported and have no effect.
     """
-    form = form or _ENDINGS.get(output.suffix.lower() if output is not None else "", "table")
+    form = form or _ENDINGS.get(output.suffix.lower() if output is not None else "", "text")
     _refuse(form, marking=bool(marking), summary=summary)
     if form in _EXTRAS:
         need(*_EXTRAS[form], to=Phrase("write {form}", form=form))
         refuse_terminal(form, output)
     if tolerance_pct is not None and earlier_path is None:
         raise click.UsageError(localized(Phrase("--tolerance needs --against")))
+    _refuse_only_changes(form, earlier_path, only_changes=only_changes)
     if earlier_path is not None and output is not None:
         refuse_overwriting(output, [earlier_path])
     earlier = None if earlier_path is None else _read_earlier(earlier_path)
@@ -124,8 +134,10 @@ def command(
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
     if report is not None or (form in _WITHOUT_RUN and not result.is_unreadable):
-        pieces = _written(result, report, comparison, form=form, summary=summary)
-        write(pieces, output, sources=result.inputs, for_people=form == "table")
+        pieces = _written(
+            result, report, comparison, form=form, summary=summary, only_changes=only_changes, tables=tables
+        )
+        write(pieces, output, sources=result.inputs, for_people=form in ("text", "table"))
     if form in _WITHOUT_COMPARISON and comparison is not None:
         from gusjob.report.compare_text import comparison_text
 
@@ -135,19 +147,26 @@ def command(
     sys.exit(exit_code(result) or int(comparison is not None and not comparison.same))
 
 
+def _refuse_only_changes(form: str, earlier_path: Path | None, *, only_changes: bool) -> None:
+    if only_changes and earlier_path is None:
+        raise click.UsageError(localized(Phrase("--only-changes needs --against")))
+    if only_changes and form not in ("table", "text", "markdown"):
+        raise click.UsageError(localized(Phrase("--only-changes needs --format text or markdown")))
+
+
 def _refuse(form: str, *, marking: bool, summary: bool) -> None:
     """Refuse options that a format does not support."""
     if marking and form in ("csv", "parquet"):
         wrong = Phrase("--marks can't be used with {form}, which has segments only", form=form)
         raise click.UsageError(localized(wrong))
     if summary and form in ("html", "parquet"):
-        raise click.UsageError(localized(Phrase("--summary needs --format table, json, csv or markdown")))
+        raise click.UsageError(localized(Phrase("--summary needs --format text, json, csv or markdown")))
 
 
 def _report(result: Simulated, marking: bool | None) -> Report:
     from gusjob.report.rows import make_report
 
-    return make_report(result.trace, result.machine, result.files, marking=marking)
+    return make_report(result.trace, result.machine, result.files, marking=marking, profile=result.profile)
 
 
 def _written(
@@ -157,6 +176,8 @@ def _written(
     *,
     form: str,
     summary: bool,
+    only_changes: bool,
+    tables: bool,
 ) -> Iterable[bytes]:
     """Write the report in a format; only some formats have one of a job that was not run."""
     if form == "html":
@@ -169,19 +190,22 @@ def _written(
         from gusjob.report.markdown import report_markdown
 
         text = report_markdown(
-            report, result.diagnostics, name=str(result.path), summary=summary, comparison=comparison
+            report,
+            result.diagnostics,
+            name=str(result.path),
+            summary=summary,
+            comparison=comparison,
+            only_changes=only_changes,
         )
         return [text.encode()]
     assert report is not None
-    if form == "table":
-        from gusjob.report.table import report_table
-
-        tables = [report_table(report, summary=summary)]
+    if form in ("text", "table"):
+        shown = [] if only_changes else [text_of(result, report, tables=(tables or form == "table") and not summary)]
         if comparison is not None:
             from gusjob.report.compare_text import comparison_text
 
-            tables.append(comparison_text(comparison))
-        return ["\n\n".join(text.rstrip("\n") for text in tables).encode() + b"\n"]
+            shown.insert(0, comparison_text(comparison))
+        return ["\n\n".join(text.rstrip("\n") for text in shown).encode() + b"\n"]
     from gusjob.report.files import report_csv, report_json, report_parquet, summary_csv
 
     if form == "parquet":

@@ -12,6 +12,7 @@ import click
 
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
 from gusjob.cli.language import Command
+from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.machine import Abi, Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, all_of, localized
@@ -28,6 +29,7 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
 @click.argument("path", metavar="FILE", type=_FILE, required=False)
 @machine_option
 @scanner_option
+@table_option
 @click.option(
     "--backend",
     type=click.Choice(["sim", "gts"]),
@@ -58,6 +60,7 @@ def command(
     path: Path | None,
     machine_path: Path | None,
     scanner: Scanner | None,
+    tables: bool,
     backend: str,
     library: str | None,
     abi: str | None,
@@ -69,7 +72,9 @@ def command(
     resume: Path | None,
     from_line: str | None,
 ) -> None:
-    """Simulate a job or listing and print its power report, or run it on a controller.
+    """Simulate a job or listing and print what it does, or run it on a controller.
+
+    The report begins with the answer and what stands out; --table adds the tables of all segments and marks.
 
     A job with errors is not run. With --backend gts it runs on hardware: library and ABI come from the options or the
     machine profile; the command describes the run and starts it when you confirm. Keys: p pauses and continues; q and
@@ -91,7 +96,7 @@ def command(
             stop(Phrase("{options}: only with --backend gts", options=all_of(wrong)))
         if path is None:
             raise click.UsageError(localized(_NO_FILE))
-        sys.exit(_in_simulator(path, machine_path, scanner))
+        sys.exit(_in_simulator(path, machine_path, scanner, tables=tables))
     if frame and no_laser:
         raise click.UsageError(localized(Phrase("--frame runs without laser already: leave out --no-laser.")))
     if frame and (resume is not None or from_line is not None):
@@ -120,14 +125,14 @@ def command(
     sys.exit(_on_controller(path, machine_path, scanner, options, yes=yes, progress=progress))
 
 
-def _in_simulator(path: Path, machine_path: Path | None, scanner: Scanner | None) -> int:
+def _in_simulator(path: Path, machine_path: Path | None, scanner: Scanner | None, *, tables: bool) -> int:
     result = _simulated(path, machine_path, scanner)
     if isinstance(result, Simulated):
         from gusjob.report.rows import make_report
-        from gusjob.report.table import report_table
 
-        report = make_report(result.trace, result.machine, result.files)
-        write([report_table(report, summary=False, color=sys.stdout.isatty()).encode()], None, for_people=True)
+        report = make_report(result.trace, result.machine, result.files, profile=result.profile)
+        text = text_of(result, report, tables=tables, color=sys.stdout is not None and sys.stdout.isatty())
+        write([text.encode()], None, for_people=True)
     show(result, notes=not isinstance(result, Simulated))
     return exit_code(result)
 

@@ -12,6 +12,7 @@ import click
 
 from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
 from gusjob.cli.language import Command
+from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
@@ -36,7 +37,7 @@ Stamp = dict[Path, tuple[int, int] | None]
 @file_argument
 @machine_option
 @scanner_option
-@click.option("--summary", is_flag=True, help="Totals only, no segments and marks.")
+@table_option
 @click.option(
     "--page", is_flag=True, help="Also serve the report to browsers on this computer, as a page that updates itself."
 )
@@ -48,7 +49,7 @@ Stamp = dict[Path, tuple[int, int] | None]
     help="Port of the page. Default: any free port.",
 )
 def command(
-    path: Path, machine_path: Path | None, scanner: Scanner | None, summary: bool, page: bool, port: int
+    path: Path, machine_path: Path | None, scanner: Scanner | None, tables: bool, page: bool, port: int
 ) -> None:
     """Report a job, and report it again whenever the job, its profile or an included file is saved.
 
@@ -65,7 +66,7 @@ def command(
         while True:
             seen = _stamp(path, machine_path, needed)  # Later changes cause another report.
             start_ns = time.time_ns()
-            result = _report(path, machine_path, scanner, server, summary=summary)
+            result = _report(path, machine_path, scanner, server, tables=tables)
             missing = _missing_includes(result)
             needed = {*result.inputs, *missing}
             _wait_for_change(path, machine_path, needed, _first_stamps(needed, missing, start_ns) | seen)
@@ -91,7 +92,7 @@ def _served(port: int) -> PageServer:
 
 
 def _report(
-    path: Path, machine_path: Path | None, scanner: Scanner | None, server: PageServer | None, *, summary: bool
+    path: Path, machine_path: Path | None, scanner: Scanner | None, server: PageServer | None, *, tables: bool
 ) -> FileResult:
     """Read, check and simulate the job, and show the result."""
     result = simulate_file(path, machine_path, scanner=scanner)
@@ -99,7 +100,7 @@ def _report(
     if isinstance(result, Simulated):
         from gusjob.report.rows import make_report
 
-        report = make_report(result.trace, result.machine, result.files)
+        report = make_report(result.trace, result.machine, result.files, profile=result.profile)
     if server is not None:
         from gusjob.cli.page import html_page
 
@@ -110,9 +111,7 @@ def _report(
     head = [f"{datetime.now():%H:%M:%S}", printable(str(path)), *([server.url] if server else [])]
     click.echo("  ".join([*head, localized(Phrase("Ctrl+C ends"))]))
     if report is not None:
-        from gusjob.report.table import report_table
-
-        click.echo(report_table(report, summary=summary), nl=False)
+        click.echo(text_of(result, report, tables=tables), nl=False)
     show(result, err=False)
     if not result.diagnostics:
         click.echo(localized(Phrase("no problems")))

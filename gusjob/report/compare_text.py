@@ -51,13 +51,13 @@ def outcome_lines(comparison: Comparison) -> list[str]:
     totals = _count_totals(len(comparison.totals))
     lines: list[str] = []
     if comparison.same:
-        lines.append(Phrase("same within {within}", within=within))
+        lines.append(Phrase("SAME within {within}", within=within))
     elif rows is None:
-        lines.append(Phrase("changed by more than {within}: {totals}", within=within, totals=totals))
+        lines.append(Phrase("CHANGED by more than {within}: {totals}", within=within, totals=totals))
     else:
         lines.append(
             Phrase(
-                "changed by more than {within}: {totals}, {segments}; {new} new, {vanished} removed",
+                "CHANGED by more than {within}: {totals}, {segments}; {new} new, {vanished} removed",
                 within=within,
                 totals=totals,
                 segments=_count_segments(len(rows.changed)),
@@ -82,7 +82,7 @@ def totals_rows(comparison: Comparison) -> list[list[str]]:
     return [
         [
             localized(_total_name(total)),
-            f"{total.unit}{'*ms' * total.what.endswith('_ms')}" if total.unit and "power" in total.what else "",
+            f"{total.unit}{'·ms' * total.what.endswith('_ms')}" if total.unit and "power" in total.what else "",
             _total_figure(total.what, total.old),
             _total_figure(total.what, total.new),
             _percent(total.change_pct),
@@ -183,7 +183,7 @@ def _percent(change_pct: float | None) -> str:
 def comparison_text(comparison: Comparison) -> str:
     """Format a comparison for a terminal."""
     first, *others = outcome_lines(comparison)
-    against = Phrase("against {report}: {outcome}", report=comparison.path, outcome=first)
+    against = Phrase("{outcome} (against {report})", report=comparison.path, outcome=first)
     lines = [localized(against), *(f"  {localized(line)}" for line in others)]
     totals = [[change, unit, f"{old} -> {new}", change] for change, unit, old, new, change in totals_rows(comparison)]
     for rows in (totals, [*segment_rows(comparison.segments)] if comparison.segments else []):

@@ -12,6 +12,7 @@ import numpy as np
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase, figure, localized, printable
 from gusjob.kinematics.arrays import Indices
+from gusjob.report.answer import Answer, answer_of
 from gusjob.report.compare import Comparison
 from gusjob.report.compare_text import outcome_lines, segment_rows, totals_rows
 from gusjob.report.rows import Report, kind_for_people, while_off
@@ -38,7 +39,7 @@ _CHANNEL_HEADS = {
     "power_min": Phrase("min"),
     "power_mean": Phrase("mean"),
     "power_max": Phrase("max"),
-    "power_ms": Phrase("power*ms"),
+    "power_ms": Phrase("power·ms"),
     "joules": "J",
 }
 _TOTAL_HEADS = (Phrase("segments"), Phrase("stages"), "ms", Phrase("marks mm"), Phrase("jumps mm"))
@@ -46,7 +47,7 @@ _CHANNEL_TOTAL_HEADS = (
     Phrase("channel"),
     Phrase("unit"),
     Phrase("on ms"),
-    Phrase("unit*ms"),
+    Phrase("unit·ms"),
     Phrase("highest"),
     "J",
     Phrase("clamped ms"),
@@ -70,17 +71,35 @@ def report_markdown(
     name: str,
     summary: bool = False,
     comparison: Comparison | None = None,
+    only_changes: bool = False,
 ) -> str:
     """Format totals, comparison, diagnostics and, unless `summary`, segments.
 
-    `report`: None if the job was not run.
+    The comparison comes first, with its verdict; then the answer. `report`: None if the job was not run.
+    `only_changes`: the comparison alone.
     """
     lines = [f"## {code(name)}", ""]
-    lines += [localized(Phrase("Not run: the job has errors.")), ""] if report is None else _totals(report)
     lines += _comparison(comparison) if comparison is not None else []
+    if only_changes and comparison is not None:
+        return _bounded(lines)
+    if report is None:
+        lines += [localized(Phrase("Not run: the job has errors.")), ""]
+    else:
+        lines += _answer(answer_of(report, diagnostics))
+        lines += _totals(report)
     lines += _diagnostics(diagnostics)
     lines += [] if summary or report is None else _segments(report)
     return _bounded(lines)
+
+
+def _answer(answer: Answer) -> Iterator[str]:
+    """Yield the headline, and a list of what stands out."""
+    yield f"**{' · '.join(map(localized, answer.headline))}**"
+    yield ""
+    for finding in answer.findings:
+        place = f" {code(localized(finding.place))}" if finding.line else ""
+        yield f"- {localized(finding.name)}{place}: {localized(finding.text)}"
+    yield from [""] if answer.findings else []
 
 
 def code(text: str, most: int = _MAX_NAME) -> str:

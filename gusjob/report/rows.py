@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ class Report:
         period_us: Tick of the controller.
         totals: As in the JSON.
         columns: One value per segment, by name; `kind` holds SegmentKind numbers.
-        notes: Further facts: scanner, readings, files.
+        notes: Further facts: machine, scanner, readings, files.
         marks: Columns of mark quality, one value per mark; None if it was not computed.
     """
 
@@ -87,7 +88,12 @@ class Report:
 
 
 def make_report(
-    trace: Trace, machine: Machine, files: tuple[tuple[str, int], ...] = (), *, marking: bool | None = None
+    trace: Trace,
+    machine: Machine,
+    files: tuple[tuple[str, int], ...] = (),
+    *,
+    marking: bool | None = None,
+    profile: Path | None = None,
 ) -> Report:
     """Make the rows and totals of a trace.
 
@@ -97,6 +103,7 @@ def make_report(
         files: Name and first line of each file of a job with includes. Then the column `line` counts in the line's own
             file, and the column `file` is an index of `notes["files"]`.
         marking: Whether to compute mark quality; None: with a scanner, and up to MARKED_SEGMENTS segments.
+        profile: The machine profile that was read; None: the documented defaults.
     """
     schedule = trace.schedule
     columns = _motion_columns(trace, machine)
@@ -106,6 +113,7 @@ def make_report(
         columns.update(_channel_columns(channel, schedule.stage, machine))
         totals += _channel_totals(channel, schedule.stage, machine)
     notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
+    notes["machine"] = {"name": machine.name or None, "profile": None if profile is None else _shown(profile)}
     scanner = machine.scanner
     notes["scanner"] = scanner and {"model": scanner.model.value, "tracking_error_us": scanner.tracking_error_us}
     if marking is None:
@@ -131,6 +139,14 @@ def make_report(
         notes=notes,
         marks=marks,
     )
+
+
+def _shown(path: Path) -> str:
+    """Return a path as seen from the current folder, if it is inside."""
+    try:
+        return path.resolve().relative_to(Path.cwd().resolve()).as_posix()
+    except (OSError, ValueError):
+        return str(path)
 
 
 def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any]]:
@@ -190,7 +206,8 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
     """Return one entry per power unit: a job that changes from duty to analog has two for that channel."""
     emitted = channel.emitted
     unit_of = channel.unit_at(stages)
-    joules = emitted.power_ms * channel.watts_per_unit(stages, machine) / 1e3
+    watts_per_unit = channel.watts_per_unit(stages, machine)
+    joules, power_w = emitted.power_ms * watts_per_unit / 1e3, emitted.power_max * watts_per_unit
     entries = []
     for number, unit in enumerate(channel.units):
         of_unit = unit_of == number
@@ -205,6 +222,7 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
                 "emission_ms": float(emission.sum()),
                 "power_ms": float(emitted.power_ms[of_unit].sum()),
                 "power_max": float(power_max.max()) if len(power_max) else None,
+                "power_max_w": float(power_w[of_unit][emission > 0].max()) if known and len(power_max) else None,
                 "joules": float(joules[of_unit].sum()) if known else None,
                 "clamped_ms": float(emitted.clamped_ms[of_unit].sum()),
                 "before_motion_power_ms": channel.before_motion_power_ms if number == 0 else 0.0,

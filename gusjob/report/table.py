@@ -1,7 +1,8 @@
-"""A report as text tables."""
+"""A report as text for people: the answer first, then, if they are wanted, totals and tables."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from io import StringIO
 from typing import Any
 
@@ -11,14 +12,22 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
+from gusjob.diagnostics.model import Severity
+from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
+from gusjob.i18n.width import width as columns_of
+from gusjob.kinematics.units import MS_PER_S
+from gusjob.report.answer import Answer, Finding
+from gusjob.report.quantities import TABLE_DIGITS, duration, energy, length, power_time, short
 from gusjob.report.rows import Report, kind_for_people, while_off
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_ROWS = 40
-_WIDTH = 400
-"""Wide enough for two channels, so that no number is cut; a narrow terminal wraps the line."""
+UNLIMITED = 400
+"""Width of a text that is not for a terminal: wide enough for two channels, so that no number is cut."""
+_LEAST_WIDTH = 40
+_BETWEEN = " · "
+_STYLES = {None: "bold green", Severity.WARNING: "bold yellow", Severity.ERROR: "bold red"}
 _HEADS = {
     "line": Phrase("line"),
     "kind": Phrase("kind"),
@@ -39,6 +48,13 @@ _CHANNEL_HEADS = {
     "clamped_ms": Phrase("held ms"),
     "unit": Phrase("unit"),
 }
+_IN_SECONDS = {
+    "start_ms": Phrase("start s"),
+    "duration_ms": "s",
+    "emission_ms": Phrase("on s"),
+    "clamped_ms": Phrase("held s"),
+}
+"""Heads of columns whose usual value is more than a second."""
 _MARK_HEADS = {
     "line": Phrase("line"),
     "channel": Phrase("ch"),
@@ -54,35 +70,87 @@ _MARK_HEADS = {
     "power_per_mm_rms_pct": Phrase("rms %"),
     "corner_miss_um": Phrase("corner um"),
 }
+_FIRST_LEFT_OUT = (
+    *("vel_max_mm_s", "power_min", "clamped_ms", "start_ms", "power_max", "emission_ms", "joules", "y_mm", "x_mm"),
+    *(
+        "corner_miss_um",
+        "power_per_mm_rms_pct",
+        "on_error_um",
+        "off_error_um",
+        "outside_power_ms",
+        "channel",
+        "power_per_mm_mid",
+    ),
+    *("length_mm", "duration_ms"),
+)
+"""Columns of the tables that a narrow terminal does not show, the first one first."""
 
 
-def report_table(report: Report, *, summary: bool, color: bool = False) -> str:
-    """Format the totals and, unless `summary`, segments and marks; of a long table the first and last rows."""
+def report_text(
+    report: Report, answer: Answer, *, tables: bool = False, width: int = UNLIMITED, color: bool = False
+) -> str:
+    """Format a report for people.
+
+    Args:
+        report: The report.
+        answer: Its answer.
+        tables: Add the totals and tables of segments and marks; of a long table the first and last rows.
+        width: Columns of the terminal.
+        color: Use colors and styles of a terminal.
+    """
     out = StringIO()
+    width = max(width, _LEAST_WIDTH)
     console = Console(
-        file=out,
-        width=_WIDTH,
-        force_terminal=color,
-        no_color=not color,
-        highlight=False,
-        legacy_windows=False,
+        file=out, width=width, force_terminal=color, no_color=not color, highlight=False, legacy_windows=False
     )
-    console.print(_summary(report))
-    if not summary and len(report):
-        console.print(_segments(report))
-    if not summary and report.marks and len(report.marks["line"]):
-        console.print(Text("\n" + localized(Phrase("marks (+: late)"))))
-        console.print(_marks(report.marks))
+    console.print(Text(printable(report.job), style="bold"))
+    console.print(_headline(answer, width))
+    console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"))
+    if answer.findings:
+        console.print(_findings(answer.findings))
+    if tables:
+        console.print()
+        console.print(_totals(report))
+        _print_table(console, {n: report.columns[n] for n in _segment_columns(report)}, report, width)
+        if report.marks and len(report.marks["line"]):
+            console.print(Text("\n" + localized(Phrase("marks (+: late)"))))
+            _print_table(console, {n: report.marks[n] for n in _MARK_HEADS}, report, width)
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
 
 
-def _summary(report: Report) -> Text:
+def _headline(answer: Answer, width: int) -> Text:
+    status, *others = map(localized, answer.headline)
+    text = Text(_joined([status, *others], width, indent=""))
+    text.stylize(_STYLES[answer.worst], 0, len(status))
+    return text
+
+
+def _joined(parts: Iterable[str], width: int, indent: str) -> str:
+    """Join parts with dots; break lines between parts only."""
+    lines = [""]
+    for part in parts:
+        longer = f"{lines[-1]}{_BETWEEN}{part}" if lines[-1] else indent + part
+        if lines[-1] and columns_of(longer) > width:
+            lines.append(f"  {part}")
+        else:
+            lines[-1] = longer
+    return "\n".join(lines)
+
+
+def _findings(findings: Iterable[Finding]) -> Table:
+    """Lay out what stands out: name, line, text."""
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for finding in findings:
+        table.add_row("  " + localized(finding.name), localized(finding.place), localized(finding.text))
+    return table
+
+
+def _totals(report: Report) -> Text:
     totals = report.totals
-    lines = [_overall(report)]
-    for entry in totals["channels"]:
-        lines.append(_channel(entry))
-        if entry["lit_at_end"]:
-            lines.append(Phrase("channel {channel} is left ON", channel=entry["channel"]))
+    lines = [_overall(report), *map(_channel, totals["channels"])]
     lines += [_marking(entry) for entry in totals["marking"] or ()]
     if report.marks is None:
         lines.append(Phrase("mark quality is not computed; use --marks"))
@@ -95,55 +163,41 @@ def _summary(report: Report) -> Text:
         )
         for reading in report.notes["readings"]
     ]
-    return Text("\n".join([printable(report.job), *(f"  {localized(line)}" for line in lines)]) + "\n")
+    return Text("\n".join(localized(line) for line in lines) + "\n")
 
 
 def _overall(report: Report) -> Phrase:
     totals = report.totals
-    stages = (
-        Phrase("{count} stage", count=totals["stages"])
-        if totals["stages"] == 1
-        else Phrase("{count} stages", count=totals["stages"])
-    )
+    segments, stages = totals["segments"], totals["stages"]
     return Phrase(
-        "{segments} segments in {stages}, {duration} ms; marks {mark} mm, jumps {jump} mm{runs}; "
-        "period {period} us{scanner}",
-        segments=totals["segments"],
-        stages=stages,
-        duration=figure(totals["duration_ms"]),
-        mark=figure(totals["mark_mm"]),
-        jump=figure(totals["jump_mm"]),
+        "{segments} in {stages}, {duration}; marks {mark}, jumps {jump}{runs}",
+        segments=plural(
+            segments, Phrase("{count} segment", count=segments), Phrase("{count} segments", count=segments)
+        ),
+        stages=plural(stages, Phrase("{count} stage", count=stages), Phrase("{count} stages", count=stages)),
+        duration=duration(totals["duration_ms"]),
+        mark=length(totals["mark_mm"]),
+        jump=length(totals["jump_mm"]),
         runs=_runs(totals),
-        period=figure(report.period_us),
-        scanner=_scanner(report),
     )
 
 
 def _channel(entry: dict[str, Any]) -> Phrase:
     """Describe the emission of a channel in one power unit."""
-    joules = Phrase(", {joules} J", joules=figure(entry["joules"])) if entry["joules"] is not None else ""
-    held = Phrase(", held by a limit {time} ms", time=figure(entry["clamped_ms"])) if entry["clamped_ms"] else ""
+    joules = Phrase(", {energy}", energy=energy(entry["joules"])) if entry["joules"] is not None else ""
+    held = Phrase(", held by a limit for {time}", time=duration(entry["clamped_ms"])) if entry["clamped_ms"] else ""
     off = while_off(entry["off_output"])
     return Phrase(
-        "channel {channel}: on {time} ms, {power} {unit}*ms, highest {highest} {unit}{joules}{held}{rest}",
+        "channel {channel}: on {time}, {power}, highest {highest} {unit}{joules}{held}{rest}",
         channel=entry["channel"],
-        time=figure(entry["emission_ms"]),
-        power=figure(entry["power_ms"]),
+        time=duration(entry["emission_ms"]),
+        power=power_time(entry["power_ms"], entry["unit"]),
         unit=entry["unit"],
-        highest=figure(entry["power_max"]),
+        highest=short(entry["power_max"]),
         joules=joules,
         held=held,
         rest=Phrase("; while off {output}", output=off) if off else "",
     )
-
-
-def _scanner(report: Report) -> str:
-    """Describe the scanner, if it is known."""
-    scanner = report.notes["scanner"]
-    if not scanner:
-        return ""
-    lag = figure(scanner["tracking_error_us"])
-    return Phrase(", scanner {model} {lag} us", model=scanner["model"], lag=lag)
 
 
 def _runs(totals: dict[str, Any]) -> str:
@@ -151,8 +205,8 @@ def _runs(totals: dict[str, Any]) -> str:
     run_ins, run_outs = totals.get("run_in_mm"), totals.get("run_out_mm")
     return Phrase(
         "{run_ins}{run_outs}",
-        run_ins=Phrase(", run-ins {length} mm", length=figure(run_ins)) if run_ins else "",
-        run_outs=Phrase(", run-outs {length} mm", length=figure(run_outs)) if run_outs else "",
+        run_ins=Phrase(", run-ins {length}", length=length(run_ins)) if run_ins else "",
+        run_outs=Phrase(", run-outs {length}", length=length(run_outs)) if run_outs else "",
     )
 
 
@@ -162,8 +216,8 @@ def _marking(entry: dict[str, Any]) -> Phrase:
         Phrase(
             "{word} {worst} ({typical}) {unit}",
             word=word,
-            worst=figure(entry["worst"][name]),
-            typical=figure(entry["typical"][name]),
+            worst=short(entry["worst"][name]),
+            typical=short(entry["typical"][name]),
             unit=marking_unit(name, entry["unit"]),
         )
         for name, word in MARKING_WORDS.items()
@@ -178,40 +232,67 @@ def _marking(entry: dict[str, Any]) -> Phrase:
     )
 
 
-def _segments(report: Report) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
+def _segment_columns(report: Report) -> list[str]:
+    """Names of the columns that have something to show."""
     names = [n for n in report.columns if n in _HEADS]
-    channels = [n for n in report.columns if n.startswith("ch") and n.split("_", 1)[1] in _CHANNEL_HEADS]
+    channels = [n for n in report.columns if n.startswith("ch") and n[4:] in _CHANNEL_HEADS]
     channels = [n for n in channels if not (n.endswith("joules") and np.isnan(report.columns[n]).all())]
     channels = [n for n in channels if not (n.endswith("clamped_ms") and not report.columns[n].any())]
-    for name in names:
-        table.add_column(localized(_HEADS[name]), justify="left" if name == "kind" else "right", no_wrap=True)
-    for name in channels:
-        head = Phrase("ch{channel} {what}", channel=name[2], what=_CHANNEL_HEADS[name[4:]])
-        table.add_column(localized(head), justify="right", no_wrap=True)
+    return [*names, *channels]
+
+
+def _print_table(console: Console, columns: dict[str, npt.NDArray[Any]], report: Report, width: int) -> None:
+    """Print a table, or the first and last of many rows, with the columns that fit the width."""
+    count = len(columns["line"])
+    if not count:
+        return
+    rows = range(count) if count <= MAX_ROWS else [*range(MAX_ROWS // 2), *range(count - MAX_ROWS // 2, count)]
     words = report.words | {"kind": tuple(map(kind_for_people, SegmentKind))}
-    _fill(table, {name: report.columns[name] for name in (*names, *channels)}, words)
-    return table
+    texts = {name: _texts(name, column, rows, words) for name, column in columns.items()}
+    kept = _fitting(texts, width)
+    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
+    for name in kept:
+        table.add_column(texts[name][0], justify="left" if name == "kind" else "right", no_wrap=True)
+    for number in range(len(rows)):
+        if number == MAX_ROWS // 2 and count > MAX_ROWS:
+            table.add_row("...", localized(Phrase("{count} more", count=count - MAX_ROWS)))
+        table.add_row(*(texts[name][number + 1] for name in kept))
+    console.print(table)
+    if left_out := [texts[name][0] for name in texts if name not in kept]:
+        note = Phrase("not shown at this width: {columns}", columns=all_of(left_out))
+        console.print(Text(localized(note), style="dim"))
 
 
-def _marks(marks: dict[str, npt.NDArray[Any]]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in _MARK_HEADS:
-        table.add_column(localized(_MARK_HEADS[name]), justify="right", no_wrap=True)
-    _fill(table, {name: marks[name] for name in _MARK_HEADS}, {})
-    return table
+def _texts(name: str, column: npt.NDArray[Any], rows: Iterable[int], words: dict[str, tuple[str, ...]]) -> list[str]:
+    """Head and cells of a column."""
+    if name in words:
+        return [_head(name), *(words[name][int(column[row])] for row in rows)]
+    measure = name[4:] if name.startswith("ch") and name != "channel" else name
+    long = measure in _IN_SECONDS and _usual(measure, column) >= MS_PER_S
+    scale = MS_PER_S if long else 1.0
+    return [_head(name, seconds=long), *(short(float(column[row]) / scale, TABLE_DIGITS) for row in rows)]
 
 
-def _fill(table: Table, columns: dict[str, npt.NDArray[Any]], words: dict[str, tuple[str, ...]]) -> None:
-    """Add all rows, or the first and last of many."""
-    rows = len(columns["line"])
-    shown = range(rows) if rows <= MAX_ROWS else [*range(MAX_ROWS // 2), -1, *range(rows - MAX_ROWS // 2, rows)]
-    for i in shown:
-        if i < 0:
-            table.add_row("...", localized(Phrase("{count} more", count=rows - MAX_ROWS)))
-            continue
-        cells = []
-        for name, column in columns.items():
-            value = column[i]
-            cells.append(words[name][int(value)] if name in words else figure(float(value)))
-        table.add_row(*cells)
+def _usual(measure: str, column: npt.NDArray[Any]) -> float:
+    """The value that decides on the unit of a column."""
+    return float(column[-1] if measure == "start_ms" else np.median(column))
+
+
+def _head(name: str, *, seconds: bool = False) -> str:
+    if name in _MARK_HEADS and name not in _HEADS:
+        return localized(_MARK_HEADS[name])
+    if name in _HEADS:
+        return localized(_IN_SECONDS[name] if seconds else _HEADS[name])
+    what = _IN_SECONDS[name[4:]] if seconds else _CHANNEL_HEADS[name[4:]]
+    return localized(Phrase("ch{channel} {what}", channel=name[2], what=what))
+
+
+def _fitting(texts: dict[str, list[str]], width: int) -> list[str]:
+    """Choose the columns that fit a width: the least important ones are left out first."""
+    widths = {name: max(map(columns_of, cells)) + 2 for name, cells in texts.items()}
+    kept = list(texts)
+    for measure in _FIRST_LEFT_OUT:
+        if sum(widths[name] for name in kept) - 2 <= width:
+            break
+        kept = [name for name in kept if name != measure and not (name.startswith("ch") and name[4:] == measure)]
+    return kept

@@ -165,9 +165,12 @@ def test_a_huge_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_run_prints_the_report(good: Path) -> None:
     result = gusjob("run", good)
     assert result.exit_code == 0
-    assert "2 segments in 1 stage" in result.output
-    assert "mark" in result.output
-    assert "jump" in result.output
+    assert result.output.splitlines()[1].startswith("OK, no warnings · 110 ms · laser on 55 ms · peak ")
+    assert "2 segments in 1 stage" not in result.output
+    tables = gusjob("run", good, "--table").output
+    assert tables.startswith(result.output)
+    assert "2 segments in 1 stage" in tables
+    assert {"mark", "jump"} <= {word for line in tables.splitlines() for word in line.split()[1:2]}
 
 
 def test_a_job_with_errors_is_not_run(tmp_path: Path) -> None:

@@ -21,9 +21,10 @@ from gusjob.diagnostics.formats.text import diagnostic_text
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.frontend import Source, check_text, read_job, read_listing
 from gusjob.lint import check
+from gusjob.report.answer import answer_of
 from gusjob.report.files import report_csv, report_json
 from gusjob.report.rows import make_report
-from gusjob.report.table import report_table
+from gusjob.report.table import report_text
 
 MACHINES = (Machine(), Machine(pulses_per_mm=(655.36, 500.0), period_us=333.0))
 JOBS = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "jobs").rglob("*.job")) if p.stem != "engrave"]
@@ -66,7 +67,8 @@ def run_all(stream: Stream, machine: Machine, *, is_listing: bool) -> list[Diagn
         report = make_report(trace, machine)
     b"".join(report_json(report, diagnostics, summary=False))
     b"".join(report_csv(report))
-    report_table(report, summary=False)
+    with np.errstate(all="raise", under="ignore"):
+        report_text(report, answer_of(report, diagnostics), tables=True, width=80)
     for name, column in report.columns.items():
         if column.dtype.kind == "f" and not name.endswith(("power_min", "power_mean", "power_max", "joules")):
             assert np.isfinite(column).all(), name

@@ -16,8 +16,9 @@ from gusjob.controllers.gus.model import simulate_stream
 from gusjob.diagnostics.model import Severity
 from gusjob.frontend import check_text, read_listing
 from gusjob.pipeline import examine_file
+from gusjob.report.answer import answer_of
 from gusjob.report.rows import Report, make_report
-from gusjob.report.table import report_table
+from gusjob.report.table import report_text
 
 JOBS = sorted(p for p in (ROOT / "jobs").rglob("*.job") if p.parent.name != "shared")
 GOLDEN = ROOT / "tests" / "golden"
@@ -52,7 +53,7 @@ def test_golden(path: Path, rewrite: bool) -> None:
     assert diagnostics == []
     assert trace is not None
     report = make_report(trace, machine)
-    text = "".join(report_table(report, summary=False).partition("\n")[1:])
+    text = "".join(report_text(report, answer_of(report, diagnostics), tables=True).partition("\n")[1:])
     golden = GOLDEN / f"{path.stem}.txt"
     if rewrite:
         golden.write_text(text, encoding="utf-8", newline="\n")

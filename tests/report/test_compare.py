@@ -145,14 +145,18 @@ def test_the_table_says_what_how_far_and_how_much(tmp_path: Path) -> None:
     job.write_text(TEXT, encoding="utf-8")
     gusjob("report", job, "--format", "json", "-o", out)
     same = gusjob("report", job, "--against", out)
-    assert (same.exit_code, same.stdout.splitlines()[-1]) == (0, f"against {out}: same within 1 %")
+    assert (same.exit_code, same.stdout.splitlines()[0]) == (0, f"SAME within 1 % (against {out})")
     job.write_text(TEXT.replace("POWER 20", "POWER 25"), encoding="utf-8")
     result = gusjob("report", job, "--against", out)
     assert result.exit_code == 1
     lines = result.stdout.splitlines()
-    assert f"against {out}: changed by more than 1 %: 1 total, 1 segment; 0 new, 0 removed" in lines
-    assert lines[-2].split() == ["segment", "line", "kind", "ch0_power", "ch0_power_ms"]
-    assert lines[-1].split()[:8] == ["4", "10", "mark", "20", "->", "25", "+20", "%"]
+    assert lines[0] == f"CHANGED by more than 1 %: 1 total, 1 segment; 0 new, 0 removed (against {out})"
+    table = [line.split() for line in lines]
+    head = table.index(["segment", "line", "kind", "ch0_power", "ch0_power_ms"])
+    assert table[head + 1][:8] == ["4", "10", "mark", "20", "->", "25", "+20", "%"]
+    assert lines[head + 3 : head + 5] == [str(job), next(line for line in lines if line.startswith("OK, "))]
+    only = gusjob("report", job, "--against", out, "--only-changes")
+    assert (only.exit_code, only.stdout.splitlines()) == (1, lines[: head + 2])
     listed = gusjob("report", job, "--against", out, "--format", "csv")
     assert listed.exit_code == 1
     assert "against" not in listed.stdout
@@ -500,11 +504,29 @@ def test_every_segment_is_matched_new_or_removed(
 # Options.
 
 
-@pytest.mark.parametrize("text", ["0.01", "1", "1e1%", "-1%", "nan%", "101%", "%", "", "1%%", "٣%"])
+@pytest.mark.parametrize("text", ["1e1", "1e1%", "-1%", "nan%", "101%", "%", "", "1%%", "٣%"])
 def test_what_is_no_tolerance(tmp_path: Path, text: str) -> None:
     result = gusjob("report", tmp_path / "x.job", "--against", tmp_path / "old.json", "--tolerance", text)
     assert result.exit_code == 2
     assert "is not a percentage" in result.output
+
+
+@pytest.mark.parametrize(("text", "exit_code"), [("5", 1), ("5%", 1), ("20", 0), ("20.0 %", 0), ("19.9", 1)])
+def test_a_tolerance_is_a_percentage(tmp_path: Path, text: str, exit_code: int) -> None:
+    """From 20 % to 25 % of power is 20 % of the larger value."""
+    job, out = tmp_path / "x.job", tmp_path / "old.json"
+    job.write_text(TEXT, encoding="utf-8")
+    gusjob("report", job, "--format", "json", "-o", out)
+    job.write_text(TEXT.replace("POWER 20", "POWER 25"), encoding="utf-8")
+    assert gusjob("report", job, "--against", out, "--tolerance", text).exit_code == exit_code
+
+
+@pytest.mark.parametrize("form", ["json", "csv", "html", "parquet"])
+def test_only_changes_is_for_people(tmp_path: Path, form: str) -> None:
+    result = gusjob("report", tmp_path / "x.job", "--against", tmp_path / "o.json", "--only-changes", "--format", form)
+    assert (result.exit_code, "--only-changes needs --format text or markdown" in result.output) == (2, True)
+    result = gusjob("report", tmp_path / "x.job", "--only-changes")
+    assert (result.exit_code, "--only-changes needs --against" in result.output) == (2, True)
 
 
 def test_a_tolerance_without_an_earlier_report(tmp_path: Path) -> None:

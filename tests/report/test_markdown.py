@@ -89,11 +89,14 @@ def test_the_comparison_is_a_section(tmp_path: Path) -> None:
     gusjob("report", job, "--format", "json", "-o", out)
     same = gusjob("report", job, "--format", "markdown", "--against", out)
     assert same.exit_code == 0
-    assert f"### Against `{out}`\n\nSame within 1 %.\n" in same.stdout
+    assert f"### Against `{out}`\n\nSAME within 1 %.\n" in same.stdout
     written(tmp_path, TEXT.replace("POWER 50", "POWER 60"))
     result = gusjob("report", job, "--format", "markdown", "--against", out, "--summary")
     assert result.exit_code == 1
     assert ["channel 0 power_max", "%", "50", "60", "+16.7 %"] in cells(result.stdout, "total")
+    assert result.stdout.index("### Against") < result.stdout.index("**OK, no warnings · ")
+    only = gusjob("report", job, "--format", "markdown", "--against", out, "--only-changes").stdout
+    assert only == result.stdout[: result.stdout.index("**OK, no warnings · ")].rstrip("\n") + "\n"
     assert cells(result.stdout, "segment") == [["2", "7", "mark", "50 -> 60 +16.7 %", "2750 -> 3300 +16.7 %"]]
 
 
@@ -177,7 +180,9 @@ def widest(rows: int) -> Report:
     columns["line"] = np.arange(rows) + 2**52
     one = {**report.totals["channels"][0], "off_output": {"standby_khz": 1.23456e-105, "standby_pct": 1.23456e-105}}
     entries = [{**one, "channel": channel, "unit": unit} for channel in (0, 1) for unit in ("%", "kHz", "V")]
-    return Report(job="x", period_us=250, totals={**report.totals, "channels": entries}, columns=columns, notes={})
+    return Report(
+        job="x", period_us=250, totals={**report.totals, "channels": entries}, columns=columns, notes=report.notes
+    )
 
 
 def test_it_always_fits_into_a_comment() -> None:

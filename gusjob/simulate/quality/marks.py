@@ -77,8 +77,8 @@ def marking_totals(trace: Trace, marks: _MarkTable) -> list[dict[str, Any]]:
 def marking_unit(name: str, unit: str) -> str:
     """Unit of a column of mark quality, for power in `unit`."""
     if name.startswith("power_per_mm"):
-        return "%" if name.endswith("pct") else f"{unit}*ms/mm"
-    return f"{unit}*ms" if name == "outside_power_ms" else "um"
+        return "%" if name.endswith("pct") else f"{unit}·ms/mm"
+    return f"{unit}·ms" if name == "outside_power_ms" else "um"
 
 
 def _worst(values: Floats) -> float | None:

@@ -20,10 +20,11 @@ from gusjob.controllers.gus.calls import Buffered, Stream
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.frontend import check_text, read_listing
 from gusjob.ir.intent import Intent, RunKind
+from gusjob.report.answer import answer_of
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
 from gusjob.report.rows import Report, make_report
-from gusjob.report.table import report_table
+from gusjob.report.table import report_text
 from gusjob.simulate.intervals import Intervals
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.energy_bins import BIN_MM
@@ -152,6 +153,11 @@ def report_of(stream: Stream, intent: Intent, machine: Machine = MACHINE) -> Rep
     return make_report(trace, machine)
 
 
+def text_of(report: Report) -> str:
+    """The report for people, with its tables."""
+    return report_text(report, answer_of(report, []), tables=True)
+
+
 def test_the_planner_says_where_a_mark_begins_and_ends() -> None:
     # The emission comes and goes 20 um (a lag) after S = 10 mm and E = 20 mm; one corner is passed between E and off.
     text = (
@@ -181,7 +187,7 @@ def test_the_planner_says_where_a_mark_begins_and_ends() -> None:
         "run_out",
     ]
     assert (report.totals["run_in_mm"], report.totals["run_out_mm"]) == pytest.approx((10, 4.98))
-    assert "run-ins 10 mm, run-outs 4.98 mm" in report_table(report, summary=True)
+    assert "run-ins 10 mm, run-outs 4.98 mm" in text_of(report)
     assert "| run-ins mm | run-outs mm |" in report_markdown(report, [], name="x")
     # Without it S and E are where the switch stands.
     plain = marks(run_listing(text, lagging("delay")))
@@ -386,9 +392,9 @@ def test_nothing_marked() -> None:
         assert count(ran) == 0 if ran.report.marks else True
         assert ran.report.totals["marking"] == []
         assert json.loads(b"".join(report_json(ran.report, [], summary=False)))["marks"] is not None
-        report_table(ran.report, summary=False)
+        text_of(ran.report)
     dark = run_listing(HEAD + ON + START + "GT_SetHSIOOpt(0,0)\n")
-    report_table(dark.report, summary=False)
+    text_of(dark.report)
 
 
 def test_the_report_holds_marks_and_their_totals() -> None:
@@ -413,11 +419,11 @@ def test_the_report_holds_marks_and_their_totals() -> None:
 
 def test_people_see_worst_and_typical() -> None:
     report = run_listing(STEADY, lagging("delay")).report
-    text = report_table(report, summary=False)
+    text = text_of(report)
     assert "channel 0: 1 mark, worst (typical): on error -20 (20) um, off error -20 (20) um" in text
-    assert "outside 10 (10) %*ms" in text
+    assert "outside 10 (10) %·ms" in text
     assert "on err um" in text
-    assert "on err um" not in report_table(report, summary=True)
+    assert "on err um" not in report_text(report, answer_of(report, []))
     assert "| 0 | on error | um | 1 | -20 | 20 |" in report_markdown(report, [], name="x")
     assert b"marking" not in b"".join(summary_csv(report))
     assert b"on_error" not in b"".join(report_csv(report))

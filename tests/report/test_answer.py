@@ -1,0 +1,142 @@
+"""The answer of a report, against figures by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from support.tools import MACHINE, MARK, Ran, run_job, run_listing
+
+from gusjob.config.machine import Laser
+from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import Diagnostic, Severity, Span
+from gusjob.i18n.width import width as columns_of
+from gusjob.report.answer import Answer, Finding, answer_of
+from gusjob.report.quantities import duration, energy, length, percent, power_time, short
+from gusjob.report.table import report_text
+
+OFF = MARK + "LOOKAHEAD OFF\n"
+RATED = replace(MACHINE, lasers=(Laser(channel=0, rated_w=30.0),))
+
+
+def answer(ran: Ran) -> Answer:
+    return answer_of(ran.report, ran.diagnostics)
+
+
+def named(ran: Ran) -> dict[str, Finding]:
+    """What stands out, by name."""
+    return {str(finding.name): finding for finding in answer(ran).findings}
+
+
+@pytest.mark.parametrize(
+    ("shown", "text"),
+    [
+        (short(None), "-"), (short(0.0), "0"), (short(-0.0), "0"), (short(1.23456), "1.23"), (short(5711.36), "5711"),
+        (short(20139.4), "20139"), (short(999.6), "1000"), (short(0.00012345), "0.000123"),
+        (short(1234.5678, 4), "1235"), (short(123.45678, 4), "123.5"),
+        (duration(0.0), "0 ms"), (duration(0.0625), "0.0625 ms"), (duration(999.4), "999 ms"),
+        (duration(1000.0), "1 s"),
+        (duration(33_640.0), "33.6 s"), (duration(599_000.0), "599 s"), (duration(754_400.0), "12 min 34 s"),
+        (duration(3_599_700.0), "1 h 00 min"), (duration(11_100_000.0), "3 h 05 min"),
+        (length(0.0), "0 mm"), (length(0.045), "45 um"), (length(198.49), "198 mm"), (length(10_176.0), "10.2 m"),
+        (length(999.9), "1 m"),
+        (energy(124.2), "124 J"), (energy(0.5995), "600 mJ"), (energy(2.5e-5), "25 uJ"), (energy(12_300.0), "12.3 kJ"),
+        (energy(0.0), "0 J"),
+        (power_time(262_718.0, "%"), "263 %·s"), (percent(0.974), "97 %"), (percent(0.004), "0.4 %"),
+    ],
+)  # fmt: skip
+def test_quantities(shown: str, text: str) -> None:
+    assert shown == text
+
+
+def test_the_headline_of_a_rated_laser() -> None:
+    """Two lines of 10 mm at 100 mm/s and 10000 mm/s2 take 110 ms each; 60 % of 30 W for 110 ms are 1.98 J."""
+    ran = run_job(OFF + "LASER POWER 60\nJUMP X 10\nLASER ON\nLINE X 20\nLASER OFF\n", RATED)
+    assert " · ".join(answer(ran).headline) == (
+        "OK, no warnings · 220 ms · laser on 110 ms · peak 60 % (18 W) · 10 mm marked · 1.98 J"
+    )
+    assert answer(ran).worst is None
+    assert named(ran)["time"].text == "marks 50 %, jumps 50 %"
+
+
+def test_the_headline_without_emission_and_with_two_channels() -> None:
+    assert " · ".join(answer(run_job(MARK + "JUMP X 10\n")).headline) == (
+        "OK, no warnings · 110 ms · laser never on · 0 mm marked"
+    )
+    two = MARK + "LASER MODE ANALOG CHANNEL 1\nLASER POWER 5 CHANNEL 1\nLASER POWER 40\nLASER ON\nLASER ON CHANNEL 1\n"
+    ran = run_job(two + "LINE X 10\nLASER OFF\nLASER OFF CHANNEL 1\n")
+    assert " · ".join(answer(ran).headline) == "OK, no warnings · 110 ms · 10 mm marked"
+    assert named(ran)["channel 0"].text == "on 110 ms, peak 40 %, 4.4 %·s"
+    assert named(ran)["channel 1"].text == "on 110 ms, peak 5 V, 0.55 V·s"
+
+
+@pytest.mark.parametrize(
+    ("severities", "status", "worst"),
+    [
+        ([], "OK, no warnings", None),
+        ([Severity.NOTE], "OK, no warnings", None),
+        ([Severity.WARNING], "OK, 1 warning", Severity.WARNING),
+        ([Severity.WARNING, Severity.WARNING, Severity.NOTE], "OK, 2 warnings", Severity.WARNING),
+        ([Severity.ERROR], "1 error", Severity.ERROR),
+        ([Severity.ERROR, Severity.ERROR, Severity.WARNING], "2 errors, 1 warning", Severity.ERROR),
+    ],
+)
+def test_the_status(severities: list[Severity], status: str, worst: Severity | None) -> None:
+    of = {rule.severity: rule for rule in rules.RULES.values()}
+    found = [Diagnostic(rule=of[severity], span=Span(line=1), fields={}, path="x") for severity in severities]
+    made = answer_of(run_job(MARK + "JUMP X 1\n").report, found)
+    assert (made.headline[0], made.worst) == (status, worst)
+
+
+def test_what_stands_out_names_its_line() -> None:
+    """Two long marks at 100 mm/s; one of 0.1 mm, which takes 2*sqrt(L/a) = 6.32 ms: 15.8 mm/s on average."""
+    job = OFF + "LASER DELAY ON 0 OFF 60us\nLASER POWER 50\n"
+    for x in (20, 40):
+        job += f"JUMP X {x - 10}\nLASER ON\nLINE X {x}\nLASER OFF\n"
+    job += "JUMP X 50\nLASER ON\nLINE X 50.1\nLASER OFF\nJUMP X 60\n"
+    found = named(run_job(job))
+    assert found["slowest"].line == 17
+    assert found["slowest"].text == "15.8 mm/s on average, usual 90.9 mm/s"
+    assert found["in jumps"].text == "emission for 0.18 ms, at most 0.06 ms in one jump"
+    assert found["worst end"].text.endswith("um off, late")
+    assert "times the usual 500 %·ms/mm" in found["hottest"].text
+
+
+def test_energy_per_mm_of_a_steady_mark() -> None:
+    """Half of 30 W at 100 mm/s: 150 mJ/mm between the ends, which are hotter."""
+    ran = run_job(MARK + "LASER POWER 50\nLASER ON\nLINE X 100\nLASER OFF\n", RATED)
+    assert named(ran)["hottest"].text.endswith("times the usual 150 mJ/mm")
+
+
+def test_a_limit_and_a_laser_that_stays_on() -> None:
+    text = (
+        "GT_SetAxisMode(7,1)\nGT_LaserPowerMode(0,30,0,0)\nGT_LaserOutFrq(10,0)\nGT_CrdClear(1,0)\n"
+        "GT_BufLaserPrfCmd(1,50,0,0)\nGT_BufLaserOn(1,0,0)\nGT_LnXY(1,10000,0,100,10,0,0)\nGT_CrdStart(1,0)\n"
+    )
+    found = named(run_listing(text))
+    assert found["limited"].text == "a limit changes the power for 110 ms, 100 % of the emission"
+    assert found["limited"].line == 7
+    assert found["LEFT ON"].text == "the laser of channel 0 is still on at the end"
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80, 100, 120, 200])
+def test_the_text_fits_a_terminal(columns: int) -> None:
+    two = MARK + "LASER MODE ANALOG CHANNEL 1\nLASER POWER 5 CHANNEL 1\nLASER POWER 40\nLASER ON\nLASER ON CHANNEL 1\n"
+    ran = run_job(
+        two + "LINE X 10\nLINE X 20 Y 30\nLINE X 25.125\nLASER OFF\nLASER OFF CHANNEL 1\nDWELL 1000\nJUMP X 1\n"
+    )
+    text = report_text(ran.report, answer(ran), tables=True, width=columns)
+    assert max(map(columns_of, text.splitlines())) <= columns
+    for word in ("line", "kind", "mm/s"):
+        assert word in text
+    if columns < 100:
+        assert "not shown at this width" in text
+    wide = report_text(ran.report, answer(ran), tables=True)
+    assert "not shown" not in wide
+
+
+def test_times_over_a_second_are_in_seconds() -> None:
+    ran = run_job(MARK + "LASER POWER 50\nLASER ON\nLINE X 120\nLINE X 0\nLASER OFF\n")
+    text = report_text(ran.report, answer(ran), tables=True)
+    head = next(line for line in text.splitlines() if line.startswith("line  kind")).split()
+    assert ("ms" in head, head.count("s") >= 2) == (False, True)
