@@ -63,7 +63,9 @@ def columns_of(steps: list[dict[str, Any]], channels: int = 1, *, beam: bool = F
                 add(strokes, beam_x_mm=x - 0.3, beam_y_mm=y)
             for c in range(channels):
                 p = s.get(f"p{c}")
-                add(strokes, **{f"ch{c}_on": float(p is not None), f"ch{c}_power": p or 0.0})
+                mm = length / len(way)
+                per_mm = p * ms / len(way) / mm if p is not None and mm else NAN
+                add(strokes, **{f"ch{c}_on": float(p is not None), f"ch{c}_power": p or 0.0, f"ch{c}_per_mm": per_mm})
         at, start = end, start + ms
     kinds = {"line": np.int32, "kind": np.int8, "stage": np.int32, "file": np.int16, "row": np.int32}
 
@@ -101,7 +103,9 @@ def page_of(tables: dict[str, Columns], *, units: Iterable[str] = ("%",), **more
         },
         "notes": {"scanner": None, "readings": []}, "field_mm": {"x": [-150, 150], "y": [-150, 150]},
         "start_mm": [0.0, 0.0], "kinds": KINDS, "exact": True,
-        "channels": [{"channel": n, "unit": u, "watts_per_unit": None} for n, u in enumerate(units)],
+        "channels": [
+            {"channel": n, "unit": u, "watts_per_unit": None, "peak_per_mm": [None]} for n, u in enumerate(units)
+        ],
     }  # fmt: skip
     facts.update(more.pop("facts", {}))
     return Page(
@@ -153,6 +157,7 @@ def field_of_marks(count: int) -> dict[str, Columns]:
     strokes = {
         "row": number.astype(np.int32), "duration_ms": ms, "x_mm": x, "y_mm": y, "vel0": velocity * 1.01,
         "vel1": velocity * 1.01, "ch0_on": on, "ch0_power": np.where(mark, power, 0.0),
+        "ch0_per_mm": power * ms / length,
     }  # fmt: skip
     return {"rows": rows, "strokes": strokes}
 

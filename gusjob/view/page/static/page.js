@@ -16,6 +16,7 @@
     } catch (_) { /* Then nothing is stored. */ }
     return null;
   }
+  gusjob.kept = kept;
   const local = () => window.localStorage, session = () => window.sessionStorage;
 
   function setTheme(name) {
@@ -47,13 +48,20 @@
 
   /* Selection. */
 
+  // Head and value; a long time is in s.
+  function entryOf(column, row) {
+    const value = column.words ? NaN : column.get(row);
+    if (value < 1000 || !/ ms$/.test(column.head)) return [column.head, gusjob.shown(column, row)];
+    return [column.head.replace(/ ms$/, " s"), gusjob.figure(value / 1000, 4)];
+  }
+
   function detailsOf(row) {
     const list = element("dl");
     for (const column of gusjob.columnsShown) {
       if (["segment", "line", "file", "kind"].includes(column.name)) continue;
-      const text = gusjob.shown(column, row);
+      const [head, text] = entryOf(column, row);
       if (text === "-" || (/^ch\d/.test(column.name) && text === "0")) continue;
-      list.append(element("div", {}, element("dt", { title: column.title }, column.head), element("dd", {}, text)));
+      list.append(element("div", {}, element("dt", { title: column.title }, head), element("dd", {}, text)));
     }
     return list;
   }
@@ -91,9 +99,31 @@
     }
   }
 
+  // #s=12 selects a segment, #m=3 a mark.
   function fromHash() {
-    const found = /^#s=(\d{1,9})$/.exec(location.hash);
-    if (found) select(Number(found[1]), "hash");
+    const [, table, number] = /^#([sm])=(\d{1,9})$/.exec(location.hash) || [];
+    if (table === "s") select(Number(number), "hash");
+    if (table === "m") selectMark(Number(number));
+  }
+
+  function selectMark(mark) {
+    const rows = gusjob.tables.marks && gusjob.tables.marks.row;
+    if (!rows || mark >= rows.values.length) return;
+    gusjob.table.showMark(mark);
+    select(rows.values[mark], "marks");
+  }
+
+  // A finding selects its segment or mark, again too, and shows it.
+  function findings() {
+    for (const link of document.querySelectorAll("#answer a")) {
+      link.addEventListener("click", (event) => {
+        event.preventDefault();
+        const [, table, number] = /#([sm])=(\d+)$/.exec(link.href);
+        if (table === "s") select(Number(number), "finding");
+        else selectMark(Number(number));
+        byId("map").scrollIntoView({ block: "nearest" });
+      });
+    }
   }
 
   // Selects the first segment of a line, else of the next line that has one. In a loop: the next one after the selected.
@@ -122,6 +152,7 @@
     byId("go").addEventListener("click", toLine);
     byId("line").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); toLine(); } });
     window.addEventListener("hashchange", fromHash);
+    findings();
     showDetails(null);
   }
 

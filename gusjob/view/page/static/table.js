@@ -54,7 +54,8 @@
         const rows = Array.from(grid.order.subarray(request.startRow, request.endRow), (row) => ({ row }));
         request.successCallback(rows, grid.order.length);
         // These rows get their data later; with a new order the selected row has moved.
-        if (grid.targetRow !== null) setTimeout(() => (fresh ? show(grid.targetRow, "order") : markChosen(grid)), 0);
+        if (grid.targetRow === null) return;
+        setTimeout(() => (fresh && grid.name === "segments" ? show(grid.targetRow, "order") : markChosen(grid)), 0);
       },
     };
   }
@@ -133,6 +134,18 @@
     markChosen(grid);
   }
 
+  // Selects a mark in its table.
+  function showMark(mark) {
+    showTab("marks");
+    const { api, order } = grids.marks;
+    const place = order ? order.indexOf(mark) : mark;
+    grids.marks.targetRow = mark;
+    if (place < 0) return;
+    api.ensureIndexVisible(place, "middle");
+    api.deselectAll();
+    markChosen(grids.marks);
+  }
+
   function showTab(name) {
     for (const one of ["segments", "marks"]) {
       const tab = document.getElementById(`tab-${one}`), panel = document.getElementById(`${one}-panel`);
@@ -183,5 +196,5 @@
     }
   }
 
-  gusjob.table = { start, show, showTab, state, restore, grids };
+  gusjob.table = { start, show, showMark, showTab, state, restore, grids };
 })();
