@@ -329,7 +329,7 @@ def undrawn_emission(report: Report, strokes: Strokes, emission: EmissionStrokes
         undrawn = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
         if undrawn > _SAME * entry["power_ms"]:
             yield Phrase(
-                "Emission while standing still is not drawn (channel {channel}: {power} {unit}*ms).",
+                "Emission while standing still is not drawn (channel {channel}: {power} {unit}·ms).",
                 power=figure(undrawn, 4),
                 unit=entry["unit"],
                 channel=emission.channel,

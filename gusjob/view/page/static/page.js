@@ -204,6 +204,7 @@
     status.textContent = localized("page", "drawing");
     await gusjob.yieldToBrowser();
     byId("views").hidden = false;
+    if (byId("findings")) byId("beside").prepend(byId("findings"));
     gusjob.columnsShown = gusjob.columnsOf("rows");
     await gusjob.path.start();
     await gusjob.yieldToBrowser();

@@ -163,7 +163,7 @@
     const line = { stroke: () => view.colors.grid, width: 1, filter };
     const narrow = window.innerWidth < 560; // Then only the key names the units.
     return {
-      scale, label: narrow && scale !== "x" ? undefined : label, labelFont: FONT, font: FONT, labelSize: 18, size: narrow ? 40 : 52,
+      scale, label: narrow && scale !== "x" ? undefined : label, labelFont: FONT, font: FONT, labelSize: 18, size: narrow ? 48 : 52,
       stroke: () => view.colors[color], grid: line, ticks: line, space: scale === "x" ? 60 : 24, filter,
       values: (_, splits) => splits.map((v) => (v === null ? "" : scale === "x" ? timeText(v, view.to - view.from) : figure(v, 4))), ...rest,
     };
