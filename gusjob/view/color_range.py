@@ -52,6 +52,8 @@ class ColorRange:
 def color_range(value: Floats, length: Floats, *, peak: float = np.nan, whole: bool = False) -> ColorRange:
     """Return the range for values along a path: a few extreme values do not flatten the colours of the others.
 
+    If the others are all shown as the same number, there is nothing to flatten: all values are in the range.
+
     Args:
         value: Values, (n,); those that are not finite have no colour.
         length: Length along which each value is found, (n,).
@@ -66,10 +68,10 @@ def color_range(value: Floats, length: Floats, *, peak: float = np.nan, whole: b
     least, most = float(value[0]), float(np.fmax(value[-1], peak))
     upto = np.cumsum(length if length.sum() > 0 else np.ones(len(length)))
     low, high = (float(value[np.searchsorted(upto, share * upto[-1])]) for share in _SHARES)
-    near = _NEAR * (high - low)
-    if whole or low - least <= near or label(low) == label(least):
+    near = np.inf if whole or label(low) == label(high) else _NEAR * (high - low)
+    if low - least <= near:
         low = least
-    if whole or most - high <= near or label(high) == label(most):
+    if most - high <= near:
         high = most
     return ColorRange(low=low, high=high, least=least, most=most)
 

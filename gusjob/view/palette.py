@@ -70,7 +70,7 @@ def _scale(low: float, high: float) -> tuple[str, ...]:
 
 LIGHT = Palette(
     ground="#ffffff",
-    scale=_scale(0.0, 0.6),
+    scale=_scale(0.0, 0.59),
     under="#499ac8",
     over="#c04f00",
     single=viridis(0.3),

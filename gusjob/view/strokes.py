@@ -37,6 +37,8 @@ _ENERGY_STEPS = 6
 """Energy per mm is constant in a stroke up to a step, of which there are so many in a factor of two."""
 _ENERGY_OFFSET = 0.3819
 """Keeps the ends of the steps away from round values, at which rounding errors would cut each bin."""
+_ONE_BIN = 1.0 + 1e-6
+"""A stroke that is not longer has the value of the bin of its middle."""
 _SAME_MS = 1e-9
 """Times that differ by less are equal but for rounding."""
 
@@ -64,9 +66,8 @@ class EmissionStrokes:
         channel: The channel.
         on: Whether the laser emits, (n,).
         power: Mean power during emission, else 0, in the mode's unit, (n,).
-        per_mm: Energy per mm in the report's bins, unit*ms/mm, (n,): the highest bin of a stroke; the mean of its bins
-            if there are too many strokes to cut them where it changes. NaN without emission, and in marks that do not
-            move.
+        per_mm: Energy per mm: mean of the report's bins along the stroke, unit*ms/mm, (n,); NaN without emission, and
+            in marks that do not move. Fine strokes are cut where it changes, and at the ends of each mark's peak.
         peak_per_mm: Highest energy per mm of all bins, by unit, (units,); NaN if there is none.
         units: Units of the channel's modes.
         unit: Index of the power's unit in `units`, (n,).
@@ -149,7 +150,7 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES,
         path=Line(x0=x0 / px, y0=y0 / py, x1=x1 / px, y1=y1 / py),
         beam=beam,
         emissions=tuple(
-            _emission_strokes(trace, machine, channel, spans, _StrokeBins(bins=of, cut=cuts.energy))
+            _emission_strokes(trace, machine, channel, spans, of)
             for channel, of in zip(trace.channels, bins, strict=True)
         ),
         exact=cuts.exact,
@@ -158,11 +159,10 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cuts:
-    """Cuts after each segment's start as (timed call, ms). `exact`, `energy`: whether they are fine, in energy too."""
+    """Cuts after each segment's start as (timed call, ms). `exact`: whether they are fine."""
 
     times: list[tuple[Indices, Floats]]
     exact: bool
-    energy: bool
 
 
 def _cuts(trace: Trace, machine: Machine, bins: list[EnergyBins], fine_strokes: int) -> _Cuts:
@@ -179,10 +179,10 @@ def _cuts(trace: Trace, machine: Machine, bins: list[EnergyBins], fine_strokes: 
         *_tick_times(trace, machine, fine_strokes),
     ]
     finest = [*fine, *(_energy_times(trace, channel, of) for channel, of in zip(trace.channels, bins, strict=True))]
-    for times, energy in ((finest, True), (fine, False)):
+    for times in (finest, fine):
         if sum(len(call) for call, _ in times) + len(index) <= fine_strokes:
-            return _Cuts(times=times, exact=True, energy=energy)
-    return _Cuts(times=[*cuts, _chord_times(trace, _COARSE_CHORD_RAD)], exact=False, energy=False)
+            return _Cuts(times=times, exact=True)
+    return _Cuts(times=[*cuts, _chord_times(trace, _COARSE_CHORD_RAD)], exact=False)
 
 
 def _switch_times(schedule: Schedule, channel: ChannelTrace) -> tuple[Indices, Floats]:
@@ -204,14 +204,25 @@ def _chord_times(trace: Trace, step_rad: float) -> tuple[Indices, Floats]:
 
 
 def _energy_times(trace: Trace, channel: ChannelTrace, bins: EnergyBins) -> tuple[Indices, Floats]:
-    """Return the times at which energy per mm passes from step to step of a geometric scale."""
+    """Return the times at which energy per mm passes from step to step of a geometric scale, and the peak's ends."""
     with np.errstate(divide="ignore"):
         step = np.floor(np.log2(bins.per_mm) * _ENERGY_STEPS + _ENERGY_OFFSET)
-    mark = bins.mark
-    changes = np.flatnonzero((step[1:] != step[:-1]) & (mark[1:] == mark[:-1])) + 1
-    schedule, stage, time = trace.schedule, channel.emission.stage[mark[changes]], bins.start_ms[changes]
+    mark, peak = bins.mark, _peak_bins(bins)
+    changes = np.flatnonzero(step[1:] != step[:-1]) + 1
+    cuts = np.unique(np.concatenate([changes, peak, peak[peak + 1 < len(mark)] + 1]))
+    cuts = cuts[(cuts > 0) & (mark[cuts] == mark[cuts - 1])]
+    schedule, stage, time = trace.schedule, channel.emission.stage[mark[cuts]], bins.start_ms[cuts]
     inside = (time >= schedule.stage_start()[stage]) & (time < schedule.stage_end()[stage])
     return schedule.segment_at(stage[inside], time[inside]), time[inside]
+
+
+def _peak_bins(bins: EnergyBins) -> Indices:
+    """Return the first of the highest bins of each mark."""
+    if not len(bins.per_mm):
+        return np.zeros(0, dtype=np.intp)
+    mark, highest = bins.mark, np.maximum.reduceat(bins.per_mm, bins.first[:-1])
+    at = np.flatnonzero(bins.per_mm == highest[mark])
+    return np.asarray(at[np.unique(mark[at], return_index=True)[1]])
 
 
 def _tick_times(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
@@ -248,38 +259,42 @@ def _stroke_starts(schedule: Schedule, cuts: list[tuple[Indices, Floats]]) -> tu
     return call[distinct], time[distinct]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _StrokeBins:
-    """Bins of a channel, for strokes that are cut where they differ, or not."""
+def _mean_per_mm(bins: EnergyBins, shift_ms: Floats, ends_ms: Floats, start_ms: Floats, end_ms: Floats) -> Floats:
+    """Return the mean energy per mm of strokes over the bins' length.
 
-    bins: EnergyBins
-    cut: bool
+    Args:
+        bins: The bins.
+        shift_ms: Shift of each bin to output time.
+        ends_ms: End of each mark in output time.
+        start_ms: Start of each stroke in output time.
+        end_ms: End of each.
+    """
+    value = bins.per_mm
+    if not len(value) or not len(start_ms):
+        return np.full(len(start_ms), np.nan)
+    begin = bins.start_ms + shift_ms
+    end = np.append(begin[1:], ends_ms[-1:])
+    end[bins.first[1:] - 1] = ends_ms
+    upto = np.concatenate([[0.0], np.cumsum(np.where(np.isnan(value), 0.0, value))])
+    middle = np.maximum(np.searchsorted(begin, (start_ms + end_ms) / 2, side="right") - 1, 0)
 
-    def per_mm(self, start_ms: Floats, end_ms: Floats, shifted_ms: Floats) -> Floats:
-        """Return the energy per mm of strokes from the bins that they are in: the highest, or the mean.
+    def places(time: Floats) -> tuple[Floats, Floats]:
+        """Return the length up to a time, in bins, and the integral up to there."""
+        at = np.maximum(np.searchsorted(begin, time, side="right") - 1, 0)
+        long = end[at] - begin[at]
+        share = np.divide(time - begin[at], long, out=np.zeros_like(time), where=long > 0)
+        share = np.clip(share, 0.0, 1.0)
+        return at + share, upto[at] + share * (upto[at + 1] - upto[at])
 
-        Args:
-            start_ms: Start of each stroke in output time.
-            end_ms: End of each.
-            shifted_ms: Start of each bin in output time.
-        """
-        value = self.bins.per_mm
-        if not len(value) or not len(start_ms):
-            return np.full(len(start_ms), np.nan)
-        margin = np.minimum((end_ms - start_ms) / 4, _SAME_MS)
-        first = np.maximum(np.searchsorted(shifted_ms, start_ms + margin, side="right") - 1, 0)
-        behind = np.maximum(np.searchsorted(shifted_ms, end_ms - margin), first + 1)
-        if self.cut:
-            pairs = np.column_stack([first, behind]).ravel()
-            return np.asarray(np.maximum.reduceat(np.append(value, -np.inf), pairs)[::2])
-        known = np.where(np.isnan(value), 0.0, value)
-        upto = np.concatenate([[0.0], np.cumsum(known)])
-        mean = (upto[behind] - upto[first]) / (behind - first)
-        return np.where(np.isnan(value[first]), np.nan, mean)
+    (first, low), (last, high) = places(start_ms), places(end_ms)
+    found = value[middle].copy()
+    several = last - first > _ONE_BIN
+    np.divide(high - low, last - first, out=found, where=several & ~np.isnan(found))
+    return np.asarray(found)
 
 
 def _emission_strokes(
-    trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals, stroke_bins: _StrokeBins
+    trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals, bins: EnergyBins
 ) -> EmissionStrokes:
     """Return a channel's emission in strokes; emission begins or ends inside none of them."""
     intervals, shift = channel.emission, output_time_of(trace).shift_ms
@@ -292,9 +307,13 @@ def _emission_strokes(
     power, per_mm = np.zeros(len(on)), np.full(len(on), np.nan)
     part = Intervals(stage=spans.stage[emitting], start_ms=spans.start_ms[emitting], end_ms=spans.end_ms[emitting])
     power[emitting] = channel.power.integral(part) / (part.end_ms - part.start_ms)
-    bins, late = stroke_bins.bins, shift[part.stage]
-    stage = intervals.stage[bins.mark]
-    per_mm[emitting] = stroke_bins.per_mm(part.start_ms + late, part.end_ms + late, bins.start_ms + shift[stage])
+    per_mm[emitting] = _mean_per_mm(
+        bins,
+        shift_ms=shift[intervals.stage][bins.mark],
+        ends_ms=intervals.end_ms + shift[intervals.stage],
+        start_ms=part.start_ms + shift[part.stage],
+        end_ms=part.end_ms + shift[part.stage],
+    )
     return EmissionStrokes(
         channel=channel.channel,
         on=on,

@@ -94,8 +94,8 @@ def test_emission_is_drawn_where_it_was(square_tab: Tab) -> None:
     sides = {10: (50, 0), 20: (60, 10), 30: (50, 20), 40: (40, 10)}
     seen = dict(zip(sides, map(tuple, pixels(square_tab, sides.values())), strict=True))
     assert all(color[3] > 200 for color in seen.values()) and len(set(seen.values())) == 4
-    darkness = [sum(color[:3]) for color in seen.values()]
-    assert darkness == sorted(darkness, reverse=True), "on white the highest power is the darkest"
+    lightness = [sum(color[:3]) for color in seen.values()]
+    assert lightness == sorted(lightness), "the highest power is the lightest, as on a dark ground"
     assert pixel(square_tab, 50, 10)[3] == 0 and pixel(square_tab, 20, 5)[3] == 0
     jump = pixels(square_tab, [(x, 0) for x in np.arange(5, 35, 0.25)])
     assert {color[3] > 0 for color in jump} == {True, False}, "a jump is dashed"
@@ -113,7 +113,7 @@ def test_the_legend_says_range_and_unit(square_tab: Tab) -> None:
     square_tab.page.select_option("#color-by", "velocity")
     assert legend() == "velocity, mm/s 100 200"
     square_tab.page.select_option("#color-by", "energy")
-    assert legend() == "energy per mm, %*ms/mm 100 200"
+    assert legend() == "energy per mm, %·ms/mm 100 200"
     square_tab.page.select_option("#color-by", "order")
     assert legend() == "order in time, ms 40 615"
     assert square_tab.page.inner_text("#scale-bar").split()[1] in ("mm", "um")
@@ -282,12 +282,10 @@ def test_order_and_filters_give_the_rows_that_numpy_gives(chromium: Chromium, tm
         def kept(name: str, **model: Any) -> list[int]:
             return order(tab, [], {name: {"filterType": "number", **model}})
 
-        wanted = float(np.float32(length[100]))
         assert kept("length_mm", type="equals", filter=3) == [13, 14]
-        assert (
-            kept("length_mm", type="equals", filter=float(f"{wanted:.6g}"))
-            == np.flatnonzero(length == length[100]).tolist()
-        )
+        shown = [f"{value:.4g}" for value in length.tolist()]
+        alike = [number for number, text in enumerate(shown) if text == shown[100]]
+        assert len(alike) > 1 and kept("length_mm", type="equals", filter=float(shown[100])) == alike
         assert kept("length_mm", type="lessThan", filter=0.05) == np.flatnonzero(length < 0.05).tolist()
         assert kept("ch0_power_max", type="greaterThan", filter=60.5) == np.flatnonzero(power > 60.5).tolist()
         assert kept("ch0_power_max", type="blank") == np.flatnonzero(np.isnan(power)).tolist()
@@ -380,6 +378,8 @@ def test_channels_switches_and_kinds_look_different(rich_tab: Tab) -> None:
     page.check("#show-switches")
     rich_tab.drawn()
     assert sum(color[3] > 0 for color in pixels(rich_tab, around)) > before, "a circle where emission begins"
+    assert "command" not in page.inner_text(".legend"), "not drawn"
+    page.check("#show-command")
     keys = page.inner_text(".legend").split()
     assert {"jump", "run-in", "run-out", "command", "on", "off"} <= set(keys)
 
@@ -406,7 +406,10 @@ def test_zoom_by_keyboard_and_buttons(square_tab: Tab) -> None:
 
 def test_hover_shows_line_kind_power_and_velocity(square_tab: Tab) -> None:
     page = square_tab.page
-    assert hover_path(square_tab, 50, 20).split("\n") == ["line 7: mark (segment 4)", "200 mm/s, ch0 30 %"]
+    assert hover_path(square_tab, 50, 20).split("\n") == [
+        "line 7: mark (segment 4)",
+        "200 mm/s, ch0 30 % (150 %·ms/mm)",
+    ]
     page.locator("#time").scroll_into_view_if_needed()
     box = page.locator("#time .u-over").bounding_box()
     assert box is not None
@@ -554,7 +557,12 @@ def test_a_channel_whose_unit_changes(chromium: Chromium, tmp_path: Path) -> Non
     tables = columns_of(square())
     tables["strokes"]["ch0_unit"] = (tables["strokes"]["row"] >= 3).astype(np.uint8)
     page_ = page_of(
-        tables, facts={"channels": [{"channel": 0, "unit": "%", "units": ["%", "V"], "watts_per_unit": None}]}
+        tables,
+        facts={
+            "channels": [
+                {"channel": 0, "unit": "%", "units": ["%", "V"], "watts_per_unit": None, "peak_per_mm": [None] * 2}
+            ]
+        },
     )
     with chromium.open(written(page_, tmp_path)) as tab:
         page = tab.ready().page
@@ -569,7 +577,7 @@ def test_a_channel_whose_unit_changes(chromium: Chromium, tmp_path: Path) -> Non
 def test_without_scripts_the_figures_are_there(chromium: Chromium, tmp_path: Path) -> None:
     with chromium.open(written(rich_page(), tmp_path), scripts=False) as tab:
         text = tab.page.inner_text("main")
-        for words in ("Without JavaScript", "274.243", "GJ503", "is left ON", "Marking quality", "on error"):
+        for words in ("Without JavaScript", "274.2", "GJ503", "is left ON", "Marking quality", "on error"):
             assert words in text, words
         assert tab.page.is_hidden("#map") and tab.page.is_hidden("#theme")
 

@@ -262,13 +262,17 @@ def test_no_english_word_is_left_in_other_pages(
     changing = columns_of(square())
     changing["strokes"]["ch0_unit"] = (changing["strokes"]["row"] >= 3).astype(np.uint8)
     changing["rows"]["ch0_unit"] = (np.arange(7) >= 3).astype(np.int8)
-    units = {"channels": [{"channel": 0, "unit": "%", "units": ["%", "V"], "watts_per_unit": None}]}
+    units = {
+        "channels": [
+            {"channel": 0, "unit": "%", "units": ["%", "V"], "watts_per_unit": None, "peak_per_mm": [None] * 2}
+        ]
+    }
     none = {"job": "a.job", "version": "1"}
     error = diagnostics()[0] | {"severity": "error", "message": "此处有误", "notes": []}
     remarks = [
         Phrase("Channel {channel} is left ON.", channel=0),
         Phrase(
-            "Emission while standing still is not drawn (channel {channel}: {power} {unit}*ms).",
+            "Emission while standing still is not drawn (channel {channel}: {power} {unit}·ms).",
             power="3",
             unit="%",
             channel=1,

@@ -275,7 +275,7 @@
       range ? localized("path", ofChannel ? "legend-channel" : "legend", about) : localized("path", "no-emission");
     const text = (value) => figure(value * k, 4), whole = (value) => short(value * k, 4);
     tell("legend-low", range && !range.single ? text(range.low) : "");
-    tell("legend-high", range ? (range.single ? localized("path", "everywhere", { value: text(range.high) }) : text(range.high)) : "");
+    tell("legend-high", range ? (range.least === range.most ? localized("path", "everywhere", { value: text(range.high) }) : text(range.high)) : "");
     const under = range && range.least < range.low, over = range && range.most > range.high;
     tell("legend-under", under ? localized("path", "under", { value: text(range.low), least: whole(range.least) }) : "");
     tell("legend-over", over ? localized("path", "over", { value: text(range.high), most: whole(range.most) }) : "");
