@@ -15,10 +15,11 @@ methods for them raise JobError. The diagnostics are those of `gusjob check`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -29,9 +30,11 @@ from gusjob.config.machine import Scanner, parse_scanner
 from gusjob.controllers.control import Control
 from gusjob.diagnostics.model import Diagnostic, Severity, has_errors
 from gusjob.diagnostics.select import EMPTY_LAYER
+from gusjob.frontend.overrides import checked_overrides
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized, plural
 from gusjob.inputs import open_input
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.pipeline import (
     Checked,
     Compiled,
@@ -120,13 +123,22 @@ class ReportedDiagnostic:
         return f"{self.path}:{self.line}:{self.column}: {severity}[{self.code}]: {self.message}"
 
 
-def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | None = None) -> JobFile:
+def read(
+    path: str | Path,
+    *,
+    machine: str | Path | None = None,
+    scanner: str | None = None,
+    overrides: Mapping[str, str | float] | None = None,
+) -> JobFile:
     """Read and check a job, a listing of calls, or the journal of a run.
 
     Args:
         path: The file: a job (.job), a listing or C program (.gts, .c), or a journal.
         machine: The machine profile; by default gusjob.toml beside the file or above it.
         scanner: Model of the beam's lag, used instead of the profile's, such as "first-order:250us".
+        overrides: Values by name, each in place of that of the job's first LET of this name, as -D of the commands: a
+            number, or a text that may be the right side of a LET, such as "60%" or "2*pitch". A name that the job does
+            not set with LET is an error in `diagnostics` (GJ160).
 
     Returns:
         The file with its diagnostics. A file with errors is returned, too.
@@ -134,15 +146,20 @@ def read(path: str | Path, *, machine: str | Path | None = None, scanner: str | 
     Raises:
         FileNotFoundError, PermissionError, IsADirectoryError: The file or the profile can't be opened.
         OSError: It is not text, or too large.
-        ValueError: `scanner` is not a scanner model.
+        ValueError: `scanner` is not a scanner model, or a name or value of `overrides` is none.
     """
     profile = None if machine is None else Path(machine)
-    loaded = load(Path(path), profile, scanner=_scanner(scanner))
+    loaded = load(Path(path), profile, scanner=_scanner(scanner), overrides=_overrides(overrides))
     return JobFile(_readable(loaded, loaded.path, loaded.profile))
 
 
 def read_text(
-    text: str, *, name: str | Path = "text.job", machine: str | Path | None = None, scanner: str | None = None
+    text: str,
+    *,
+    name: str | Path = "text.job",
+    machine: str | Path | None = None,
+    scanner: str | None = None,
+    overrides: Mapping[str, str | float] | None = None,
 ) -> JobFile:
     """Read and check a job or listing from a string.
 
@@ -152,16 +169,18 @@ def read_text(
             are included relative to it, and the machine profile is searched for in its folder and above.
         machine: The machine profile; by default gusjob.toml beside `name` or above it.
         scanner: As for `read`.
+        overrides: As for `read`.
 
     Returns:
         The text with its diagnostics.
 
     Raises:
         OSError: The profile can't be read, or the text contains NUL characters or surrogates.
-        ValueError: `scanner` is not a scanner model.
+        ValueError: `scanner` is not a scanner model, or a name or value of `overrides` is none.
     """
     profile = None if machine is None else Path(machine)
-    loaded = load(Path(name), profile, scanner=_scanner(scanner), data=text.encode(errors="surrogatepass"))
+    data = text.encode(errors="surrogatepass")
+    loaded = load(Path(name), profile, scanner=_scanner(scanner), data=data, overrides=_overrides(overrides))
     return JobFile(_readable(loaded, loaded.profile))
 
 
@@ -184,7 +203,7 @@ def run_on(
     controller is closed. Call this function in the main thread: only there Ctrl+C and SIGTERM can stop the run.
 
     Args:
-        job: The job, or its file.
+        job: The job, or its file. A file is read with the overrides of the run that is continued.
         confirm: True, or a function that gets the plan of the run and returns True. Without confirmation no laser is
             switched on. To find where a killed run was interrupted, the controller is opened and its motion stopped
             before a function is called.
@@ -224,7 +243,9 @@ def run_on(
     )
     if isinstance(recorded, Refusal):
         return ControllerRun(ending=Ending.REFUSED.value, reason=recorded.localized)
-    request = run_request((job if isinstance(job, JobFile) else read(job))._runnable(), options)
+    if not isinstance(job, JobFile):
+        job = read(job, overrides=None if recorded is None else recorded.overrides)
+    request = run_request(job._runnable(), options)
     watch = None if on_progress is None else report_to(on_progress)
     outcome = run_request_on(request, confirm=confirm, control=control, watch=watch)
     return ControllerRun(
@@ -280,6 +301,11 @@ class JobFile:
     def path(self) -> Path:
         """The file."""
         return self._loaded.path
+
+    @property
+    def overrides(self) -> dict[str, str]:
+        """The values that were given in place of those of the job's LETs, as texts by name."""
+        return dict(self._loaded.overrides)
 
     @cached_property
     def _examined(self) -> FileResult:
@@ -363,10 +389,9 @@ class Simulation:
 
     @cached_property
     def _report(self) -> Report:
-        from gusjob.report.rows import make_report
+        from gusjob.report.rows import report_of
 
-        simulated = self._simulated
-        return make_report(simulated.trace, simulated.machine, simulated.files, marking=True, profile=simulated.profile)
+        return report_of(self._simulated, marking=True)
 
     @property
     def diagnostics(self) -> tuple[ReportedDiagnostic, ...]:
@@ -379,6 +404,14 @@ class Simulation:
         return self.diagnostics
 
     @property
+    def answer(self) -> str:
+        """What `gusjob run` prints: one line about the run, then what stands out, each with its line."""
+        from gusjob.report.answer import answer_of
+        from gusjob.report.table import report_text
+
+        return report_text(self._report, answer_of(self._report, self._simulated.diagnostics))
+
+    @property
     def totals(self) -> dict[str, Any]:
         """Totals of the whole run, as `totals` of `gusjob report --format json`.
 
@@ -389,10 +422,11 @@ class Simulation:
             channels: a list with an entry for each channel that the job uses:
                 channel: 0 or 1; unit: of its power, "%", "kHz" or "V" (with several modes a channel has several
                 entries); emission_ms: time of emission; power_ms: integral of the emitted power, unit * ms;
-                power_max: highest emitted power, None without emission; joules: energy, None where the profile names
-                no rated power; clamped_ms: time for which a limit clamped the power; before_motion_power_ms: integral
-                of the power emitted before the first motion, which is part of no segment; off_output: the output while
-                the laser is off (standby pulse, pre-voltage); lit_at_end: whether the laser is left on.
+                power_max: highest emitted power, None without emission; power_max_w: the same in watts, None where
+                the profile names no rated power; joules: energy, None likewise; clamped_ms: time for which a limit
+                clamped the power; before_motion_power_ms: integral of the power emitted before the first motion, which
+                is part of no segment; off_output: the output while the laser is off (standby pulse, pre-voltage);
+                lit_at_end: whether the laser is left on.
             marking: a list with the quality of the marks by channel and unit: channel, unit, marks (their number),
                 worst (largest magnitude) and typical (median magnitude) of each quality column of `marks()`.
         """
@@ -521,6 +555,23 @@ class Simulation:
                 for name in ("emission_ms", "power_ms", "power_max", "joules")
             ]
         return _html_table(f"gusjob.Simulation {self._simulated.path}", ("total", "value"), rows)
+
+
+def _overrides(values: Mapping[str, str | float] | None) -> Overrides:
+    if not values:
+        return NO_OVERRIDES
+    found = checked_overrides((name, _override_text(value)) for name, value in values.items())
+    if isinstance(found, Phrase):
+        raise ValueError(localized(found))
+    return found
+
+
+def _override_text(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real) or not np.isfinite(value):
+        raise ValueError(f"{value!r} is no value of a LET: pass a number, or a text such as '60%'")
+    return str(int(value)) if isinstance(value, Integral) else repr(float(value))
 
 
 def _scanner(text: str | None) -> Scanner | None:

@@ -12,29 +12,26 @@ from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from gusjob.config.machine import Budget, Machine, Scanner
 from gusjob.config.profile import Profile, find_profile, read_profile
 from gusjob.controllers.gus import GUS
 from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Diagnostic, Severity, Span, has_errors
+from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity, Span, has_errors
 from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
-from gusjob.frontend import Source, check_text, is_listing, locate_calls, read_job, read_listing, read_source
-from gusjob.frontend.includes import may_be_included
-from gusjob.frontend.source import shown_name
-from gusjob.ir.job import Job
-from gusjob.lint import RULES_OF_A_COMPLETE_TEXT
-from gusjob.lint import check as lint_job
+from gusjob.i18n.phrases import Phrase
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 
-if TYPE_CHECKING:  # Start-up time is part of the tool: `check` needs neither calls nor planner.
+if TYPE_CHECKING:  # Start-up time is part of the tool: each step imports what it needs, and a help text needs no step.
     from gusjob.controllers.gus.calls import Stream
+    from gusjob.frontend import Source
     from gusjob.hardware.request import RunOptions, RunRequest
+    from gusjob.ir.job import Job
     from gusjob.simulate import Trace
 
-_Sources = Mapping[str, Source]
 _P = TypeVar("_P", bound="Parsed")
 
 _OF_JOBS = ("GJ2", "GJ3", "GJ4", "GJ5")
@@ -54,7 +51,7 @@ class FileResult:
     """Result for one file: its machine, the selection of rules, and its diagnostics, by position.
 
     `profile`: the machine profile that was read, None for the defaults. `sources`: the texts that spans point into, by
-    name.
+    name. `overrides`: values in place of those of a job's LETs.
     """
 
     path: Path
@@ -62,7 +59,8 @@ class FileResult:
     selection: RuleSelection = field(default_factory=RuleSelection)
     profile: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
-    sources: _Sources = field(default_factory=lambda: MappingProxyType({}))
+    sources: Mapping[str, Source] = field(default_factory=lambda: MappingProxyType({}))
+    overrides: Overrides = field(default_factory=lambda: NO_OVERRIDES)
 
     @property
     def is_unreadable(self) -> bool:
@@ -114,7 +112,12 @@ class Parsed(FileResult):
     @property
     def job(self) -> Job | None:
         """The job, None for a listing or journal."""
-        return self.content if isinstance(self.content, Job) else None
+        return None if self.is_listing else cast("Job", self.content)
+
+    @property
+    def listing_calls(self) -> Stream | None:
+        """The calls of a listing or journal, None for a job."""
+        return cast("Stream", self.content) if self.is_listing else None
 
     @property
     def is_listing(self) -> bool:
@@ -124,17 +127,17 @@ class Parsed(FileResult):
     @property
     def files(self) -> tuple[tuple[str, int], ...]:
         """Name and number of lines of each file that a job consists of, if there are several."""
-        return self.content.files if isinstance(self.content, Job) else ()
+        return () if self.job is None else self.job.files
 
     @property
     def included_paths(self) -> tuple[Path, ...]:
         """The files that INCLUDEs of a job name, whether or not they could be read."""
-        return self.content.included_paths if isinstance(self.content, Job) else ()
+        return () if self.job is None else self.job.included_paths
 
     def text_of(self, span: Span, path: str) -> str:
         """The source line of a span in this file, in its profile, or in a file that it includes."""
-        if span.path and isinstance(self.content, Job):
-            return self.content.text_of(span)
+        if span.path and self.job is not None:
+            return self.job.text_of(span)
         return FileResult.text_of(self, span, path)
 
 
@@ -159,35 +162,54 @@ class Simulated(Compiled):
 
 
 def load(
-    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None, data: bytes | None = None
+    path: Path,
+    profile_path: Path | None = None,
+    *,
+    scanner: Scanner | None = None,
+    data: bytes | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Checked | Rejected:
     """Parse and check a file. Arguments as for `parse`."""
-    parsed = parse(path, profile_path, scanner=scanner, data=data)
+    parsed = parse(path, profile_path, scanner=scanner, data=data, overrides=overrides)
     return check(parsed) if isinstance(parsed, Parsed) else parsed
 
 
-def examine_file(path: Path, profile_path: Path | None = None) -> Checked | Rejected:
+def examine_file(
+    path: Path, profile_path: Path | None = None, *, data: bytes | None = None, overrides: Overrides = NO_OVERRIDES
+) -> Checked | Rejected:
     """Everything that `gusjob check` reports of a file."""
-    loaded = load(path, profile_path)
+    loaded = load(path, profile_path, data=data, overrides=overrides)
     return examine(loaded) if isinstance(loaded, Checked) else loaded
 
 
-def compile_file(path: Path, profile_path: Path | None = None) -> Compiled | Checked | Rejected:
+def compile_file(
+    path: Path, profile_path: Path | None = None, *, data: bytes | None = None, overrides: Overrides = NO_OVERRIDES
+) -> Compiled | Checked | Rejected:
     """Load a file and compile it if there are no errors."""
-    loaded = load(path, profile_path)
+    loaded = load(path, profile_path, data=data, overrides=overrides)
     return compile_calls(loaded) if isinstance(loaded, Checked) else loaded
 
 
 def simulate_file(
-    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None
+    path: Path,
+    profile_path: Path | None = None,
+    *,
+    scanner: Scanner | None = None,
+    data: bytes | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Simulated | Checked | Rejected:
-    """Load a file and simulate it if there are no errors. `scanner`: in place of the profile's."""
-    loaded = load(path, profile_path, scanner=scanner)
+    """Load a file and simulate it if there are no errors. Arguments as for `parse`."""
+    loaded = load(path, profile_path, scanner=scanner, data=data, overrides=overrides)
     return simulate(loaded) if isinstance(loaded, Checked) else loaded
 
 
 def parse(
-    path: Path, profile_path: Path | None = None, *, scanner: Scanner | None = None, data: bytes | None = None
+    path: Path,
+    profile_path: Path | None = None,
+    *,
+    scanner: Scanner | None = None,
+    data: bytes | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Parsed | Rejected:
     """Read a job, listing or journal with its machine profile.
 
@@ -196,7 +218,11 @@ def parse(
         profile_path: The machine profile; None for gusjob.toml beside the file or above it.
         scanner: In place of the profile's.
         data: In place of the file's content, for a text that is not on the disk.
+        overrides: Values in place of those of the job's LETs, checked by frontend/overrides.py.
     """
+    from gusjob.frontend import Source, check_text, read_source
+    from gusjob.frontend.source import shown_name
+
     source, found = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
         return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
@@ -217,17 +243,22 @@ def parse(
         )
     if scanner is not None:
         profile = replace(profile, machine=replace(profile.machine, scanner=scanner))
-    return parse_source(source, path=path, profile=profile)
+    return parse_source(source, path=path, profile=profile, overrides=overrides)
 
 
-def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Rejected:
+def parse_source(
+    source: Source, *, path: Path, profile: Profile, overrides: Overrides = NO_OVERRIDES
+) -> Parsed | Rejected:
     """Read a text for the machine of a profile."""
+    from gusjob.frontend import is_listing, read_job, read_listing
+
     common: dict[str, Any] = {
         "path": path,
         "machine": profile.machine,
         "selection": profile.selection,
         "profile": profile.source,
         "sources": MappingProxyType({source.name: source}),
+        "overrides": overrides,
     }
     if source.data.startswith(JOURNAL_START):
         from gusjob.hardware.journal_stream import journal_stream
@@ -235,17 +266,25 @@ def parse_source(source: Source, *, path: Path, profile: Profile) -> Parsed | Re
         stream, found = journal_stream(source)
         if stream is None:
             return Rejected(**common, diagnostics=tuple(found), unreadable=True)
+        found = [*found, *_no_lets(source, overrides, Phrase("a journal"))]
         return Parsed(**common, source=source, content=stream, origin=Origin.JOURNAL, diagnostics=tuple(found))
     suppressions = NO_SUPPRESSIONS.added(source.name, source.data, top=True)
     if is_listing(source):
         calls, found = read_listing(source, profile.machine.controller.abi)
         parsed = Parsed(**common, source=source, content=calls, origin=Origin.LISTING, suppressions=suppressions)
-        return _with_diagnostics(parsed, found)
-    job, found = read_job(source, profile.machine)
+        return _with_diagnostics(parsed, [*found, *_no_lets(source, overrides, Phrase("a listing"))])
+    job, found = read_job(source, profile.machine, overrides)
     for name, text in job.included:
         suppressions = suppressions.added(name, text, top=False)
     parsed = Parsed(**common, source=source, content=job, origin=Origin.JOB, suppressions=suppressions)
     return _with_diagnostics(parsed, found)
+
+
+def _no_lets(source: Source, overrides: Overrides, what: Phrase) -> list[Diagnostic]:
+    """Report overrides for a file that has no LETs. `what`: its kind."""
+    if not overrides:
+        return []
+    return [Diagnostic(rule=rules.OVERRIDE_OF_CALLS, span=NOWHERE, fields={"what": what}, path=source.name)]
 
 
 def check(parsed: Parsed) -> Checked:
@@ -255,16 +294,20 @@ def check(parsed: Parsed) -> Checked:
     """
     checked = _next(Checked, parsed)
     job = parsed.job
-    return checked if job is None else _with_diagnostics(checked, lint_job(job, parsed.machine))
+    if job is None:
+        return checked
+    from gusjob.lint import check as lint_job
+
+    return _with_diagnostics(checked, lint_job(job, parsed.machine))
 
 
 def compile_calls(checked: Checked) -> Compiled | Checked:
     """Plan a job and lower it to calls; the same result, with the planner's diagnostics, if there are errors."""
     if isinstance(checked, Compiled) or has_errors(checked.diagnostics):
         return checked
-    if not isinstance(checked.content, Job):
+    if checked.job is None:
         return _next(Compiled, checked, stream=checked.content)
-    stream, found = GUS.compile(checked.content, checked.machine)
+    stream, found = GUS.compile(checked.job, checked.machine)
     planned = _with_diagnostics(checked, found)
     return planned if has_errors(planned.diagnostics) else _next(Compiled, planned, stream=stream)
 
@@ -292,10 +335,10 @@ def examine(checked: Checked) -> Checked:
     """
     if checked.machine.budget != Budget():
         checked = simulate(checked)
-    elif not isinstance(checked.content, Job):
-        _, found = GUS.simulate(checked.content, checked.machine, is_listing=True, coarse=True)
+    elif checked.listing_calls is not None:
+        _, found = GUS.simulate(checked.listing_calls, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
-    elif checked.content.has_forced_ends or checked.content.has_sky_writing:
+    elif checked.job is not None and (checked.job.has_forced_ends or checked.job.has_sky_writing):
         checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
 
@@ -319,6 +362,7 @@ def run_request(simulated: Simulated, options: RunOptions) -> RunRequest:
         trace=simulated.trace,
         machine=simulated.machine,
         options=options,
+        overrides=simulated.overrides,
         locate=locate,
         report=report,
     )
@@ -350,6 +394,8 @@ def _next(phase: type[_P], result: Parsed, **more: Any) -> _P:
 
 def _with_diagnostics(result: _P, found: Iterable[Diagnostic]) -> _P:
     """Add diagnostics: with the profile's severities, and without those that a comment suppresses."""
+    if result.job is not None and result.job.with_override_notes is not None:
+        found = map(result.job.with_override_notes, found)
     left, suppressions = result.suppressions.applied(result.selection.with_severities(list(found)))
     # Where the listed ones are suppressed, those that are only counted must not go unseen.
     seen = [f.at_least(_hidden_severity(f, suppressions)) if f.rule is rules.NOT_LISTED else f for f in left]
@@ -370,7 +416,11 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
         return _with_diagnostics(checked, of_calls)
     job = checked.job
     if job is None:
+        from gusjob.frontend import locate_calls
+
         if has_errors(checked.diagnostics):  # What seems to be missing may be in a line that can't be read.
+            from gusjob.lint import RULES_OF_A_COMPLETE_TEXT
+
             found = [f for f in found if f.rule not in RULES_OF_A_COMPLETE_TEXT]
         return _with_diagnostics(checked, locate_calls(list(found), checked.source))
     # What is reported of a line already is not reported again of the line's calls.
@@ -381,6 +431,8 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
 
 def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
     """Comments that suppress what can't be suppressed or is not there. After an error not all has been looked for."""
+    from gusjob.frontend.includes import may_be_included
+
     if checked.origin is Origin.JOURNAL:
         return []
     clean = not has_errors(checked.diagnostics)

@@ -26,14 +26,14 @@ JOB = "LOOKAHEAD OFF\n" + MARK + "LASER POWER 40\nJUMP X 10\nLASER ON\nLINE X 20
 
 
 def test_the_example_of_the_guide_runs(tmp_path: Path) -> None:
-    (example,) = blocks(text_of("docs/python.md"), "python")
+    example = "".join(blocks(text_of("docs/python.md"), "python"))
     shutil.copytree(ROOT / "jobs", tmp_path / "jobs")
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", example],
         cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
-    assert "GT_SetAxisMode(7,1)" in done.stdout and "3423.67" in done.stdout
+    assert "GT_SetAxisMode(7,1)" in done.stdout and "3423.67" in done.stdout and "\n8 8mm " in done.stdout
     assert (tmp_path / "co2_cut.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -233,3 +233,4 @@ def test_results_show_what_they_are(tmp_path: Path) -> None:
     run = gusjob.read(write(tmp_path, JOB)).simulate()
     assert repr(run).endswith("x.job: 2 segments, 220 ms, 10 mm marked, channel 0: 110 ms emission up to 40 %>")
     assert "<td>mark_mm</td><td>10</td>" in run._repr_html_()
+    assert run.answer.splitlines()[1].startswith("OK, ")

@@ -121,7 +121,7 @@ def test_only_a_regular_file_is_loaded(folder: Path, command: str, library: str,
     listening(folder / "socket")
     (folder / "folder").mkdir()
     done = gusjob(*command.split(), "--library", library)
-    assert done.exit_code == (0 if command == "devices" else 1)
+    assert done.exit_code == (1 if command == "devices" else 2)
     assert why in done.output
 
 
@@ -208,4 +208,4 @@ def test_a_name_that_is_too_long_is_a_clear_error(folder: Path, command: str) ->
     assert not exists(name)
     done = gusjob(*command.split(), name)
     assert any(why in done.output for why in ("file name too long", "no such file"))
-    assert done.exit_code == (0 if "devices" in command else 2)
+    assert done.exit_code == (1 if "devices" in command else 2)

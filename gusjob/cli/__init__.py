@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from gusjob.cli.language import Command, apply_language_option, own_language_settings
+from gusjob.cli.language import Command, apply_language_option, color_given, own_language_settings
 from gusjob.version import __version__
 
 # No command multiplies matrices: numpy's thread pool would only slow down the start.
@@ -30,7 +30,10 @@ _COMMANDS = (
     "tune",
     "devices",
     "record",
+    "help",
 )
+_COMPLETE = "_GUSJOB_COMPLETE"
+"""The variable with which a shell asks for completions."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a full or broken disk, which may occur wherever a command prints."""
 
@@ -46,6 +49,7 @@ class _CommandGroup(Command, click.Group):
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
         apply_language_option(args)
+        extra.setdefault("color", color_given(args))
         return super().make_context(info_name, args, parent, **extra)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -59,14 +63,23 @@ class _CommandGroup(Command, click.Group):
         return command
 
 
-@click.group(cls=_CommandGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="gusjob")
-def cli() -> None:
+@click.group(
+    cls=_CommandGroup,
+    invoke_without_command=True,
+    subcommand_metavar="COMMAND [ARGS]...",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.version_option(__version__, "-V", "--version", prog_name="gusjob")
+@click.pass_context
+def cli(context: click.Context) -> None:
     """Compile, lint and run laser jobs for Googol GUS galvo controllers.
 
-    FILE is a job (.job), or the GT_ calls of a listing or C program (.gts, .c). Exit status: 0 clean, 1 errors, or
-    changes found by report --against, 2 wrong usage or a file that can't be read.
+    FILE is a job (.job), or the GT_ calls of a listing or C program (.gts, .c); - is standard input. Exit status: 0
+    clean, 1 errors, or changes found by report --against, 2 wrong usage or a file that can't be read.
     """
+    if context.invoked_subcommand is None:  # Wrong usage: a script that lost its words must not pass.
+        click.echo(context.get_help(), err=True)
+        context.exit(2)
 
 
 def main() -> None:
@@ -76,7 +89,7 @@ def main() -> None:
         if reconfigure is not None:  # Characters that a console can't show are escaped.
             reconfigure(errors="backslashreplace")
     try:
-        cli()
+        _call()
     except OSError as error:
         if error.errno not in _FULL or error.filename is not None:
             raise
@@ -85,6 +98,17 @@ def main() -> None:
         stop_writing(None, error)
     finally:
         _flush_standard_output()
+
+
+def _call() -> None:
+    """Run the command, or answer a shell that completes one: also of python -m gusjob, under the program's own name."""
+    if _COMPLETE not in os.environ:
+        cli()
+    import_module("gusjob.cli.bash_words")
+    try:
+        cli(prog_name="gusjob", complete_var=_COMPLETE)
+    except (KeyError, ValueError):  # Not called by a shell: without its variables, or with others.
+        sys.exit(1)
 
 
 def _flush_standard_output() -> None:

@@ -11,15 +11,29 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
-from gusjob.cli.files import files_named
+from gusjob.cli.completion import complete_codes
+from gusjob.cli.define import define_option
+from gusjob.cli.endings import output_format
+from gusjob.cli.files import CURRENT_FOLDER, files_named, refuse_writing_unnamed
+from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
-from gusjob.diagnostics.formats.writers import writer_for
+from gusjob.cli.quiet import quiet_option, summarize
+from gusjob.cli.standard_input import (
+    STANDARD_INPUT,
+    InputFile,
+    input_paths,
+    read_standard_input,
+    refuse_name_without_input,
+    stdin_filename_option,
+)
+from gusjob.diagnostics.formats.writers import ENDINGS, FORMATS, LOG, TEXT, WITH_STATISTICS, writer_for
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.diagnostics.rules import RULES
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.i18n.width import padded
+from gusjob.ir.overrides import Overrides
 from gusjob.pipeline import FileResult, examine_file, selected
 
 _CHECKED = (".job", ".gts")
@@ -39,64 +53,91 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 
 
 @click.command(name="check", cls=Command)
-@click.argument("paths", metavar="FILE|FOLDER|GLOB...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", metavar="[FILE|FOLDER|GLOB]...", nargs=-1, type=click.Path(), callback=input_paths)
 @machine_option
+@define_option
+@stdin_filename_option
 @click.option(
-    "--format", "form", type=click.Choice(["text", "json", "sarif", "junit"]), default="text", show_default=True,
-    help="text for people, json for programs, sarif for code scanning, junit for CI systems that show test results.",
+    "--format", "form", type=FormatChoice(FORMATS),
+    help="text for people, json for programs, sarif for code scanning, junit for CI systems that show test results, "
+    "github for annotations, gitlab for Code Quality. Default: by the output file's extension, else text.",
 )  # fmt: skip
 @output_option
 @click.option("--strict", is_flag=True, help="Exit with 1 on warnings, too.")
+@click.option("--exit-zero", is_flag=True, help="Exit with 0 also if there are errors.")
 @click.option(
-    "--select", multiple=True, callback=_prefixes, metavar="CODES", help="Report only these rules, such as GJ4,GJ201."
-)
-@click.option("--ignore", multiple=True, callback=_prefixes, metavar="CODES", help="Report all rules but these.")
+    "--select", multiple=True, callback=_prefixes, metavar="CODES", shell_complete=complete_codes,
+    help="Report only these rules, such as GJ4,GJ201.",
+)  # fmt: skip
+@click.option(
+    "--ignore", multiple=True, callback=_prefixes, metavar="CODES", shell_complete=complete_codes,
+    help="Report all rules but these.",
+)  # fmt: skip
 @click.option("--statistics", is_flag=True, help="Count the diagnostics of each rule instead of listing them.")
 @click.option(
     "--fix", "fixes", is_flag=True, help="Correct problems that have only one possible correction; report the rest."
 )
 @click.option("--diff", "diffs", is_flag=True, help="Show what --fix would change, without writing.")
+@quiet_option
 def command(
-    paths: tuple[Path, ...], machine_path: Path | None, form: str, output: Path | None, strict: bool,
-    select: tuple[str, ...], ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
+    paths: tuple[Path, ...], machine_path: Path | None, overrides: Overrides, stdin_filename: Path | None,
+    form: str | None, output: Path | None, strict: bool, exit_zero: bool, select: tuple[str, ...],
+    ignore: tuple[str, ...], statistics: bool, fixes: bool, diffs: bool,
 ) -> None:  # fmt: skip
     """Check jobs and listings for errors.
 
-    A FOLDER means all .job and .gts files in it. A GLOB ("**/*.job") works even if the shell does not expand it. Exit
-    status: 0 clean, 1 errors (with --strict also warnings), 2 a file that can't be read. Rules that are not selected,
-    here or in the profile's [check], are not counted.
+    A FOLDER means all .job and .gts files in it; without arguments, those in the current folder. A GLOB ("**/*.job")
+    works even if the shell does not expand it. - reads standard input. Exit status: 0 clean, 1 errors (with --strict
+    also warnings), 2 a file that can't be read. Rules that are not selected, here or in the profile's [check], are not
+    counted.
 
     With --fix the exit status is that of the corrected files; with --diff it is 1 if there is something to correct.
+    --fix writes the corrected text of standard input to standard output.
     """
-    _refuse(form, output, statistics=statistics, diffs=diffs)
+    form = output_format(form, output, ENDINGS)
+    _refuse(form, statistics=statistics, diffs=diffs, strict=strict, exit_zero=exit_zero)
+    if overrides and (fixes or diffs):
+        wrong = Phrase("--fix and --diff can't be combined with -D: they correct the job for the values in its text")
+        raise click.UsageError(localized(wrong))
+    writes_text = fixes and not diffs and STANDARD_INPUT in paths
+    if writes_text and output is None and (form != TEXT or statistics):
+        wrong = Phrase("--fix writes the text of standard input to standard output: name a file for the rest with -o")
+        raise click.UsageError(localized(wrong))
+    if fixes and not diffs:
+        refuse_writing_unnamed(paths, Phrase("--fix rewrites files: name them, or . for those in the current folder"))
+    refuse_name_without_input(paths, stdin_filename)
     asked = SelectionLayer(select=select, ignore=ignore)
     sums = _Sums(status=ExitStatus(strict=strict))
-    writer = writer_for(form, strict=strict, by_rule=sums.by_rule if statistics else None)
+    is_shown = form == TEXT and (output is None or statistics)
+    by_rule = sums.by_rule if statistics else None
+    writer = None if is_shown else writer_for(form, strict=strict, by_rule=by_rule, overrides=overrides)
     fixer = None
     if fixes or diffs:
         from gusjob.cli.fixes import FileFixer
 
         fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs)
-    files = files_named(paths, _CHECKED)
+    files = files_named(paths or (CURRENT_FOLDER,), _CHECKED)
     named = [] if machine_path is None else [machine_path]
     if output is not None:  # Before anything is fixed.
         refuse_overwriting(output, [*files, *named])
     for path in files:
-        examined: FileResult = examine_file(path, machine_path)
-        examined = examined if fixer is None else fixer.fix(examined)
+        file = InputFile(path=path) if path != STANDARD_INPUT else read_standard_input(stdin_filename)
+        examined: FileResult = examine_file(file.path, machine_path, data=file.data, overrides=overrides)
+        examined = examined if fixer is None else fixer.fix(examined, file.data)
         chosen = selected(examined, asked)
         sums.add(examined, chosen)
         if writer is not None:
             writer.add(chosen.path, chosen.diagnostics, chosen.text_of, readable=not chosen.is_unreadable)
         elif not statistics:
-            show(chosen, err=diffs)
+            show(chosen, err=diffs or writes_text)
     if writer is not None:
         write([writer.to_bytes()], output, sources=[*sums.read, *named])
     elif statistics:
-        _print_statistics(sums.by_rule)
-    if writer is None or output is not None or fixer is not None:
-        click.echo(sums.summary + (fixer.summary if fixer else ""), err=True)
-    sys.exit(max(sums.status.code, fixer.exit_code if fixer else 0))
+        write([_statistics_text(sums.by_rule).encode()], output, sources=[*sums.read, *named], for_people=True)
+    if writer is None or output is not None or fixer is not None or form == LOG:
+        summarize(sums.summary + (fixer.summary if fixer else ""))
+    code = max(sums.status.code, fixer.exit_code if fixer else 0)
+    sys.exit(0 if exit_zero and code == 1 else code)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -139,14 +180,14 @@ class _Sums:
         )
 
 
-def _refuse(form: str, output: Path | None, *, statistics: bool, diffs: bool) -> None:
+def _refuse(form: str, *, statistics: bool, diffs: bool, strict: bool, exit_zero: bool) -> None:
     """Refuse options that exclude each other."""
-    if form == "text" and output is not None:
-        raise click.UsageError(localized(Phrase("-o needs --format json, sarif or junit")))
-    if statistics and form in ("sarif", "junit"):
+    if statistics and form not in WITH_STATISTICS:
         raise click.UsageError(localized(Phrase("--statistics needs --format text or json")))
-    if diffs and (form != "text" or statistics):
+    if diffs and (form != TEXT or statistics):
         raise click.UsageError(localized(Phrase("--diff can't be combined with --format or --statistics")))
+    if strict and exit_zero:
+        raise click.UsageError(localized(Phrase("--strict and --exit-zero exclude each other")))
 
 
 def _counted(diagnostics: Iterable[Diagnostic]) -> Counter[str]:
@@ -162,6 +203,9 @@ def _counted(diagnostics: Iterable[Diagnostic]) -> Counter[str]:
     return counts
 
 
-def _print_statistics(counts: Counter[str]) -> None:
-    for code, times in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
-        click.echo(f"{times:>9}  {code}  {padded(RULES[code].severity.localized, 7)}  {translated(RULES[code].title)}")
+def _statistics_text(counts: Counter[str]) -> str:
+    """A line for each rule, the most frequent one first."""
+    return "".join(
+        f"{times:>9}  {code}  {padded(RULES[code].severity.localized, 7)}  {translated(RULES[code].title)}\n"
+        for code, times in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import sys
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
@@ -14,6 +13,10 @@ from typing import BinaryIO, NoReturn
 
 import click
 
+from gusjob.cli.color import use_color
+from gusjob.cli.endings import output_path
+from gusjob.cli.quiet import is_quiet
+from gusjob.cli.standard_input import file_path, input_path
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
 from gusjob.diagnostics.model import Severity, has_errors
 from gusjob.i18n.phrases import Phrase, localized, plural, printable, reason_of
@@ -21,9 +24,11 @@ from gusjob.inputs import exists, open_input
 from gusjob.pipeline import FileResult
 
 machine_option = click.option(
-    "--machine",
+    "--profile",
+    "--machine",  # Its former name.
     "machine_path",
-    type=click.Path(path_type=Path),
+    type=click.Path(),
+    callback=file_path,
     help="Machine profile (TOML). Default: gusjob.toml in the job's folder or above it, else the documented defaults.",
 )
 
@@ -44,9 +49,13 @@ scanner_option = click.option(
     metavar="MODEL:TIME",
     help=f"Scanner model in place of the profile's: how the beam lags behind the commanded position. {SCANNER_FORM}.",
 )
-file_argument = click.argument("path", metavar="FILE", type=click.Path(path_type=Path))
+file_argument = click.argument("path", metavar="FILE", type=click.Path(), callback=input_path)
 output_option = click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Write to this file instead of standard output."
+    "-o",
+    "--output",
+    type=click.Path(),
+    callback=output_path,
+    help="Write to this file instead of standard output (-). Its extension sets the format.",
 )
 
 
@@ -72,11 +81,12 @@ def exit_code(result: FileResult) -> int:
 
 
 def show(result: FileResult, *, err: bool = True, notes: bool = True) -> None:
-    """Print diagnostics with their source lines."""
+    """Print diagnostics with their source lines; no notes with -q."""
     from gusjob.diagnostics.formats.text import diagnostic_text
 
     stream = sys.stderr if err else sys.stdout
-    color = stream is not None and stream.isatty()  # A closed stream is None.
+    color = use_color(stream)
+    notes = notes and not is_quiet()
     for diagnostic in result.diagnostics:
         if notes or diagnostic.severity is not Severity.NOTE:
             click.echo(diagnostic_text(diagnostic, result.text_of, color=color), err=err, color=color)
@@ -172,6 +182,8 @@ def rewrite(path: Path, before: bytes, after: bytes) -> str:
 
 def _replace(output: Path, pieces: Iterable[bytes]) -> None:
     """Write a temporary file beside a file, then move it to its place."""
+    import tempfile  # Start-up time is part of the tool.
+
     if output.exists():
         output.open("ab").close()  # A file that may not be written is not replaced either.
     handle, name = tempfile.mkstemp(prefix=".gusjob-", dir=output.parent)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gusjob.cli.common import exit_code, machine_option, show, write
+from gusjob.cli.completion import complete_files
+from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
 from gusjob.config.machine import Abi
 from gusjob.config.profile import find_profile, read_profile
-from gusjob.frontend import Source
-from gusjob.frontend.source import shown_name
 from gusjob.i18n.phrases import Phrase, all_of, any_of, both_of, localized, printable
 from gusjob.i18n.width import width, wrapped
 from gusjob.pipeline import FileResult, Rejected
@@ -30,15 +30,22 @@ _SYSTEMS = {"win32": "Windows", "darwin": "macOS", "linux": "Linux"}
 
 
 @click.command(name="devices", cls=Command)
-@click.option("--library", "libraries", multiple=True, metavar="FILE", help="Check this library, too; repeatable.")
+@click.option(
+    "--library",
+    "libraries",
+    multiple=True,
+    metavar="FILE",
+    shell_complete=complete_files,
+    help="Check this library, too; repeatable. Exit with 1 if it can't be used.",
+)
 @machine_option
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
+@click.option("--format", "form", type=FormatChoice(["text", "json"]), default="text", show_default=True)
 def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) -> None:
     """List the vendor's libraries and the known laser controllers on USB of this computer.
 
     The command checks the libraries that --library and the machine profile name, and those in the system's folders. It
     loads them, but opens no controller; from USB devices it reads only texts. Exit status: 0, also if nothing is found;
-    1 if the profile has errors, 2 if it can't be read.
+    1 if a library of --library can't be used or the profile has errors, 2 if the profile can't be read.
     """
     from gusjob.hardware.devices import survey
 
@@ -50,11 +57,22 @@ def command(libraries: tuple[str, ...], machine_path: Path | None, form: str) ->
         write(_json(found), None)
     else:
         click.echo("\n".join(_text(found, named)))
-    sys.exit(exit_code(profile))
+    sys.exit(max(exit_code(profile), int(_has_unusable(found, libraries))))
+
+
+def _has_unusable(found: Survey, names: Iterable[str]) -> bool:
+    """Return whether one of the libraries with these names can't be used."""
+    from gusjob.hardware.devices.libraries import whole_path
+
+    paths = {printable(whole_path(name)) for name in names}  # Of two names of one file the first one is listed.
+    return any(library.path in paths and not library.abis for library in found.libraries)
 
 
 def _profile(machine_path: Path | None) -> FileResult:
     """Read the profile that a job in this folder would have. Its errors don't prevent the search."""
+    from gusjob.frontend import Source
+    from gusjob.frontend.source import shown_name
+
     path = machine_path or find_profile(Path.cwd() / "x.job")
     if path is None:
         return FileResult(path=Path())

@@ -7,17 +7,17 @@ from textwrap import indent
 
 import click
 
+from gusjob.cli.completion import complete_code
 from gusjob.cli.language import Command
 from gusjob.diagnostics.model import Rule
 from gusjob.diagnostics.rules import RULES
-from gusjob.frontend.parse.misread import nearest
 from gusjob.i18n.language import translated
-from gusjob.i18n.phrases import Phrase, did_you_mean, localized, printable
+from gusjob.i18n.phrases import Phrase, did_you_mean, localized, nearest, printable
 from gusjob.i18n.width import padded, wrapped
 
 
 @click.command(name="explain", cls=Command)
-@click.argument("codes", metavar="[CODE]...", nargs=-1)
+@click.argument("codes", metavar="[CODE]...", nargs=-1, shell_complete=complete_code)
 def command(codes: tuple[str, ...]) -> None:
     """Explain rules, each with a bad and a good example.
 

@@ -7,9 +7,21 @@ from collections.abc import Iterator
 from glob import glob, has_magic
 from pathlib import Path
 
+import click
+
 from gusjob.cli.common import stop
-from gusjob.i18n.phrases import Phrase, any_of
+from gusjob.cli.standard_input import STANDARD_INPUT, named_path
+from gusjob.i18n.phrases import Phrase, any_of, localized
 from gusjob.inputs import exists
+
+CURRENT_FOLDER = Path()
+"""What a command that only reads takes if no file is named."""
+
+
+def refuse_writing_unnamed(paths: tuple[Path, ...], why: Phrase) -> None:
+    """Refuse to rewrite files that nobody named."""
+    if not paths:
+        raise click.UsageError(localized(why))
 
 
 def files_named(paths: tuple[Path, ...], endings: tuple[str, ...]) -> list[Path]:
@@ -26,6 +38,8 @@ def _named(path: Path, endings: tuple[str, ...]) -> list[Path]:
 
     A check of no files must not pass: a folder or glob without a file ends with exit status 2.
     """
+    if path == STANDARD_INPUT:
+        return [path]
     if exists(path) and path.is_dir():
         kinds = any_of(endings)
         return list(_inside(path, endings)) or stop(
@@ -34,7 +48,7 @@ def _named(path: Path, endings: tuple[str, ...]) -> list[Path]:
     if not has_magic(str(path)) or exists(path):  # part[1].job is a name like any other.
         return [path]
     found = glob(str(path), recursive=True)  # noqa: PTH207  (Path.glob takes no absolute pattern)
-    matches = [Path(name) for name in sorted(found)]
+    matches = [named_path(os.path.join(os.curdir, name)) for name in sorted(found)]  # noqa: PTH118  (no file is -)
     files = [file for match in matches for file in (_inside(match, endings) if match.is_dir() else (match,))]
     return files or stop(Phrase("{path}: no file matches", path=path))
 
@@ -47,6 +61,8 @@ def _inside(folder: Path, endings: tuple[str, ...]) -> Iterator[Path]:
 
 def _identity(path: Path) -> str:
     """A key that is equal for two spellings of a path. A link counts as a file: it may lie beside another profile."""
+    if path == STANDARD_INPUT:
+        return str(path)
     try:
         return os.path.normcase(path.parent.resolve() / path.name)
     except (OSError, ValueError, RuntimeError):  # No such name, or a loop of links: reported when it is read.

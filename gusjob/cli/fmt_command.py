@@ -6,46 +6,61 @@ import sys
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import colored_difference
 from gusjob.cli.common import BOM, bom_of, counted_files, rewrite, show, write
-from gusjob.cli.files import files_named
+from gusjob.cli.files import CURRENT_FOLDER, files_named, refuse_writing_unnamed
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option, summarize
+from gusjob.cli.standard_input import (
+    STANDARD_INPUT,
+    InputFile,
+    input_paths,
+    read_standard_input,
+    refuse_name_without_input,
+    stdin_filename_option,
+)
 from gusjob.diagnostics.model import Diagnostic
-from gusjob.frontend import Source, check_text, is_listing, read_source
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.pipeline import FileResult
 
-_STANDARD_INPUT = Path("-")
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    from gusjob.frontend import Source
+
 _FORMATTED = (".job",)
 _CHANGED, _UNCHANGED, _FAILED, _LISTING = "changed", "unchanged", "failed", "listing"
 
 
 @click.command(name="fmt", cls=Command)
-@click.argument("paths", metavar="FILE|FOLDER|GLOB...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", metavar="[FILE|FOLDER|GLOB]...", nargs=-1, type=click.Path(), callback=input_paths)
+@stdin_filename_option
 @click.option("--check", "checks", is_flag=True, help="List the files that would change, without writing.")
 @click.option("--diff", "diffs", is_flag=True, help="Show what would change, without writing.")
-def command(paths: tuple[Path, ...], checks: bool, diffs: bool) -> None:
+@quiet_option
+def command(paths: tuple[Path, ...], stdin_filename: Path | None, checks: bool, diffs: bool) -> None:
     """Format jobs: words, spaces, indents and comments in one canonical layout. Their calls stay the same.
 
-    A FOLDER means all .job files in it. A GLOB ("**/*.job") works even if the shell does not expand it. Listings are
-    not formatted. - reads standard input and writes standard output. A job with lines that can't be read stays as it
-    is. Exit status: 0 done, 1 a job with errors (with --check or --diff also one that would change), 2 a file that
-    can't be read or written.
+    A FOLDER means all .job files in it. A GLOB ("**/*.job") works even if the shell does not expand it. --check and
+    --diff without arguments take those in the current folder. Listings are not formatted. - reads standard input and
+    writes standard output. A job with lines that can't be read stays as it is. Exit status: 0 done, 1 a job with errors
+    (with --check or --diff also one that would change), 2 a file that can't be read or written.
     """
-    files = _files(paths)
     run = _Formatting(checks=checks, diffs=diffs)
-    for path in files:
-        run.file(path)
-    click.echo(run.summary(), err=True)
+    if run.writes:
+        refuse_writing_unnamed(paths, Phrase("fmt rewrites files: name them, or . for those in the current folder"))
+    refuse_name_without_input(paths, stdin_filename)
+    for path in _files(paths or (CURRENT_FOLDER,)):
+        run.file(InputFile(path=path) if path != STANDARD_INPUT else read_standard_input(stdin_filename))
+    summarize(run.summary())
     sys.exit(run.exit_code)
 
 
 def _files(paths: tuple[Path, ...]) -> list[Path]:
     """List the jobs that are named, each once; standard input first."""
-    named = files_named(tuple(path for path in paths if path != _STANDARD_INPUT), _FORMATTED)
-    return [_STANDARD_INPUT] * (_STANDARD_INPUT in paths) + named
+    return sorted(files_named(paths, _FORMATTED), key=lambda path: path != STANDARD_INPUT)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -61,34 +76,36 @@ class _Formatting:
     def writes(self) -> bool:
         return not (self.checks or self.diffs)
 
-    def file(self, path: Path) -> None:
+    def file(self, file: InputFile) -> None:
         """Format a file."""
-        bom, source, diagnostics = _read(path)
+        from gusjob.frontend import is_listing
+
+        bom, source, diagnostics = _read(file)
         if source is None:
-            show(FileResult(path=path, diagnostics=tuple(diagnostics)))
+            show(FileResult(path=file.path, diagnostics=tuple(diagnostics)))
             self.fail(2)
         elif is_listing(source):
-            click.echo(printable(localized(Phrase("{path}: listings are not formatted", path=source.name))), err=True)
+            summarize(printable(localized(Phrase("{path}: listings are not formatted", path=source.name))))
             self.counts[_LISTING] += 1
-            if path == _STANDARD_INPUT and self.writes:
-                write([bom, source.data], None)
+            if file.data is not None and self.writes:
+                write([file.data], None)
         else:
-            self.job(path, bom, source)
+            self.job(file, bom, source)
 
-    def job(self, path: Path, bom: bytes, source: Source) -> None:
+    def job(self, file: InputFile, bom: bytes, source: Source) -> None:
         """Format a job that was read."""
         from gusjob.frontend.format import format_source
 
         data, diagnostics = format_source(source)
         if data is None:
-            show(FileResult(path=path, diagnostics=tuple(diagnostics), sources={source.name: source}))
+            show(FileResult(path=file.path, diagnostics=tuple(diagnostics), sources={source.name: source}))
             self.fail(1)
             return
         changed = data != source.data
-        if self.writes and path == _STANDARD_INPUT:
+        if self.writes and file.data is not None:
             write([bom, data], None)
         elif self.writes and changed:
-            reason = rewrite(path, bom + source.data, bom + data)
+            reason = rewrite(file.path, bom + source.data, bom + data)
             if reason:
                 failed = Phrase("{path}: can't write: {reason}", path=source.name, reason=reason)
                 click.echo(f"gusjob: {printable(localized(failed))}", err=True)
@@ -104,7 +121,7 @@ class _Formatting:
         from gusjob.frontend.format.unified_diff import unified_diff
 
         named = [f"{name}\n".encode(errors="backslashreplace")]
-        write(unified_diff(name, before, after) if self.diffs else named, None)
+        write(colored_difference(unified_diff(name, before, after)) if self.diffs else named, None)
 
     def fail(self, exit_code: int) -> None:
         self.counts[_FAILED] += 1
@@ -128,16 +145,18 @@ class _Formatting:
         return localized(Phrase("{files}: {counts}", files=counted_files(self.counts.total()), counts=counted))
 
 
-def _read(path: Path) -> tuple[bytes, Source | None, list[Diagnostic]]:
+def _read(file: InputFile) -> tuple[bytes, Source | None, list[Diagnostic]]:
     """Read a file: its BOM, if it has one, and its text, or why it is not text."""
-    if path == _STANDARD_INPUT:
-        data = sys.stdin.buffer.read() if sys.stdin is not None else b""
-        source, diagnostics = check_text(data, "<stdin>")
-        return BOM * data.startswith(BOM), source, diagnostics
-    source, diagnostics = read_source(path)
+    from gusjob.frontend import check_text, read_source
+    from gusjob.frontend.source import shown_name
+
+    if file.data is not None:
+        source, diagnostics = check_text(file.data, shown_name(file.path), file.path)
+        return BOM * file.data.startswith(BOM), source, diagnostics
+    source, diagnostics = read_source(file.path)
     if source is None:
         return b"", None, diagnostics
     try:
-        return bom_of(path), source, diagnostics
+        return bom_of(file.path), source, diagnostics
     except OSError:  # It has been removed since: it won't be written either.
         return b"", source, diagnostics

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import click
 
 from gusjob.cli.common import show, stop
 from gusjob.cli.progress_lines import doubling
+from gusjob.cli.quiet import is_quiet, summarize
 from gusjob.cli.run_display import run_display
 from gusjob.controllers.journal.reader import RecordedRun
 from gusjob.hardware.forecast import ChannelForecast
@@ -19,6 +21,7 @@ from gusjob.hardware.request import Refusal, RunMode, RunOptions, read_recorded_
 from gusjob.hardware.run import Confirm, RunPlan, run_on
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.i18n.width import padded, width
+from gusjob.ir.overrides import overrides_text
 from gusjob.pipeline import Simulated, run_request
 
 
@@ -44,7 +47,8 @@ def _confirm(*, yes: bool) -> Confirm:
         return False
 
     def confirm(plan: RunPlan) -> bool:
-        click.echo(_plan_text(plan), err=True)
+        if not (yes and is_quiet()):  # It is what the question is about.
+            click.echo(_plan_text(plan), err=True)
         return yes or click.confirm(_question(plan), err=True)
 
     return confirm
@@ -62,9 +66,11 @@ def _exit_code(result: Simulated, outcome: RunOutcome) -> int:
     if outcome.refusal is not None:
         stop(outcome.refusal.localized)
     show(replace(result, diagnostics=outcome.diagnostics))
+    is_complete = outcome.ending in (Ending.DONE, Ending.NOTHING_LEFT)
     if message := _closing_message(outcome):
-        click.echo(f"gusjob: {localized(message)}", err=True)
-    return int(outcome.ending not in (Ending.DONE, Ending.NOTHING_LEFT))
+        echo = summarize if is_complete else partial(click.echo, err=True)
+        echo(f"gusjob: {localized(message)}")
+    return 2 if outcome.is_library_unusable else int(not is_complete)
 
 
 def _closing_message(outcome: RunOutcome) -> str:
@@ -112,7 +118,7 @@ def _plan_text(plan: RunPlan) -> str:
         abi=plan.abi,
         title=plan.abi_title,
     )
-    rows: list[tuple[str, str]] = []
+    rows: list[tuple[str, str]] = [("-D", printable(overrides_text(plan.overrides)))] if plan.overrides else []
     if expected.box_mm is not None:
         x_low, x_high, y_low, y_high = (f"{edge:.3f}" for edge in expected.box_mm)
         box = Phrase(

@@ -12,25 +12,27 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
+from gusjob.cli.anywhere import value_given
+from gusjob.cli.color import COLOR_HELP, COLORS, color_decision
 from gusjob.i18n.language import CATALOGUES, DOMAIN, LANGUAGES, language, set_language, system_language, translated
 from gusjob.i18n.width import width, wrapped
 
-_OPTION = "--lang"
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    from click.shell_completion import CompletionItem
+
+_OPTION, _COLOR_OPTION = "--lang", "--color"
 _SAMPLES = {"zh": "中"}
 LANGUAGE_HELP = "Language of messages, help texts and reports. Default: the system's language."
 
 
 def apply_language_option(arguments: Sequence[str]) -> None:
     """Set the language of --lang, wherever it is given, else the system's, before a help or a usage error is shown."""
-    pairs = zip(arguments, [*arguments[1:], ""], strict=True)
-    given = [after if word == _OPTION else word.removeprefix(f"{_OPTION}=") for word, after in pairs if _OPTION in word]
-    known = [one for one in given if one in LANGUAGES]
-    name = known[-1] if known else _displayable(system_language())
+    name = value_given(arguments, _OPTION, LANGUAGES) or _displayable(system_language())
     set_language(name)
     _localize_click(name)
 
@@ -77,6 +79,18 @@ def language_was_given() -> bool:
     return False
 
 
+def color_given(arguments: Sequence[str]) -> bool | None:
+    """Decide on colours by --color, wherever it is given, and by the environment."""
+    return color_decision(value_given(arguments, _COLOR_OPTION, COLORS), os.environ)
+
+
+def _color_option() -> click.Option:
+    """--color as click sees it, to validate and list it; it has been applied before."""
+    return click.Option(
+        [_COLOR_OPTION], type=click.Choice(COLORS), expose_value=False, is_eager=True, help=translated(COLOR_HELP)
+    )
+
+
 def _language_option() -> click.Option:
     """--lang as click sees it, to validate and list it; it has been applied before."""
     return click.Option(
@@ -109,14 +123,14 @@ class _LocalizedContext(click.Context):
 
 
 class Command(click.Command):
-    """A command with --lang, whose help is in the user's language."""
+    """A command with --color and --lang, whose help is in the user's language."""
 
     context_class = _LocalizedContext
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """Add --lang before --help."""
+        """Add --color and --lang before --help."""
         *own, last = super().get_params(ctx)
-        return [*own, _language_option(), last]
+        return [*own, _color_option(), _language_option(), last]
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         """Make --help anew: its text depends on the language."""
@@ -126,6 +140,10 @@ class Command(click.Command):
     def get_help(self, ctx: click.Context) -> str:
         """Write the help in the user's language."""
         return super(Command, _localized_command(self)).get_help(ctx)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete options and commands, with their help in the user's language."""
+        return super(Command, _localized_command(self)).shell_complete(ctx, incomplete)
 
     def get_short_help_str(self, limit: int = 45) -> str:
         """Cut the help to one line of the list of commands; wide characters count as two."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from gusjob.cli.common import need, output_option, stop, write
+from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command, language_was_given
 from gusjob.i18n.phrases import Phrase, localized, reason_of
 
@@ -33,6 +34,7 @@ def command(port: int | None, textmate: bool, output: Path | None) -> None:
     if textmate:
         from gusjob.lsp.textmate import GRAMMAR_PATH
 
+        output_format(None, output, {".json": "json"}, option=False)
         write([GRAMMAR_PATH.read_bytes()], output, sources=[GRAMMAR_PATH])
         return
     if output is not None:

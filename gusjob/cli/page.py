@@ -38,7 +38,7 @@ def html_page(result: FileResult, report: Report | None, *, watched: str = "") -
     diagnostics = [_with_source(result, diagnostic) for diagnostic in result.diagnostics]
     reason = too_long(report)
     if not isinstance(result, Simulated) or report is None or reason:
-        return render(page_without_run(result.path.name, diagnostics, watched, reason))
+        return render(page_without_run(result.path.name, diagnostics, watched, reason, result.overrides))
     answer, strokes = answer_of(report, result.diagnostics), strokes_of(result.trace, result.machine)
     return render(page_of(report, strokes, result.machine, diagnostics, watched, answer))
 

@@ -9,16 +9,31 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob.cli.common import exit_code, file_argument, machine_option, need, scanner_option, show, write
+from gusjob.cli.common import (
+    exit_code,
+    file_argument,
+    machine_option,
+    need,
+    refuse_terminal,
+    scanner_option,
+    show,
+    write,
+)
+from gusjob.cli.define import define_option
+from gusjob.cli.endings import output_format, output_path
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
+from gusjob.cli.standard_input import input_file, stdin_filename_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Simulated, simulate_file
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
     from gusjob.view.plot.picture import PlotArea
 
 _FORMATS = ("png", "svg", "pdf")
+_ENDINGS = {f".{form}": form for form in _FORMATS}
 _COLOURS = ("power", "energy", "velocity", "order")
 _MM_PER_INCH = 25.4
 _SIZE_MM = (297.0, 210.0)
@@ -65,11 +80,17 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path),
-    help="Write to this file: .png, .svg or .pdf.",
+    type=click.Path(),
+    callback=output_path,
+    help="Write to this file: .png, .svg or .pdf. - is standard output.",
 )
 @machine_option
 @scanner_option
+@define_option
+@stdin_filename_option
+@click.option(
+    "--format", "form", type=click.Choice(_FORMATS), help="Default: by the output file's extension, else png."
+)
 @click.option(
     "--by",
     type=click.Choice(_COLOURS),
@@ -96,11 +117,15 @@ def _zoom(_context: click.Context, _parameter: click.Parameter, box: Box | None)
     show_default=True,
     help="Pixels per inch. More pixels allow thinner lines in a dense path, in SVG and PDF too.",
 )
+@quiet_option
 def command(
     path: Path,
-    output: Path,
+    output: Path | None,
     machine_path: Path | None,
     scanner: Scanner | None,
+    overrides: Overrides,
+    stdin_filename: Path | None,
+    form: str | None,
     by: str,
     channel: int | None,
     no_jumps: bool,
@@ -113,10 +138,7 @@ def command(
 
     With a scanner, emission is drawn where the beam is. A job with errors is not drawn; a listing with errors is.
     """
-    form = output.suffix.lower().removeprefix(".")
-    if form not in _FORMATS:
-        wrong = Phrase("the output file's name must end in .png, .svg or .pdf")
-        raise click.UsageError(localized(wrong))
+    form = output_format(form, output, _ENDINGS, bare=False)
     if zoom is not None and field:
         raise click.UsageError(localized(Phrase("--zoom and --field exclude each other")))
     size_in = size_mm[0] / _MM_PER_INCH, size_mm[1] / _MM_PER_INCH
@@ -126,7 +148,9 @@ def command(
     need("plot", "matplotlib", to=Phrase("draw a picture"))
     from gusjob.view.plot.picture import PlotArea
 
-    result = simulate_file(path, machine_path, scanner=scanner)
+    refuse_terminal(form, output)
+    file = input_file(path, stdin_filename)
+    result = simulate_file(file.path, machine_path, scanner=scanner, data=file.data, overrides=overrides)
     if isinstance(result, Simulated):
         area = PlotArea(box_mm=zoom, field=field)
         write(

@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING
 import click
 
 from gusjob.cli.common import stop
+from gusjob.cli.completion import complete_files
+from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import is_quiet, quiet_option, summarize
+from gusjob.cli.standard_input import file_path
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 
@@ -66,8 +70,9 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
-    default=Path("calls.gts"),
+    type=click.Path(),
+    callback=file_path,
+    default="calls.gts",
     show_default=True,
     help="Write the listing to this file.",
 )
@@ -132,7 +137,10 @@ def _file_names(_context: click.Context, _parameter: click.Parameter, names: tup
     metavar="SYSTEM",
     help=f"Build for this system: {', '.join(_TARGETS)}. Default: this one.",
 )
-@click.argument("program", nargs=-1, type=click.UNPROCESSED, metavar="-- PROGRAM [ARG]...")
+@click.argument(
+    "program", nargs=-1, type=click.UNPROCESSED, shell_complete=complete_files, metavar="-- PROGRAM [ARG]..."
+)
+@quiet_option
 def command(
     abi: str | None,
     output: Path,
@@ -155,6 +163,7 @@ def command(
     """
     from gusjob.record.build import BuildError, Target
 
+    output_format(None, output, {".gts": "gts"}, option=False)
     chosen = Target(target) if target is not None else None
     bits = int(long_bits) if long_bits is not None else None
     try:
@@ -214,13 +223,15 @@ def _record(options: RecordOptions) -> int:
     """Run the program; return the exit status."""
     from gusjob.record.recording import Recording, record
 
-    is_terminal = sys.stderr is not None and sys.stderr.isatty()
-    recording = record(options, _show_progress if is_terminal else None, _say_build)
+    shows_progress = sys.stderr is not None and sys.stderr.isatty() and not is_quiet()
+    recording = record(options, _show_progress if shows_progress else None, _say_build)
     if not isinstance(recording, Recording):
         stop(recording)
-    if is_terminal:
+    if shows_progress:
         click.echo("\r\x1b[K", err=True, nl=False)
-    for line in _outcome(options, recording):
+    for line in _summary(recording):
+        summarize(f"gusjob: {printable(localized(line))}")
+    for line in _problems(options, recording):
         click.echo(f"gusjob: {printable(localized(line))}", err=True)
     return 0 if recording.exit_code == 0 and recording.listings and not recording.is_cut else 1
 
@@ -228,7 +239,7 @@ def _record(options: RecordOptions) -> int:
 def _say_build() -> None:
     """Say why the first time takes longer."""
     text = Phrase("building the stand-in; the first time may take a minute")
-    click.echo(f"gusjob: {localized(text)}", err=True)
+    summarize(f"gusjob: {localized(text)}")
 
 
 def _show_progress(lines: int) -> None:
@@ -236,10 +247,8 @@ def _show_progress(lines: int) -> None:
     click.echo("\r\x1b[K" + localized(Phrase("recorded: {count} lines", count=lines)), err=True, nl=False)
 
 
-def _outcome(options: RecordOptions, recording: Recording) -> list[Phrase]:
-    """Describe the recording, and what to do if something is wrong."""
-    from gusjob.record.silence import reason_of_silence
-
+def _summary(recording: Recording) -> list[Phrase]:
+    """Say what was recorded."""
     lines: list[Phrase] = []
     if recording.listings:
         files = _some(recording.listings)
@@ -250,16 +259,24 @@ def _outcome(options: RecordOptions, recording: Recording) -> list[Phrase]:
                 Phrase("{count} lines recorded in {files}", count=recording.calls, files=files),
             )
         )
-    elif not recording.is_cut:
+    if recording.replaced:
+        files = _some(recording.replaced)
+        lines.append(Phrase("an earlier recording was replaced: {files}", files=files))
+    return lines
+
+
+def _problems(options: RecordOptions, recording: Recording) -> list[Phrase]:
+    """Say what is wrong with the recording, and what to do."""
+    from gusjob.record.silence import reason_of_silence
+
+    lines: list[Phrase] = []
+    if not recording.listings and not recording.is_cut:
         lines.append(
             Phrase(
                 "the program made no call of the stand-in: {reason}",
                 reason=reason_of_silence(options.command, options.target),
             )
         )
-    if recording.replaced:
-        files = _some(recording.replaced)
-        lines.append(Phrase("an earlier recording was replaced: {files}", files=files))
     if recording.has_wide:
         lines.append(
             Phrase(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import use_color
 from gusjob.cli.common import (
     exit_code,
     file_argument,
@@ -23,23 +24,38 @@ from gusjob.cli.common import (
     stop,
     write,
 )
+from gusjob.cli.define import define_option
+from gusjob.cli.endings import output_format
+from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
+from gusjob.cli.standard_input import file_path, input_file, stdin_filename_option
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.i18n.phrases import Phrase, localized, printable
-from gusjob.pipeline import FileResult, Simulated, simulate_file
+from gusjob.pipeline import FileResult, Rejected, Simulated, simulate_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
     from gusjob.report.compare import Comparison
     from gusjob.report.earlier import EarlierReport
     from gusjob.report.rows import Report
 
 _TOLERANCE_PCT = 1.0
-_ENDINGS = {".json": "json", ".csv": "csv", ".md": "markdown", ".html": "html", ".parquet": "parquet"}
-_WITHOUT_RUN = ("markdown", "html")
-"""Formats that are also written for a job with errors."""
+_ENDINGS = {
+    ".txt": "text",
+    ".json": "json",
+    ".csv": "csv",
+    ".md": "markdown",
+    ".html": "html",
+    ".parquet": "parquet",
+}
+_WITHOUT_RUN = ("json", "markdown", "html")
+"""Formats that have the diagnostics, and so are also written for a job with errors."""
+_ALWAYS = "json"
+"""The format that is also written for a file that can't be read: who parses it can rely on it."""
 _WITHOUT_COMPARISON = ("csv", "html", "parquet")
 """Formats without the comparison, which is written to standard error."""
 _EXTRAS = {"html": ("html", "jinja2"), "parquet": ("parquet", "pyarrow")}
@@ -61,10 +77,12 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @file_argument
 @machine_option
 @scanner_option
+@define_option
+@stdin_filename_option
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["text", "table", "json", "csv", "markdown", "html", "parquet"]),
+    type=FormatChoice(["text", "table", "json", "csv", "markdown", "html", "parquet"]),
     help="Default: by the output file's extension, else text. table: text with --table. html: one self-contained page "
     "for a browser.",
 )
@@ -81,7 +99,8 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option(
     "--against",
     "earlier_path",
-    type=click.Path(path_type=Path),
+    type=click.Path(),
+    callback=file_path,
     metavar="OLD.JSON",
     help="Compare with an earlier report (--format json); exit status 1 if something changed.",
 )
@@ -96,10 +115,13 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option("--only-changes", is_flag=True, help="With --against: show the comparison alone, not the report itself.")
 @table_option
 @output_option
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
     scanner: Scanner | None,
+    overrides: Overrides,
+    stdin_filename: Path | None,
     form: str | None,
     summary: bool,
     marking: bool | None,
@@ -112,10 +134,11 @@ def command(
     """Report the time, speed and laser power of a run, and what stands out.
 
     The text begins with the answer; --table adds the tables of all segments and marks. The calls are simulated tick by
-    tick. A job with errors is not simulated. A listing with errors is: calls that the controller would refuse are
-    reported and have no effect.
+    tick. A job with errors is not simulated: JSON, markdown and html then have the diagnostics only, other formats are
+    not written. A listing with errors is simulated: calls that the controller would refuse are reported and have no
+    effect.
     """
-    form = form or _ENDINGS.get(output.suffix.lower() if output is not None else "", "text")
+    form = output_format(form, output, _ENDINGS)
     _refuse(form, marking=bool(marking), summary=summary)
     if form in _EXTRAS:
         need(*_EXTRAS[form], to=Phrase("write {form}", form=form))
@@ -126,16 +149,24 @@ def command(
     if earlier_path is not None and output is not None:
         refuse_overwriting(output, [earlier_path])
     earlier = None if earlier_path is None else _read_earlier(earlier_path)
-    result = simulate_file(path, machine_path, scanner=scanner)
+    file = input_file(path, stdin_filename)
+    result = simulate_file(file.path, machine_path, scanner=scanner, data=file.data, overrides=overrides)
     report = _report(result, marking) if isinstance(result, Simulated) else None
     comparison = None
     if report is not None and earlier is not None:
         from gusjob.report.compare import compare
 
         comparison = compare(report, earlier, _TOLERANCE_PCT if tolerance_pct is None else tolerance_pct)
-    if report is not None or (form in _WITHOUT_RUN and not result.is_unreadable):
+    if report is not None or form == _ALWAYS or (form in _WITHOUT_RUN and not result.is_unreadable):
         pieces = _written(
-            result, report, comparison, form=form, summary=summary, only_changes=only_changes, tables=tables
+            result,
+            report,
+            comparison,
+            form=form,
+            summary=summary,
+            only_changes=only_changes,
+            tables=tables,
+            color=output is None and use_color(sys.stdout),
         )
         write(pieces, output, sources=result.inputs, for_people=form in ("text", "table"))
     if form in _WITHOUT_COMPARISON and comparison is not None:
@@ -164,9 +195,9 @@ def _refuse(form: str, *, marking: bool, summary: bool) -> None:
 
 
 def _report(result: Simulated, marking: bool | None) -> Report:
-    from gusjob.report.rows import make_report
+    from gusjob.report.rows import report_of
 
-    return make_report(result.trace, result.machine, result.files, marking=marking, profile=result.profile)
+    return report_of(result, marking=marking)
 
 
 def _written(
@@ -178,6 +209,7 @@ def _written(
     summary: bool,
     only_changes: bool,
     tables: bool,
+    color: bool,
 ) -> Iterable[bytes]:
     """Write the report in a format; only some formats have one of a job that was not run."""
     if form == "html":
@@ -196,18 +228,27 @@ def _written(
             summary=summary,
             comparison=comparison,
             only_changes=only_changes,
+            overrides=result.overrides,
         )
         return [text.encode()]
-    assert report is not None
+    from gusjob.report.files import report_csv, report_json, report_json_without_run, report_parquet, summary_csv
+
+    if report is None:
+        period_us = None if isinstance(result, Rejected) else result.machine.period_us
+        from gusjob.frontend.source import shown_name
+
+        return report_json_without_run(shown_name(result.path), period_us, result.diagnostics, summary=summary)
     if form in ("text", "table"):
-        shown = [] if only_changes else [text_of(result, report, tables=(tables or form == "table") and not summary)]
+        shown = (
+            []
+            if only_changes
+            else [text_of(result, report, tables=(tables or form == "table") and not summary, color=color)]
+        )
         if comparison is not None:
             from gusjob.report.compare_text import comparison_text
 
             shown.insert(0, comparison_text(comparison))
         return ["\n\n".join(text.rstrip("\n") for text in shown).encode() + b"\n"]
-    from gusjob.report.files import report_csv, report_json, report_parquet, summary_csv
-
     if form == "parquet":
         return report_parquet(report)
     if form == "csv":

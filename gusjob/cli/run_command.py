@@ -10,26 +10,40 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gusjob.cli.color import terminal_console, use_color
 from gusjob.cli.common import exit_code, machine_option, scanner_option, show, stop, write
+from gusjob.cli.completion import complete_files
+from gusjob.cli.define import define_option, recorded_overrides
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import is_quiet, quiet_option
+from gusjob.cli.standard_input import (
+    STANDARD_INPUT,
+    InputFile,
+    file_path,
+    input_file,
+    input_path,
+    stdin_filename_option,
+)
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.machine import Abi, Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, all_of, localized
+from gusjob.ir.overrides import Overrides
 from gusjob.pipeline import Checked, Compiled, FileResult, Origin, Simulated, compile_calls, load, simulate
 
 if TYPE_CHECKING:  # Only a run on hardware needs it.
     from gusjob.hardware.request import RunOptions
 
-_FILE = click.Path(path_type=Path)
 _NO_FILE = Phrase("Missing argument 'FILE'.")
 
 
 @click.command(name="run", cls=Command)
-@click.argument("path", metavar="FILE", type=_FILE, required=False)
+@click.argument("path", metavar="FILE", type=click.Path(), callback=input_path, required=False)
 @machine_option
 @scanner_option
 @table_option
+@define_option
+@stdin_filename_option
 @click.option(
     "--backend",
     type=click.Choice(["sim", "gts"]),
@@ -37,8 +51,10 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
     show_default=True,
     help="Execute the calls in the built-in simulator, or on a controller through the vendor's library.",
 )
-@click.option("--library", metavar="PATH", help="The vendor's library. [gts]")
-@click.option("--abi", type=click.Choice([abi.value for abi in Abi]), help="The library's ABI. [gts]")
+@click.option("--library", metavar="PATH", shell_complete=complete_files, help="The vendor's library. [gts]")
+@click.option(
+    "--abi", type=click.Choice([abi.value for abi in Abi]), help="The library's ABI, as gusjob devices prints it. [gts]"
+)
 @click.option("--yes", is_flag=True, help="Start without confirmation. [gts]")
 @click.option("--frame", is_flag=True, help="Move once around the bounding box of the marks, with the laser off. [gts]")
 @click.option("--no-laser", is_flag=True, help="Run the whole motion without any laser call. [gts]")
@@ -49,18 +65,32 @@ _NO_FILE = Phrase("Missing argument 'FILE'.")
     show_default=True,
     help="Show progress as a panel on a terminal and as lines elsewhere, or as JSON lines on standard output. [gts]",
 )
-@click.option("--journal", type=_FILE, help="Write the journal to this file; default: beside the job. [gts]")
-@click.option("--resume", type=_FILE, metavar="JOURNAL", help="Continue the run of this journal. [gts]")
+@click.option(
+    "--journal",
+    type=click.Path(),
+    callback=file_path,
+    help="Write the journal to this file; default: beside the job. [gts]",
+)
+@click.option(
+    "--resume",
+    type=click.Path(),
+    callback=file_path,
+    metavar="JOURNAL",
+    help="Continue the run of this journal. [gts]",
+)
 @click.option(
     "--from-line",
     metavar="[FILE:]N",
     help="Begin at this line of the job, or of a FILE that it includes, with the state that the job has there. [gts]",
 )
+@quiet_option
 def command(
     path: Path | None,
     machine_path: Path | None,
     scanner: Scanner | None,
     tables: bool,
+    overrides: Overrides,
+    stdin_filename: Path | None,
     backend: str,
     library: str | None,
     abi: str | None,
@@ -79,7 +109,8 @@ def command(
     A job with errors is not run. With --backend gts it runs on hardware: library and ABI come from the options or the
     machine profile; the command describes the run and starts it when you confirm. Keys: p pauses and continues; q and
     Ctrl+C stop smoothly, pressed a second time at once. However a run ends, the laser is switched off first. All calls
-    are recorded in a journal; --resume continues the run of a journal. Options marked [gts] are for hardware only.
+    are recorded in a journal; --resume continues the run of a journal, with the same -D. Options marked [gts] are for
+    hardware only.
     """
     if backend == "sim":
         given = {
@@ -96,7 +127,12 @@ def command(
             stop(Phrase("{options}: only with --backend gts", options=all_of(wrong)))
         if path is None:
             raise click.UsageError(localized(_NO_FILE))
-        sys.exit(_in_simulator(path, machine_path, scanner, tables=tables))
+        sys.exit(_in_simulator(input_file(path, stdin_filename), machine_path, scanner, overrides, tables=tables))
+    if path == STANDARD_INPUT or stdin_filename is not None:
+        why = Phrase(
+            "standard input can't be run on a controller, since --resume and the journal need the job's file: save it"
+        )
+        raise click.UsageError(localized(why))
     if frame and no_laser:
         raise click.UsageError(localized(Phrase("--frame runs without laser already: leave out --no-laser.")))
     if frame and (resume is not None or from_line is not None):
@@ -114,6 +150,8 @@ def command(
         if recorded is None:
             raise click.UsageError(localized(_NO_FILE))
         path = path_of(recorded.head["job"])
+    if recorded is not None:
+        overrides = overrides or recorded_overrides(recorded.path, recorded.overrides)
     options = RunOptions(
         library=library or "",
         abi=Abi(abi) if abi else None,
@@ -122,25 +160,35 @@ def command(
         resume=recorded,
         from_line=from_line,
     )
-    sys.exit(_on_controller(path, machine_path, scanner, options, yes=yes, progress=progress))
+    progress = "none" if is_quiet() and progress == "auto" else progress
+    sys.exit(_on_controller(path, machine_path, scanner, overrides, options, yes=yes, progress=progress))
 
 
-def _in_simulator(path: Path, machine_path: Path | None, scanner: Scanner | None, *, tables: bool) -> int:
-    result = _simulated(path, machine_path, scanner)
+def _in_simulator(
+    file: InputFile, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides, *, tables: bool
+) -> int:
+    result = _simulated(file, machine_path, scanner, overrides)
     if isinstance(result, Simulated):
-        from gusjob.report.rows import make_report
+        from gusjob.report.rows import report_of
 
-        report = make_report(result.trace, result.machine, result.files, profile=result.profile)
-        text = text_of(result, report, tables=tables, color=sys.stdout is not None and sys.stdout.isatty())
+        report = report_of(result)
+        text = text_of(result, report, tables=tables, color=use_color(sys.stdout))
         write([text.encode()], None, for_people=True)
     show(result, notes=not isinstance(result, Simulated))
     return exit_code(result)
 
 
 def _on_controller(
-    path: Path, machine_path: Path | None, scanner: Scanner | None, options: RunOptions, *, yes: bool, progress: str
+    path: Path,
+    machine_path: Path | None,
+    scanner: Scanner | None,
+    overrides: Overrides,
+    options: RunOptions,
+    *,
+    yes: bool,
+    progress: str,
 ) -> int:
-    result = _simulated(path, machine_path, scanner)
+    result = _simulated(InputFile(path=path), machine_path, scanner, overrides)
     show(result, notes=False)
     if not isinstance(result, Simulated) or has_errors(result.diagnostics):
         why = Phrase("not started: only a job without errors can run on hardware")
@@ -154,11 +202,11 @@ def _on_controller(
     return run_on_controller(result, options, yes=yes, progress=progress)
 
 
-def _simulated(path: Path, machine_path: Path | None, scanner: Scanner | None) -> FileResult:
+def _simulated(file: InputFile, machine_path: Path | None, scanner: Scanner | None, overrides: Overrides) -> FileResult:
     """Take a file through the pipeline, as far as errors allow, with a status line for each phase."""
-    with _status_line(path) as set_status:
+    with _status_line(file.path) as set_status:
         set_status(Phrase("reading and checking"))
-        result: FileResult = load(path, machine_path, scanner=scanner)
+        result: FileResult = load(file.path, machine_path, scanner=scanner, data=file.data, overrides=overrides)
         if isinstance(result, Checked):
             set_status(Phrase("planning"))
             result = compile_calls(result)
@@ -170,12 +218,12 @@ def _simulated(path: Path, machine_path: Path | None, scanner: Scanner | None) -
 
 @contextmanager
 def _status_line(path: Path) -> Iterator[Callable[[str], None]]:
-    """Show a status line on a terminal while the context lasts; nothing elsewhere."""
-    if sys.stderr is None or not sys.stderr.isatty():
+    """Show a status line on a terminal while the context lasts; nothing elsewhere, and with -q."""
+    console = None if is_quiet() else terminal_console()
+    if console is None:
         yield lambda _text: None
         return
-    from rich.console import Console
     from rich.markup import escape
 
-    with Console(stderr=True).status("") as status:
+    with console.status("") as status:
         yield lambda text: status.update(f"{escape(path.name)}: {localized(text)}")

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO
 
+from gusjob.cli.color import terminal_console
 from gusjob.cli.keys import Keys
 from gusjob.cli.progress_lines import json_line, plain_line
 from gusjob.controllers.control import Control
@@ -88,12 +89,8 @@ class KeyHandler:
 
 def _terminal() -> Console | None:
     """Return the console on stderr if a panel can be drawn there."""
-    if sys.stderr is None or not sys.stderr.isatty():
-        return None
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    return console if console.is_terminal and not console.is_dumb_terminal else None
+    console = terminal_console()
+    return console if console is not None and not console.is_dumb_terminal else None
 
 
 def _show_json(now: Progress) -> None:

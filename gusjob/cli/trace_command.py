@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
-import numpy.typing as npt
 
 from gusjob.cli.common import (
     exit_code,
@@ -24,17 +22,28 @@ from gusjob.cli.common import (
     show,
     write,
 )
+from gusjob.cli.define import define_option
+from gusjob.cli.endings import output_format
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import quiet_option
+from gusjob.cli.standard_input import input_file, stdin_filename_option
 from gusjob.i18n.phrases import Phrase, localized, printable
+from gusjob.ir.overrides import overrides_text
 from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # Start-up time is part of the tool.
+    import numpy as np
+    import numpy.typing as npt
+
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
+    from gusjob.kinematics.arrays import Bools, Indices
     from gusjob.simulate import Trace
 
 _FORMATS = ("vcd", "csv", "parquet", "npz")
+_ENDINGS = {f".{form}": form for form in _FORMATS}
 _EXTRA = {"vcd": ("trace", "vcd"), "parquet": ("parquet", "pyarrow")}
 _UNITS_MS = {"us": 1e-3, "ms": 1.0, "s": 1e3, "": 1.0}
 
@@ -67,6 +76,8 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
 @file_argument
 @machine_option
 @scanner_option
+@define_option
+@stdin_filename_option
 @click.option(
     "--format", "form", type=click.Choice(_FORMATS), help="Default: by the output file's extension, else vcd."
 )
@@ -77,10 +88,13 @@ def _bound(_context: click.Context, _parameter: click.Parameter, text: str | Non
     "--to", "last", callback=_bound, metavar="TIME|line:N", help="End at this time or line. Default: the end."
 )
 @output_option
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
     scanner: Scanner | None,
+    overrides: Overrides,
+    stdin_filename: Path | None,
     form: str | None,
     first: _Bound | None,
     last: _Bound | None,
@@ -92,13 +106,13 @@ def command(
     and PulseView. csv, parquet, npz: a table of the controller's ticks with position, velocity, and power and
     emission of each channel. Time counts from the first stage's start, off delays between stages included.
     """
-    ending = output.suffix.lower().removeprefix(".") if output is not None else ""
-    form = form or (ending if ending in _FORMATS else "vcd")
+    form = output_format(form, output, _ENDINGS)
     if form in _EXTRA:
         need(*_EXTRA[form], to=Phrase("write {form}", form=form))
     if form in ("parquet", "npz"):
         refuse_terminal(form, output)
-    result = simulate_file(path, machine_path, scanner=scanner)
+    file = input_file(path, stdin_filename)
+    result = simulate_file(file.path, machine_path, scanner=scanner, data=file.data, overrides=overrides)
     if isinstance(result, Simulated):
         write(_written(result, form, first, last), output, sources=result.inputs)
     show(result, notes=not isinstance(result, Simulated))
@@ -111,19 +125,27 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
 
     trace = result.trace
     lines, files = own_lines(trace.line, result.files)
-    start_ms, end_ms = _span_ms(trace, np.where(files == 0, lines, 0), first, last)
+    start_ms, end_ms = _span_ms(trace, lines * (files == 0), first, last)
     if form == "vcd":
         from gusjob.simulate.outputs.vcd import vcd_pieces
 
-        return vcd_pieces(trace, lines, __version__, start_ms, end_ms)
+        return vcd_pieces(trace, lines, __version__, start_ms, end_ms, comment=_overridden(result.overrides))
     from gusjob.simulate.outputs.tick_table import tick_table
     from gusjob.tables import export
 
     table = tick_table(trace, result.machine, lines, start_ms, end_ms)
     if form == "parquet":
         about = {"schema": b"gusjob-trace/1", "job": trace.name.encode(), "period_us": str(trace.period_us).encode()}
+        if result.overrides:
+            import orjson
+
+            about["overrides"] = orjson.dumps(dict(result.overrides))
         return export.parquet_bytes(table, about)
     return export.csv_bytes(table) if form == "csv" else export.npz_bytes(table)
+
+
+def _overridden(overrides: Overrides) -> str:
+    return f"-D {overrides_text(overrides)}" if overrides else ""
 
 
 def _span_ms(
@@ -156,7 +178,7 @@ def _span_ms(
 
 def _selected_segments(option: str, line: int, is_selected: Bools) -> Indices:
     """Return the indices of the selected segments; exit if there are none."""
-    at = np.flatnonzero(is_selected)
+    at = is_selected.nonzero()[0]
     if not len(at):
         if option == "--from":
             wrong = Phrase("{option}: nothing moves at line {line} or after it", option=option, line=line)

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from gusjob.cli.common import bom_of, file_argument, machine_option, rewrite, scanner_option, show, stop
+from gusjob.cli.common import bom_of, machine_option, rewrite, scanner_option, show, stop
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import is_quiet, quiet_option
+from gusjob.cli.standard_input import file_path
 from gusjob.config.machine import Scanner
 from gusjob.diagnostics.model import has_errors
 from gusjob.i18n.phrases import Phrase, figure, localized, reason_of
@@ -22,13 +24,14 @@ if TYPE_CHECKING:
 
 
 @click.command(name="tune", cls=Command)
-@file_argument
+@click.argument("path", metavar="FILE", type=click.Path(), callback=file_path)
 @machine_option
 @scanner_option
 @click.option("--skywrite", is_flag=True, help="Tune SKYWRITE instead of LASER DELAY.")
 @click.option("--mode", type=click.IntRange(1, 3), help="Mode of SKYWRITE. Default: the job's own, else 3.")
 @click.option("--channel", type=click.IntRange(0, 1), default=0, show_default=True, help="Laser channel.")
 @click.option("--write", "writes", is_flag=True, help="Write the statement into the job; its other text is unchanged.")
+@quiet_option
 def command(
     path: Path,
     machine_path: Path | None,
@@ -41,7 +44,7 @@ def command(
     """Find the laser delays, or the sky writing, that bring the ends of marks to their intended positions.
 
     Uses the scanner of the machine profile (or --scanner) and the velocities of this job. Shows mark quality before
-    and after, and how the values were found.
+    and after, and how the values were found; with -q the statement only.
     """
     if mode is not None and not skywrite:
         raise click.UsageError(localized(Phrase("--mode needs --skywrite")))
@@ -77,6 +80,9 @@ def command(
         sys.exit(1)
     if writes:  # Before any output: the reader of a pipe may stop reading.
         _write_job(path, loaded.source, tuned.run.source)
+    if is_quiet():
+        click.echo(tuned.statement)
+        return
     click.echo(f"{found}\n{_compared(before.marking, tuned.run.marking, channel)}")
     if writes:
         click.echo(localized(Phrase("written to {path}", path=path)))

@@ -10,8 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gusjob.cli.common import file_argument, machine_option, need, scanner_option, show, stop
+from gusjob.cli.color import use_color
+from gusjob.cli.common import machine_option, need, scanner_option, show, stop
+from gusjob.cli.define import define_option
 from gusjob.cli.language import Command
+from gusjob.cli.quiet import is_quiet, quiet_option
+from gusjob.cli.standard_input import file_path
 from gusjob.cli.text_report import table_option, text_of
 from gusjob.config.profile import find_profile
 from gusjob.diagnostics import rules
@@ -22,6 +26,7 @@ from gusjob.pipeline import FileResult, Simulated, simulate_file
 if TYPE_CHECKING:
     from gusjob.cli.serve import PageServer
     from gusjob.config.machine import Scanner
+    from gusjob.ir.overrides import Overrides
 
 _LOOK_S = 0.25
 """Interval of polling. Polling works everywhere, on network drives too, and is fast enough for people."""
@@ -34,10 +39,11 @@ Stamp = dict[Path, tuple[int, int] | None]
 
 
 @click.command(name="watch", cls=Command)
-@file_argument
+@click.argument("path", metavar="FILE", type=click.Path(), callback=file_path)
 @machine_option
 @scanner_option
 @table_option
+@define_option
 @click.option(
     "--page", is_flag=True, help="Also serve the report to browsers on this computer, as a page that updates itself."
 )
@@ -48,8 +54,15 @@ Stamp = dict[Path, tuple[int, int] | None]
     metavar="N",
     help="Port of the page. Default: any free port.",
 )
+@quiet_option
 def command(
-    path: Path, machine_path: Path | None, scanner: Scanner | None, tables: bool, page: bool, port: int
+    path: Path,
+    machine_path: Path | None,
+    scanner: Scanner | None,
+    overrides: Overrides,
+    tables: bool,
+    page: bool,
+    port: int,
 ) -> None:
     """Report a job, and report it again whenever the job, its profile or an included file is saved.
 
@@ -66,7 +79,7 @@ def command(
         while True:
             seen = _stamp(path, machine_path, needed)  # Later changes cause another report.
             start_ns = time.time_ns()
-            result = _report(path, machine_path, scanner, server, tables=tables)
+            result = _report(path, machine_path, scanner, overrides, server, tables=tables)
             missing = _missing_includes(result)
             needed = {*result.inputs, *missing}
             _wait_for_change(path, machine_path, needed, _first_stamps(needed, missing, start_ns) | seen)
@@ -92,15 +105,21 @@ def _served(port: int) -> PageServer:
 
 
 def _report(
-    path: Path, machine_path: Path | None, scanner: Scanner | None, server: PageServer | None, *, tables: bool
+    path: Path,
+    machine_path: Path | None,
+    scanner: Scanner | None,
+    overrides: Overrides,
+    server: PageServer | None,
+    *,
+    tables: bool,
 ) -> FileResult:
     """Read, check and simulate the job, and show the result."""
-    result = simulate_file(path, machine_path, scanner=scanner)
+    result = simulate_file(path, machine_path, scanner=scanner, overrides=overrides)
     report = None
     if isinstance(result, Simulated):
-        from gusjob.report.rows import make_report
+        from gusjob.report.rows import report_of
 
-        report = make_report(result.trace, result.machine, result.files, profile=result.profile)
+        report = report_of(result)
     if server is not None:
         from gusjob.cli.page import html_page
 
@@ -111,9 +130,9 @@ def _report(
     head = [f"{datetime.now():%H:%M:%S}", printable(str(path)), *([server.url] if server else [])]
     click.echo("  ".join([*head, localized(Phrase("Ctrl+C ends"))]))
     if report is not None:
-        click.echo(text_of(result, report, tables=tables), nl=False)
+        click.echo(text_of(result, report, tables=tables, color=use_color(sys.stdout)), nl=False)
     show(result, err=False)
-    if not result.diagnostics:
+    if not result.diagnostics and not is_quiet():
         click.echo(localized(Phrase("no problems")))
     return result
 

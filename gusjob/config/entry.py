@@ -38,7 +38,6 @@ class Entry:
     """The first of a pair is below the second."""
     repeated: bool = False
     """It is an array of tables."""
-    required: bool = False
     unique: bool = False
     """No two tables of the array have the same value."""
 

@@ -25,6 +25,9 @@ from gusjob.controllers.gus.ranges import (
 from gusjob.i18n.phrases import Phrase, printable
 from gusjob.kinematics.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
+DEFAULT_NAME = "default"
+"""Name of a machine whose profile gives none."""
+
 
 def _closed(name: str, unit: str, low: float, high: float) -> Range:
     return Range(name=name, unit=unit, low=low, high=high, section="profile")
@@ -50,7 +53,7 @@ _TIMEOUT_S = _closed("time-out", "s", 0.01, 600)
 class Laser:
     """A laser source. `rated_w`: watts at full power, None if unknown; `max_frequency_khz`: its highest response."""
 
-    channel: int = field(metadata=entry(CHANNEL, "Laser channel", required=True, unique=True, example="0"))
+    channel: int = field(default=0, metadata=entry(CHANNEL, "Laser channel", unique=True))
     name: str = field(default="", metadata=entry(str, "Name in reports", example='"30 W CO2"'))
     rated_w: float | None = field(
         default=None,
@@ -216,7 +219,7 @@ class Budget:
 class Machine:
     """The machine that a job runs on. The defaults are those of the job language."""
 
-    name: str = field(default="default", metadata=entry(str, "Name of the machine"))
+    name: str = field(default=DEFAULT_NAME, metadata=entry(str, "Name of the machine"))
     pulses_per_mm: tuple[float, float] = field(
         default=(1000.0, 1000.0),
         metadata=entry(_positive("pulses per mm", "pulse/mm", 1e7), "Resolution, or [x, y]", pair=True, single=True),

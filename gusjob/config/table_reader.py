@@ -83,11 +83,6 @@ class TableReader:
                 self.report_unknown(child, full_key, key, known)
             elif key not in extra:
                 found |= self.fields(child, table, full_key, prefix=f"{prefix}{key}.")
-        for key, (_, entry) in entries.items():
-            if entry.required and key not in node.value:
-                wanted = _NUMBER if isinstance(entry.kind, Range) else _TEXT
-                full_key = f"{name}.{key}" if name else key
-                self.report(rules.PROFILE_TYPE, node.span, full_key, wanted=wanted, found=MISSING)
         return found
 
     def report_unknown(self, node: TomlNode, full_key: str, key: str, known: list[str]) -> None:
@@ -145,7 +140,9 @@ class TableReader:
             for inner, name in unique:
                 value = getattr(row, name)
                 if any(getattr(other, name) == value for other in found[:-1]):
-                    self.report_range(child.value[inner], f"{key}.{inner}", number(value), _UNIQUE)
+                    written = child.value.get(inner)
+                    shown = Phrase("{value} (the default)", value=value) if written is None else number(value)
+                    self.report_range(written or child, f"{key}.{inner}", shown, _UNIQUE)
         return tuple(found)
 
     def _pair(self, node: TomlNode, entry: Entry, limits: Range, key: str) -> tuple[float, float] | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 
 if TYPE_CHECKING:  # The implementations import what they need when they are called: start-up stays short.
     from gusjob.config.machine import Machine
@@ -25,11 +27,31 @@ class Controller(Protocol[StreamT]):
     def formats(self) -> tuple[str, ...]:
         """Formats in which a stream can be written; the first one can be read again."""
 
+    @property
+    def formats_with_diagnostics(self) -> tuple[str, ...]:
+        """Formats that have the diagnostics, too, and so can be written of a job that was not compiled."""
+
     def compile(self, job: Job, machine: Machine) -> tuple[StreamT, list[Diagnostic]]:
         """Compile a checked job to calls; with them the diagnostics that only the planner can make."""
 
-    def write(self, stream: StreamT, form: str) -> Iterator[bytes]:
-        """Write a stream in one of the formats, in pieces that end with a line end."""
+    def write(
+        self,
+        stream: StreamT | None,
+        form: str,
+        overrides: Overrides = NO_OVERRIDES,
+        *,
+        name: str = "",
+        diagnostics: Sequence[Diagnostic] = (),
+    ) -> Iterator[bytes]:
+        """Write a stream in one of the formats, in pieces that end with a line end.
+
+        Args:
+            stream: The calls; None for a job that was not compiled, in one of `formats_with_diagnostics`.
+            form: The format.
+            overrides: The values of LETs that the job was compiled with; the head names them.
+            name: The job's name, for a job that was not compiled.
+            diagnostics: Of the job.
+        """
 
     def simulate(
         self, stream: StreamT, machine: Machine, *, is_listing: bool = False, coarse: bool = False

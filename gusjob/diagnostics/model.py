@@ -158,7 +158,8 @@ SET_HERE = "{name} is set here"
 MODE_HERE = "the mode is set here: {mode}"
 ON_HERE = "the laser is switched on here"
 FIRST_HERE = "the first one is here"
-REMARKS = (CALLED, IN_ITERATION, ITERATION_NUMBER, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE)
+OVERRIDDEN = "{name} is {value} by -D, not as written here"
+REMARKS = (CALLED, IN_ITERATION, ITERATION_NUMBER, INCLUDED, SET_HERE, MODE_HERE, ON_HERE, FIRST_HERE, OVERRIDDEN)
 """Every text of a Remark."""
 
 

@@ -16,6 +16,7 @@ from gusjob.frontend.resolve.resolver import resolve
 from gusjob.frontend.source import Source, is_listing_text
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 
 if TYPE_CHECKING:
     from gusjob.controllers.gus.calls import Stream
@@ -26,12 +27,13 @@ def is_listing(source: Source) -> bool:
     return is_listing_text(source.name, source.data)
 
 
-def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
+def read_job(source: Source, machine: Machine, overrides: Overrides = NO_OVERRIDES) -> tuple[Job, list[Diagnostic]]:
     """Read a job text for a machine.
 
     Args:
         source: The text; its path says where files to include are.
         machine: Gives pulses per mm, chord tolerance and limits of the expansion.
+        overrides: Values in place of those of the text's LETs.
 
     Returns:
         The job, and all diagnostics of the text. With errors the job has only what could be read.
@@ -40,8 +42,9 @@ def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     found = list(text.diagnostics)
     if text.is_plain:
         expanded = ExpandedJob.of_plain(text)
+        found += _unknown_names(text, overrides)
     else:
-        expanded, diagnostics = _expand(text, machine)
+        expanded, diagnostics = _expand(text, machine, overrides)
         found += diagnostics
     job, diagnostics = resolve(expanded, machine)
     found += diagnostics
@@ -54,12 +57,22 @@ def read_job(source: Source, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     return job, [_with_path(diagnostic, source.name) for diagnostic in found]
 
 
-def _expand(text: JobText, machine: Machine) -> tuple[ExpandedJob, list[Diagnostic]]:
+def _unknown_names(text: JobText, overrides: Overrides) -> list[Diagnostic]:
+    """Report all overrides of a text without LETs; a LET that can't be parsed is reported already."""
+    names = [name for name in overrides if name not in text.unread_names]
+    if not names:
+        return []
+    from gusjob.frontend.expand.let_overrides import unknown_name  # Start-up time is part of the tool.
+
+    return [unknown_name(name, ()) for name in names]
+
+
+def _expand(text: JobText, machine: Machine, overrides: Overrides) -> tuple[ExpandedJob, list[Diagnostic]]:
     """Expand a text with loops, names, routines, frames or includes."""
     from gusjob.frontend.expand.expander import expand  # Start-up time is part of the tool.
     from gusjob.frontend.expand.program_builder import build_program
 
-    program, of_program = build_program(text, machine)
+    program, of_program = build_program(text, machine, overrides)
     expanded, of_expansion = expand(program, text.source.name, machine)
     diagnostics = [*of_program, *of_expansion]
     return replace(expanded, complete=not has_errors([*text.diagnostics, *diagnostics])), diagnostics

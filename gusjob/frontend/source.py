@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
+from typing import IO
 
 import numpy as np
 
@@ -67,17 +68,28 @@ def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnos
     """Read the text of a file; None with a diagnostic if there is none. `name`: what messages call it."""
     name = name or shown_name(path)
     try:
-        limit = int(MAX_FILE_MB * 1_000_000)
         with open_input(path) as file:
-            data = file.read(limit + 1)  # The size of a pipe or a device is not known before.
-        if len(data) > limit:
-            size = max(path.stat().st_size, len(data)) // 1_000_000
-            return None, [_diagnostic(rules.TOO_LARGE, name, size=str(size), limit=str(MAX_FILE_MB))]
+            data = read_limited(file)
+        if len(data) > _limit_bytes():
+            return None, [_too_large(name, max(path.stat().st_size, len(data)))]
     except OSError as error:
         return None, [_diagnostic(rules.UNREADABLE, name, reason=reason_of(error))]
     except ValueError:  # A NUL in the name.
         return None, [_diagnostic(rules.UNREADABLE, name, reason=Phrase("the name is not valid"))]
     return check_text(data, name, path)
+
+
+def read_limited(file: IO[bytes]) -> bytes:
+    """Read a file up to its end, or to one byte more than gusjob reads: the size of a pipe is not known before."""
+    return file.read(_limit_bytes() + 1)
+
+
+def _limit_bytes() -> int:
+    return int(MAX_FILE_MB * 1_000_000)
+
+
+def _too_large(name: str, size: int) -> Diagnostic:
+    return _diagnostic(rules.TOO_LARGE, name, size=str(size // 1_000_000), limit=str(MAX_FILE_MB))
 
 
 def shown_name(path: Path) -> str:
@@ -87,6 +99,8 @@ def shown_name(path: Path) -> str:
 
 def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source | None, list[Diagnostic]]:
     """Check that bytes are text without NUL: UTF-8 with or without BOM; a listing may be UTF-16 or GB18030, too."""
+    if len(data) > _limit_bytes():
+        return None, [_too_large(name, len(data))]
     data, encoding = data.removeprefix(b"\xef\xbb\xbf"), ""
     if data[:2] in _UTF16_MARKS:
         decoded = _decoded(data, "utf-16", name)

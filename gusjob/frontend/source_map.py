@@ -20,23 +20,36 @@ class SourceMap:
         sources: The texts.
         bases: The offset of each text's line numbers.
         included_paths: The files that INCLUDEs name, whether or not they could be read.
+        included_at: For each text the line of its first INCLUDE, 0 for the job's own.
     """
 
     sources: list[Source] = field(default_factory=list)
     bases: list[int] = field(default_factory=list)
     included_paths: list[Path] = field(default_factory=list)
+    included_at: list[int] = field(default_factory=list)
 
-    def add(self, source: Source) -> int:
-        """Add a text; returns the offset of its line numbers."""
+    def add(self, source: Source, included_at: int = 0) -> int:
+        """Add a text; returns the offset of its line numbers. `included_at`: line of the INCLUDE."""
         base = self.bases[-1] + self.sources[-1].count_lines() if self.sources else 0
         self.sources.append(source)
         self.bases.append(base)
+        self.included_at.append(included_at)
         return base
 
     def find(self, line: int) -> tuple[Source, int]:
         """The text of a line, and the line's number in it."""
-        at = max(bisect_right(self.bases, line - 1) - 1, 0)
+        at = self._index(line)
         return self.sources[at], line - self.bases[at]
+
+    def _index(self, line: int) -> int:
+        return max(bisect_right(self.bases, line - 1) - 1, 0)
+
+    def reading_order(self, line: int) -> tuple[int, ...]:
+        """A key by which lines are in the order in which they are read: the INCLUDEs around a line, and the line."""
+        around = [line]
+        while at := self._index(around[0]):
+            around.insert(0, self.included_at[at])
+        return tuple(around)
 
     @property
     def files(self) -> tuple[tuple[str, int], ...]:

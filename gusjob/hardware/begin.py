@@ -16,6 +16,7 @@ from gusjob.controllers.gus.remainder import remainder_from
 from gusjob.diagnostics.model import Span, has_errors
 from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.i18n.phrases import Phrase, printable
+from gusjob.ir.overrides import Overrides, overrides_text
 from gusjob.simulate import Trace
 
 _ROUNDED_PULSE = 2.0
@@ -39,6 +40,8 @@ def begin_range(request: RunRequest) -> PositionRange | Refusal | None:
         again = Phrase("give {options} again", options=printable(recorded_options))
         how = again if recorded_options else Phrase("leave out --no-laser")
         return Refusal(reason=Phrase("this is the journal of another kind of run: {how}", how=how), subject=subject)
+    if recorded.overrides != request.overrides:
+        return Refusal(reason=_other_overrides(recorded.overrides), subject=subject)
     if recorded.head["calls"] != fingerprint(stream) or recorded.head["rows"] != len(stream.buffered):
         reason = Phrase(
             "this is the journal of other calls: the job or its profile has changed; continue with --from-line N"
@@ -50,6 +53,15 @@ def begin_range(request: RunRequest) -> PositionRange | Refusal | None:
             return _outside(request)
     found = recorded_range(recorded, stream)
     return _outside(request) if found is not None and not range_is_in_job(request, found) else found
+
+
+def _other_overrides(recorded: Overrides) -> Phrase:
+    if not recorded:
+        return Phrase("this is the journal of a run without -D: leave out -D")
+    given = printable(overrides_text(recorded))
+    return Phrase(
+        "this is the journal of a run with -D {overrides}: leave out -D, it is taken from there", overrides=given
+    )
 
 
 def range_is_in_job(request: RunRequest, found: PositionRange) -> bool:

@@ -16,6 +16,8 @@ from gusjob.hardware.supervisor import SessionOutcome
 _UNSAFE = (rules.LASER_STATE_UNKNOWN, rules.MOTION_STATE_UNKNOWN, rules.WRONG_ABI)
 """Rules of faults after which the laser may be on or the axes may move."""
 
+_OF_LIBRARY = (rules.NO_LIBRARY, rules.NO_SYMBOLS, rules.WRONG_ABI)
+
 
 class Ending(StrEnum):
     """How a run ended."""
@@ -72,6 +74,11 @@ class RunOutcome:
     def refused(cls, refusal: Refusal, journal: Path | None = None) -> RunOutcome:
         """Make the outcome of a request that can't be run."""
         return cls(ending=Ending.REFUSED, refusal=refusal, journal=journal)
+
+    @property
+    def is_library_unusable(self) -> bool:
+        """Whether nothing was done because the library can't be loaded, lacks calls, or has another ABI."""
+        return self.ending is Ending.INVALID and any(found.rule in _OF_LIBRARY for found in self.diagnostics)
 
     @property
     def is_safe(self) -> bool:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gusjob.config.machine import Abi
 from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.driver.library import Library, load_library
+from gusjob.controllers.gus.driver.library import Library, abi_titles, load_library
 from gusjob.controllers.gus.driver.requirements import check_stream, needed_calls
 from gusjob.controllers.gus.dry_run import frame, without_laser
 from gusjob.controllers.gus.model import simulate_stream
@@ -15,7 +14,7 @@ from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.hardware.forecast import Forecast, forecast
 from gusjob.hardware.outcome import Ending, RunOutcome
 from gusjob.hardware.request import Refusal, RunMode, RunRequest
-from gusjob.i18n.phrases import Phrase
+from gusjob.i18n.phrases import Phrase, any_of
 from gusjob.inputs import exists
 
 
@@ -34,12 +33,7 @@ def prepare(request: RunRequest) -> PreparedRun | RunOutcome:
     library_path = _existing_file(options.library) or controller.library
     abi = options.abi or controller.abi
     if not library_path or abi is None:
-        reason = Phrase(
-            "a run on hardware needs the vendor's library: --library PATH and --abi {abis}, "
-            "or library and abi under [controller] in the machine profile; see gusjob devices",
-            abis="|".join(Abi),
-        )
-        return RunOutcome.refused(Refusal(reason=reason))
+        return RunOutcome.refused(Refusal(reason=_missing_option(library_path)))
     found: list[Diagnostic] = []
     if options.mode is not RunMode.JOB:
         stream = _dry_stream(request)
@@ -57,6 +51,23 @@ def prepare(request: RunRequest) -> PreparedRun | RunOutcome:
         return RunOutcome(ending=Ending.INVALID, diagnostics=(*found, *request.located(faults)))
     expected = forecast(request.stream, request.trace, machine)
     return PreparedRun(request=request, forecast=expected, library=library)
+
+
+def _missing_option(library_path: str) -> Phrase:
+    """Say what a run needs, if there is no library or no ABI, and how to find it out."""
+    if not library_path:
+        return Phrase(
+            "a run on hardware needs the vendor's library: --library PATH, or library under [controller] in the "
+            "machine profile; `gusjob devices` finds it"
+        )
+    abis = [Phrase("{abi} ({title})", abi=abi, title=title) for abi, title in abi_titles().items()]
+    return Phrase(
+        "the ABI of {library} is not given. It says which functions the library has, and their arguments: "
+        "--abi {abis}, or abi under [controller] in the machine profile; `gusjob devices --library {library}` shows "
+        "which one fits",
+        library=library_path,
+        abis=any_of(abis),
+    )
 
 
 def _dry_stream(request: RunRequest) -> Stream | None:

@@ -12,6 +12,7 @@ from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.journal.reader import RecordedRun, read_journal
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.simulate import Trace
 
 
@@ -74,6 +75,7 @@ class RunRequest:
         trace: Their simulation.
         machine: The machine profile.
         options: The options of the run.
+        overrides: The values of LETs that the job was compiled with.
         locate: Converts a line of the calls to a span in the job or in a file that it includes.
         report: Converts diagnostics of a simulation to those that are reported, as the pipeline does for the job.
     """
@@ -83,6 +85,7 @@ class RunRequest:
     trace: Trace
     machine: Machine
     options: RunOptions = field(default_factory=RunOptions)
+    overrides: Overrides = field(default_factory=lambda: NO_OVERRIDES)
     locate: Callable[[int], Span] = _same_line
     report: Callable[[list[Diagnostic]], Iterable[Diagnostic]] = list
 

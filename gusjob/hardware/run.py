@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -32,6 +32,7 @@ from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.hardware.signals import stop_on_signals
 from gusjob.hardware.supervisor import SessionOutcome, Supervisor
 from gusjob.i18n.phrases import Phrase, reason_of
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.version import __version__
 
 
@@ -41,7 +42,8 @@ class RunPlan:
 
     `remaining_ms`: planned time from `begin` on; `doubling_mm`: length of the marks that a resumed run makes twice
     at most; `is_torn`: the last line of the journal that is continued is incomplete; `begin_location`: file:line where
-    it begins, '' at the job's start; `abi_title`: a phrase that describes the ABI.
+    it begins, '' at the job's start; `abi_title`: a phrase that describes the ABI; `overrides`: the values of LETs that
+    the job was compiled with.
     """
 
     job: Path
@@ -56,6 +58,7 @@ class RunPlan:
     journal: Path
     doubling_mm: float = 0.0
     is_torn: bool = False
+    overrides: Overrides = field(default_factory=lambda: NO_OVERRIDES)
 
 
 Confirm = bool | Callable[[RunPlan], bool]
@@ -177,6 +180,7 @@ def _open_journal(prepared: PreparedRun, begin: PositionRange | None) -> Journal
         "abi": prepared.library.abi,
         "started": now.isoformat(),
         "options": options.mode.option,
+        **({"overrides": dict(request.overrides)} if request.overrides else {}),
         "begin": None if begin is None else [*begin.earliest.key, *begin.latest.key],
         "resumes": path_text(options.resume.path.resolve()) if options.resume else None,
         "resumes_started": options.resume.head.get("started", "") if options.resume else "",
@@ -242,6 +246,7 @@ def _plan(prepared: PreparedRun, found: PositionRange, begin: PathPosition, jour
         begin_location="" if begin == JOB_START else request.location_of_row(begin.row),
         remaining_ms=expected.duration_ms - expected.done_ms(begin.row),
         journal=journal.path,
+        overrides=request.overrides,
     )
 
 

@@ -6,8 +6,11 @@ import re
 import unicodedata
 
 _WIDE = r"\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60"
-_BREAKABLE = re.compile(rf"\s*[（《]*(?:[{_WIDE}]|[^\s{_WIDE}]+)[，。；：、！？）》]*\s*")
-"""What stays together on a line: a wide character or a word of others, with its punctuation."""
+_BREAKABLE = rf"\s*[（《]*(?:[{_WIDE}]|[^\s{_WIDE}]+)[，。；：、！？）》]*\s*"
+"""What stays together on a line: a wide character or a word of others, with its punctuation.
+
+Not compiled before it is used: compiling its large sets takes long, and few texts are wrapped.
+"""
 
 
 def width(text: str) -> int:
@@ -26,7 +29,7 @@ def wrapped(text: str, columns: int) -> str:
     A line may break after any wide character, but not before punctuation.
     """
     lines, used = [""], 0
-    for part in _BREAKABLE.findall(text):
+    for part in re.findall(_BREAKABLE, text):
         size = width(part.rstrip())
         if used + size > columns and lines[-1]:
             lines.append("")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.diagnostics.model import Remark, Span
+from gusjob.diagnostics.model import Diagnostic, Remark, Span
 from gusjob.ir.path import Path, Speeds
 from gusjob.ir.provenance import Locate, Provenance
 from gusjob.ir.setup import Setup, SkyWrite, SkyWriting
@@ -43,6 +43,8 @@ class Job:
     """Every line of the text is in the job. If not, what seems to be missing may be in a line with a diagnostic."""
     provenance: Provenance | None = None
     """None for a job without loops, routines and includes."""
+    with_override_notes: Callable[[Diagnostic], Diagnostic] | None = None
+    """Adds to a diagnostic the overrides of LETs that it depends on; None for a job without overrides."""
 
     def provenance_remarks(self, node: int) -> tuple[Remark, ...]:
         """Describe where a statement came from."""

@@ -5,6 +5,8 @@ A column is a one-dimensional array with one entry a row.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -13,6 +15,7 @@ Ints = npt.NDArray[np.int64]
 Indices = npt.NDArray[np.intp]
 """Row numbers of another column."""
 Bools = npt.NDArray[np.bool_]
+_Number = TypeVar("_Number", bound=np.generic)
 
 
 def counted(counts: Indices) -> tuple[Indices, Indices]:
@@ -26,6 +29,30 @@ def counted(counts: Indices) -> tuple[Indices, Indices]:
     """
     which = np.repeat(np.arange(len(counts)), counts)
     return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def distinct(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
+    """Sort values without NaN, each once, as np.unique does, which imports numpy.ma for that.
+
+    Args:
+        values: The values, (n,).
+    """
+    ordered: npt.NDArray[_Number] = np.sort(values)
+    is_repeated = np.zeros(len(ordered), dtype=np.bool_)
+    is_repeated[1:] = ordered[1:] == ordered[:-1]
+    once: npt.NDArray[_Number] = ordered[~is_repeated]
+    return once
+
+
+def median(values: Floats) -> float:
+    """Return the median of one or more values, NaN if one is NaN, as np.median does, which imports numpy.ma for that.
+
+    Args:
+        values: The values, (n,).
+    """
+    middle = [(len(values) - 1) // 2, len(values) // 2]
+    ordered = np.partition(values, [*middle, len(values) - 1])  # NaN comes last.
+    return float(ordered[-1] if np.isnan(ordered[-1]) else ordered[middle].mean())
 
 
 def running_sum(values: Floats) -> Floats:

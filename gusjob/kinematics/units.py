@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from gusjob.i18n.phrases import Phrase
-from gusjob.kinematics.arrays import Floats
+
+if TYPE_CHECKING:  # The machine profile needs units, but no arrays: start-up time is part of the tool.
+    from gusjob.kinematics.arrays import Floats
 
 
 class QuantityKind(IntEnum):
@@ -113,7 +115,7 @@ def spelling(unit: str) -> str:
     return {"khz": "kHz", "hz": "Hz", "mhz": "MHz", "v": "V", "mv": "mV"}.get(unit.lower(), unit.lower())
 
 
-_N = TypeVar("_N", float, Floats)
+_N = TypeVar("_N", float, "Floats")
 
 
 def velocity_pulse_per_ms(mm_s: _N, pulses_per_mm: float) -> _N:

@@ -12,7 +12,7 @@ from typing import IO, Any
 from urllib.parse import unquote, urlsplit
 
 from gusjob.config.profile import PROFILE_NAME
-from gusjob.frontend.source import MAX_FILE_MB
+from gusjob.frontend.source import read_limited
 from gusjob.inputs import open_input
 
 if sys.platform == "win32":
@@ -111,6 +111,5 @@ class Workspace:
 
 
 def _read_file(path: Path) -> bytes:
-    """Read at most one byte more than gusjob's size limit, so that a file that is too large is recognized."""
     with open_input(path) as file:
-        return file.read(int(MAX_FILE_MB * 1_000_000) + 1)
+        return read_limited(file)

@@ -7,11 +7,9 @@ from dataclasses import replace
 from gusjob.config.machine import Machine
 from gusjob.ir.job import Job
 from gusjob.planner.flatten import flatten
-from gusjob.planner.plan import NO_SKY_WRITING, Plan
+from gusjob.planner.plan import NO_SKY_WRITING, Plan, next_phase
 from gusjob.planner.quantize import quantize
 from gusjob.planner.skywriting.add_runs import add_runs
-from gusjob.planner.skywriting.place_switches import place_switches
-from gusjob.planner.skywriting.run_field import run_field_diagnostics
 from gusjob.planner.split import split
 from gusjob.planner.velocity import velocities
 
@@ -26,5 +24,10 @@ def plan(job: Job, machine: Machine) -> Plan:
     staged = split(job, machine, path, origin)
     quantized = add_runs(quantize(staged, NO_SKY_WRITING))
     planned = velocities(quantized)
+    if not len(planned.sky.events):
+        return next_phase(Plan, planned, intent=None)
+    from gusjob.planner.skywriting.place_switches import place_switches  # Start-up time is part of the tool.
+    from gusjob.planner.skywriting.run_field import run_field_diagnostics
+
     done = place_switches(planned)
     return replace(done, diagnostics=(*run_field_diagnostics(quantized), *done.diagnostics))

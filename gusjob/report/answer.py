@@ -9,6 +9,7 @@ from typing import Any, assert_never
 
 import numpy as np
 
+from gusjob.config.machine import DEFAULT_NAME
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.i18n.phrases import Phrase, all_of, plural, printable
 from gusjob.kinematics.arrays import Bools, Floats
@@ -125,7 +126,7 @@ def _setting(report: Report) -> Iterator[str]:
     machine, scanner = report.notes["machine"], report.notes["scanner"]
     if machine["profile"] is None:
         yield Phrase("no profile: documented defaults")
-    elif machine["name"]:
+    elif machine["name"] not in (None, DEFAULT_NAME):
         yield Phrase("profile {path} ({name})", path=machine["profile"], name=machine["name"])
     else:
         yield Phrase("profile {path}", path=machine["profile"])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.ir.overrides import Overrides
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.report.earlier import ANY_UNIT, CHANNELS, COUNTS, FIGURES, POWERS, Columns, EarlierReport, Key, flat_totals
 from gusjob.report.match import matched_rows
@@ -30,6 +31,15 @@ class TotalChange:
     old: float | str | None
     new: float | str | None
     change_pct: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OverrideChange:
+    """A value of -D that changed. `old`, `new`: None where the name was not set by -D."""
+
+    name: str
+    old: str | None
+    new: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,13 +87,18 @@ class SegmentComparison:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """The changes since an earlier report. `segments`: None if the earlier report has totals only."""
+    """The changes since an earlier report.
+
+    `segments`: None if the earlier report has totals only. `overrides`: the changed values of -D; they alone are no
+    change of the run.
+    """
 
     path: str
     job: str
     tolerance_pct: float
     totals: tuple[TotalChange, ...]
     segments: SegmentComparison | None
+    overrides: tuple[OverrideChange, ...] = ()
 
     @property
     def same(self) -> bool:
@@ -120,7 +135,14 @@ def compare(report: Report, earlier: EarlierReport, tolerance_pct: float) -> Com
         tolerance_pct=tolerance_pct,
         totals=(*totals, *_changed_totals(old, new, tolerance)),
         segments=segments,
+        overrides=_changed_overrides(earlier.overrides, report.overrides),
     )
+
+
+def _changed_overrides(old: Overrides, new: Overrides) -> tuple[OverrideChange, ...]:
+    names = [*new, *(name for name in old if name not in new)]
+    changes = (OverrideChange(name=name, old=old.get(name), new=new.get(name)) for name in names)
+    return tuple(change for change in changes if change.old != change.new)
 
 
 def _power_units(totals: dict[Key, float], channel: int) -> str | None:

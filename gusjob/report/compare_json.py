@@ -13,7 +13,8 @@ from gusjob.simulate.kinds import SegmentKind
 def against_json(comparison: Comparison) -> orjson.Fragment:
     """Return the field `against` of the report's JSON.
 
-    `path` and `job` of the earlier report; `tolerance_pct`; `same`; `totals`: a list of the changed ones, objects of
+    `path` and `job` of the earlier report; `tolerance_pct`; `same`; `overrides`: a list of the changed values of -D,
+    objects of `name`, `old`, `new`, null where the name was not set; `totals`: a list of the changed ones, objects of
     `what`, `channel`, `unit`, `old`, `new`, `change_pct`; `segments`: null if the earlier report has none, else
 
     - `matched`: "line", or "order" where line numbers changed;
@@ -31,6 +32,7 @@ def against_json(comparison: Comparison) -> orjson.Fragment:
                 "job": comparison.job,
                 "tolerance_pct": comparison.tolerance_pct,
                 "same": comparison.same,
+                "overrides": comparison.overrides,
                 "totals": comparison.totals,
                 "segments": None if comparison.segments is None else _segments_object(comparison.segments),
             },

@@ -8,7 +8,7 @@ import numpy as np
 from rich.cells import cell_len
 
 from gusjob.i18n.phrases import Phrase, figure, localized, number, plural
-from gusjob.report.compare import ColumnChange, Comparison, SegmentComparison, TotalChange
+from gusjob.report.compare import ColumnChange, Comparison, OverrideChange, SegmentComparison, TotalChange
 from gusjob.report.earlier import CHANNELS, COUNTS, POWERS
 from gusjob.report.rows import OFF_OUTPUT, kind_for_people
 
@@ -65,6 +65,7 @@ def outcome_lines(comparison: Comparison) -> list[str]:
                 vanished=len(rows.vanished),
             )
         )
+    lines += map(_override_change, comparison.overrides)
     if rows is None:
         lines.append(Phrase("the earlier report has totals only: segments are not compared"))
     elif rows.shifted:
@@ -75,6 +76,15 @@ def outcome_lines(comparison: Comparison) -> list[str]:
         if total.what == "unit"
     ]
     return lines
+
+
+def _override_change(change: OverrideChange) -> Phrase:
+    name, old, new = change.name, change.old, change.new
+    if old is None:
+        return Phrase("-D {name}={new}, which the earlier report does not have", name=name, new=new)
+    if new is None:
+        return Phrase("the earlier report has -D {name}={old}", name=name, old=old)
+    return Phrase("-D {name}: {old} -> {new}", name=name, old=old, new=new)
 
 
 def totals_rows(comparison: Comparison) -> list[list[str]]:
@@ -185,7 +195,7 @@ def comparison_text(comparison: Comparison) -> str:
     first, *others = outcome_lines(comparison)
     against = Phrase("{outcome} (against {report})", report=comparison.path, outcome=first)
     lines = [localized(against), *(f"  {localized(line)}" for line in others)]
-    totals = [[change, unit, f"{old} -> {new}", change] for change, unit, old, new, change in totals_rows(comparison)]
+    totals = [[name, unit, f"{old} -> {new}", change] for name, unit, old, new, change in totals_rows(comparison)]
     for rows in (totals, [*segment_rows(comparison.segments)] if comparison.segments else []):
         if len(rows) > (rows is not totals):
             widths = [max(map(cell_len, column)) for column in zip(*rows, strict=True)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import orjson
 from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.i18n.phrases import Phrase, all_of, printable, reason_of
 from gusjob.inputs import open_input
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Floats
 from gusjob.report.rows import REPORT_SCHEMA
 from gusjob.simulate.kinds import SegmentKind
@@ -39,12 +40,17 @@ _OFF_OUTPUT = ("standby_khz", "standby_pct", "prevoltage_v")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarlierReport:
-    """An earlier report, validated. `columns`: as in a Report, NaN for null; None if it has totals only."""
+    """An earlier report, validated.
+
+    `columns`: as in a Report, NaN for null; None if it has totals only. `overrides`: the values of LETs that its job
+    was run with.
+    """
 
     path: str
     job: str
     totals: dict[Key, float]
     columns: Columns | None
+    overrides: Overrides = field(default_factory=lambda: NO_OVERRIDES)
 
 
 class _NotAReportError(Exception):
@@ -92,9 +98,19 @@ def _parse(path: str, data: bytes) -> EarlierReport:
     if type(found) is not dict or found.get("schema") != REPORT_SCHEMA:
         reason = Phrase('this is not a JSON report of gusjob (schema "{schema}")', schema=REPORT_SCHEMA)
         raise _NotAReportError(reason)
+    if found.get("totals", found) is None:
+        raise _NotAReportError(Phrase("this is the report of a job with errors, which was not simulated"))
     totals = flat_totals(_typed(found, "totals", dict)) | {("period_us", None, None): _figure(found, "period_us")}
     columns = _columns(_typed(found, "segments", dict)) if "segments" in found else None
-    return EarlierReport(path=path, job=printable(_typed(found, "job", str)), totals=totals, columns=columns)
+    overrides = _overrides(_typed(found, "overrides", dict)) if "overrides" in found else NO_OVERRIDES
+    job = printable(_typed(found, "job", str))
+    return EarlierReport(path=path, job=job, totals=totals, columns=columns, overrides=overrides)
+
+
+def _overrides(found: dict[str, Any]) -> Overrides:
+    if not all(type(value) is str for value in found.values()):
+        raise _NotAReportError(Phrase("overrides contains a value that is not a JSON string"))
+    return {printable(name): printable(value) for name, value in found.items()}
 
 
 _JSON_WORDS: dict[type, str] = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
+from typing import Any
 
 import numpy as np
 import orjson
@@ -31,6 +32,16 @@ def report_json(report: Report, diagnostics: Iterable[Diagnostic], *, summary: b
         yield from _columns("segments", rows_of(report))
         yield from [b', "marks": null'] if report.marks is None else _columns("marks", report.marks)
     yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(f) for f in diagnostics]) + b"}\n"
+
+
+def report_json_without_run(
+    job: str, period_us: float | None, diagnostics: Iterable[Diagnostic], *, summary: bool
+) -> Iterator[bytes]:
+    """Yield gusjob-report/1 of a job that was not run: it has the fields of a run, but all figures are null."""
+    fields: dict[str, Any] = {"schema": REPORT_SCHEMA, "job": job, "period_us": period_us, "totals": None}
+    if not summary:
+        fields |= {"segments": None, "marks": None}
+    yield orjson.dumps({**fields, "diagnostics": [diagnostic_object(f) for f in diagnostics]}) + b"\n"
 
 
 def _columns(name: str, columns: Mapping[str, Column]) -> Iterator[bytes]:
@@ -67,6 +78,8 @@ def report_parquet(report: Report) -> Iterator[bytes]:
     if "files" in report.notes:
         table["file"] = CategoryColumn(codes=report.columns["file"], categories=tuple(report.notes["files"]))
     about = {"schema": REPORT_SCHEMA.encode(), "job": report.job.encode(), "totals": orjson.dumps(report.totals)}
+    if report.overrides:
+        about["overrides"] = orjson.dumps(report.overrides)
     return parquet_bytes(chunks(table, _GROUP_ROWS), about)
 
 

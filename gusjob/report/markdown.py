@@ -11,6 +11,7 @@ import numpy as np
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.i18n.phrases import Phrase, figure, localized, printable
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides, overrides_text
 from gusjob.kinematics.arrays import Indices
 from gusjob.report.answer import Answer, answer_of
 from gusjob.report.compare import Comparison
@@ -72,13 +73,15 @@ def report_markdown(
     summary: bool = False,
     comparison: Comparison | None = None,
     only_changes: bool = False,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> str:
     """Format totals, comparison, diagnostics and, unless `summary`, segments.
 
     The comparison comes first, with its verdict; then the answer. `report`: None if the job was not run.
-    `only_changes`: the comparison alone.
+    `only_changes`: the comparison alone. `overrides`: the values of LETs that the job was read with.
     """
     lines = [f"## {code(name)}", ""]
+    lines += [f"-D {code(overrides_text(overrides))}", ""] if overrides else []
     lines += _comparison(comparison) if comparison is not None else []
     if only_changes and comparison is not None:
         return _bounded(lines)

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.events import LaserState
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.lengths import mm_per_pulse, segment_mm
 from gusjob.simulate.quality.marks import marking_totals, marks_of
+
+if TYPE_CHECKING:
+    from gusjob.pipeline import Simulated
 
 REPORT_SCHEMA = "gusjob-report/1"
 
@@ -62,7 +66,7 @@ class Report:
         period_us: Tick of the controller.
         totals: As in the JSON.
         columns: One value per segment, by name; `kind` holds SegmentKind numbers.
-        notes: Further facts: machine, scanner, readings, files.
+        notes: Further facts: machine, scanner, readings, files, overrides.
         marks: Columns of mark quality, one value per mark; None if it was not computed.
     """
 
@@ -83,8 +87,26 @@ class Report:
                 named[name] = tuple(entry["unit"] for entry in entries)
         return named
 
+    @property
+    def overrides(self) -> Overrides:
+        """The values of LETs that the job was run with."""
+        found: Overrides = self.notes.get("overrides", NO_OVERRIDES)
+        return found
+
     def __len__(self) -> int:
         return len(self.columns["line"])
+
+
+def report_of(simulated: Simulated, *, marking: bool | None = None) -> Report:
+    """Make the report of a simulated file. `marking`: as for make_report."""
+    return make_report(
+        simulated.trace,
+        simulated.machine,
+        simulated.files,
+        marking=marking,
+        profile=simulated.profile,
+        overrides=simulated.overrides,
+    )
 
 
 def make_report(
@@ -94,6 +116,7 @@ def make_report(
     *,
     marking: bool | None = None,
     profile: Path | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Report:
     """Make the rows and totals of a trace.
 
@@ -104,6 +127,7 @@ def make_report(
             file, and the column `file` is an index of `notes["files"]`.
         marking: Whether to compute mark quality; None: with a scanner, and up to MARKED_SEGMENTS segments.
         profile: The machine profile that was read; None: the documented defaults.
+        overrides: The values of LETs that the job was run with.
     """
     schedule = trace.schedule
     columns = _motion_columns(trace, machine)
@@ -124,6 +148,8 @@ def make_report(
             if table:
                 table["line"], table["file"] = own_lines(table["line"], files)
         notes["files"] = [name for name, _ in files]
+    if overrides:
+        notes["overrides"] = dict(overrides)
     return Report(
         job=trace.name,
         period_us=trace.period_us,

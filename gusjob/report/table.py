@@ -15,6 +15,7 @@ from rich.text import Text
 from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.i18n.width import width as columns_of
+from gusjob.ir.overrides import overrides_text
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.answer import Answer, Finding
 from gusjob.report.quantities import TABLE_DIGITS, duration, energy, length, power_time, short
@@ -101,9 +102,19 @@ def report_text(
     out = StringIO()
     width = max(width, _LEAST_WIDTH)
     console = Console(
-        file=out, width=width, force_terminal=color, no_color=not color, highlight=False, legacy_windows=False
+        file=out,
+        width=width,
+        height=1,  # Without it, TERM=dumb would set the width.
+        force_terminal=color,
+        color_system="standard" if color else None,
+        no_color=not color,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        legacy_windows=False,
     )
-    console.print(Text(printable(report.job), style="bold"))
+    overrides = f"  -D {overrides_text(report.overrides)}" if report.overrides else ""
+    console.print(Text(printable(report.job) + overrides, style="bold"), soft_wrap=True)  # A path stays whole.
     console.print(_headline(answer, width))
     console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"))
     if answer.findings:
@@ -169,12 +180,14 @@ def _totals(report: Report) -> Text:
 def _overall(report: Report) -> Phrase:
     totals = report.totals
     segments, stages = totals["segments"], totals["stages"]
+    in_segments = plural(
+        segments, Phrase("{count} segment", count=segments), Phrase("{count} segments", count=segments)
+    )
+    in_stages = plural(stages, Phrase("{count} stage", count=stages), Phrase("{count} stages", count=stages))
     return Phrase(
         "{segments} in {stages}, {duration}; marks {mark}, jumps {jump}{runs}",
-        segments=plural(
-            segments, Phrase("{count} segment", count=segments), Phrase("{count} segments", count=segments)
-        ),
-        stages=plural(stages, Phrase("{count} stage", count=stages), Phrase("{count} stages", count=stages)),
+        segments=in_segments,
+        stages=in_stages,
         duration=duration(totals["duration_ms"]),
         mark=length(totals["mark_mm"]),
         jump=length(totals["jump_mm"]),

@@ -35,7 +35,6 @@ def test_check_exit_status(tmp_path: Path, good: Path) -> None:
     bad = write(tmp_path, "QQ\n", "bad.job")
     assert gusjob("check", good, bad).exit_code == 1
     assert gusjob("check", bad, tmp_path / "none.job").exit_code == 2
-    assert gusjob("check").exit_code == 2
     assert gusjob("check", "--format", "xml", good).exit_code == 2
 
 
@@ -191,7 +190,7 @@ def test_a_listing_with_refused_calls_is_reported(tmp_path: Path) -> None:
     assert "GJ701" in [f["code"] for f in found["diagnostics"]]
     assert result.exit_code == 1
     unread = gusjob("report", write(tmp_path, "what(\n" + text, "b.gts"), "--format", "json")
-    assert (unread.exit_code, unread.stdout) == (1, "")
+    assert (unread.exit_code, json.loads(unread.stdout)["totals"]) == (1, None)
 
 
 def report(*args: object) -> dict[str, Any]:
@@ -263,10 +262,10 @@ def test_compile_formats(good: Path, tmp_path: Path) -> None:
 def test_outputs_that_can_not_be_written(good: Path, tmp_path: Path) -> None:
     before = good.read_bytes()
     for command in ("compile", "report"):
-        over = gusjob(command, good, "-o", good)
+        over = gusjob(command, good, "--format", "json", "-o", good)
         assert over.exit_code == 2
         assert "name another" in over.output
-        nowhere = gusjob(command, good, "-o", tmp_path / "no" / "a.gts")
+        nowhere = gusjob(command, good, "-o", tmp_path / "no" / "a.json")
         assert nowhere.exit_code == 2
         assert "can't write" in nowhere.output
     assert good.read_bytes() == before
@@ -354,21 +353,6 @@ def test_an_output_is_complete_or_absent(tmp_path: Path, monkeypatch: pytest.Mon
     assert os.name != "posix" or output.stat().st_mode & 0o777 == 0o640
 
 
-def test_the_format_of_a_report_by_its_file_name(good: Path, tmp_path: Path) -> None:
-    starts = {
-        "a.json": b'{"schema"',
-        "a.csv": b"line,kind",
-        "a.MD": b"## ",
-        "a.html": b"<!DOCTYPE html>",
-        "a.parquet": b"PAR1",
-    }
-    for name, start in starts.items():
-        assert gusjob("report", good, "-o", tmp_path / name).exit_code == 0
-        assert (tmp_path / name).read_bytes().startswith(start), name
-    assert gusjob("report", good, "--format", "csv", "-o", tmp_path / "b.json").exit_code == 0
-    assert (tmp_path / "b.json").read_bytes().startswith(b"line,kind")
-
-
 def test_a_file_name_does_not_control_the_terminal(tmp_path: Path, good: Path) -> None:
     for words in (["watch", tmp_path / "no\x1b[31m"], ["trace", good, "-o", tmp_path / "no" / "x\x1b[31m"]):
         done = gusjob(*words)
@@ -404,3 +388,89 @@ def test_a_file_name_that_is_not_text(tmp_path: Path) -> None:
     for form in ("vcd", "csv", "parquet", "npz"):
         assert gusjob("trace", path, "--format", form, "-o", tmp_path / "out").exit_code == 0
     assert json.loads(gusjob("report", path, "--format", "json").stdout)["job"].endswith("\\udcff\\udcfe.job")
+
+
+NO_TEXT = b"LINE X \xe9\n"
+"""A text that can't be read."""
+
+
+@pytest.mark.parametrize("text", [MARK.encode() + b"LASER POWER 120\n", b"what(\n", NO_TEXT, None])
+def test_json_of_a_job_that_was_not_run(tmp_path: Path, text: bytes | None) -> None:
+    """What reads JSON finds the diagnostics of `check`, and null in place of what was not computed."""
+    path, out = tmp_path / "x.job", tmp_path / "out.json"
+    if text is not None:
+        path.write_bytes(text)
+    checked = gusjob("check", path, "--format", "json")
+    wanted = {"job": str(path), "diagnostics": json.loads(checked.stdout)["diagnostics"]}
+    period_us = None if text in (None, NO_TEXT) else 250
+    totals = {"schema": "gusjob-report/1", "period_us": period_us, "totals": None}
+    for words, fields in (
+        (["report"], {**totals, "segments": None, "marks": None}),
+        (["report", "--summary"], totals),
+        (["compile"], {"schema": "gusjob-calls/1", "calls": None, "buffered": None}),
+    ):
+        done = gusjob(*words, path, "-o", out)
+        assert done.exit_code == checked.exit_code > 0
+        assert json.loads(out.read_bytes()) == wanted | fields
+        assert f"[{wanted['diagnostics'][0]['code']}]" in done.stderr
+    again = gusjob("report", write(tmp_path, GOOD, "good.job"), "--against", tmp_path / "report.json")
+    assert again.exit_code == 2
+    gusjob("report", path, "-o", out)
+    again = gusjob("report", tmp_path / "good.job", "--against", out)
+    message = f"gusjob: {out}: this is the report of a job with errors, which was not simulated\n"
+    assert (again.exit_code, again.stderr) == (2, message)
+
+
+@pytest.mark.parametrize("words", ["report -o x.csv", "report -o x.parquet", "report -o x.txt", "compile -o x.gts",
+                                   "compile -o x.c", "plot -o x.svg", "trace -o x.vcd", "trace -o x.csv"])  # fmt: skip
+def test_formats_without_diagnostics_are_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    output = write(tmp_path, "old", words.split()[-1])
+    write(tmp_path, MARK + "LASER POWER 120\n", "bad.job")
+    for name, code in (("bad.job", 1), ("none.job", 2)):
+        assert gusjob(words.split()[0], name, *words.split()[1:]).exit_code == code
+        assert output.read_text(encoding="utf-8") == "old"
+
+
+def test_the_diagnostics_of_calls(tmp_path: Path) -> None:
+    """They are in the JSON also if there are no errors."""
+    path = write(tmp_path, "LET unread = 1\n" + GOOD)
+    found = json.loads(gusjob("compile", path, "--format", "json").stdout)
+    assert [f["severity"] for f in found["diagnostics"]] == ["note"]
+
+
+def test_without_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What only reads takes the current folder; what writes does not guess."""
+    monkeypatch.chdir(tmp_path)
+    empty = gusjob("check")
+    assert (empty.exit_code, "there is no .job or .gts file in this folder" in empty.stderr) == (2, True)
+    write(tmp_path, "line x 1\n", "a.job")
+    (tmp_path / "in").mkdir()
+    write(tmp_path / "in", "GT_QQ(1)\n", "b.gts")
+    done = gusjob("check", "--format", "json")
+    assert {Path(f["path"]).as_posix() for f in json.loads(done.stdout)["diagnostics"]} == {"a.job", "in/b.gts"}
+    for words, code, text in (
+        ("fmt --check", 1, "1 file: 1 would change"),
+        ("fmt --diff", 1, "1 file: 1 would change"),
+        ("fmt", 2, "fmt rewrites files: name them"),
+        ("check --fix", 2, "--fix rewrites files: name them"),
+        ("check --diff", 1, "2 files:"),
+    ):
+        found = gusjob(*words.split())
+        assert (found.exit_code, text in found.stderr) == (code, True), (words, found.stderr)
+    assert (tmp_path / "a.job").read_text(encoding="utf-8") == "line x 1\n"
+    assert gusjob("fmt", ".").exit_code == 0
+    assert (tmp_path / "a.job").read_text(encoding="utf-8") == "LINE X 1\n"
+
+
+def test_exit_zero(tmp_path: Path) -> None:
+    bad = write(tmp_path, "QQ\n", "bad.job")
+    done = gusjob("check", "--exit-zero", bad)
+    assert (done.exit_code, "error[GJ102]" in done.stdout) == (0, True)
+    assert gusjob("check", "--exit-zero", "--format", "json", bad).exit_code == 0
+    assert gusjob("check", "--exit-zero", bad, tmp_path / "none.job").exit_code == 2
+    assert gusjob("check", "--exit-zero", "--diff", write(tmp_path, GOOD.replace("LASER OFF\n", ""))).exit_code == 0
+    both = gusjob("check", "--exit-zero", "--strict", bad)
+    assert (both.exit_code, "exclude each other" in both.stderr) == (2, True)

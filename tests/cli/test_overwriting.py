@@ -37,12 +37,13 @@ def linked(name: str, make: Callable[[Path], None], path: Path) -> Path:
 
 
 WRITERS = (
-    "compile", "compile --format json", "compile --format c",
-    "report", "report --format json", "report --format csv", "report --format csv --summary",
+    "compile --format gts", "compile --format json", "compile --format c",
+    "report --format table", "report --format json", "report --format csv", "report --format csv --summary",
     "report --format markdown", "report --format html", "report --format parquet",
     "trace --format vcd", "trace --format csv", "trace --format parquet", "trace --format npz",
     "check --format json", "check --format sarif", "check --format junit", "check --fix --format json",
-    "plot",
+    "check --format text", "check --format github", "check --format gitlab",
+    "plot --format png",
 )  # fmt: skip
 
 
@@ -57,16 +58,15 @@ def put(suffix: str) -> dict[str, str]:
     write(Path(), GOOD, f"part{suffix}")
     write(Path(), f'INCLUDE "part{suffix}"\n', f"top{suffix}")
     write(Path(), "period_us = 100\n", f"profile{suffix}")
-    calls = "calls.gts" if suffix == ".job" else f"calls{suffix}"
-    assert gusjob("compile", f"part{suffix}", "-o", calls).exit_code == 0
+    assert gusjob("compile", f"part{suffix}", "-o", "calls.gts").exit_code == 0
     job = f"top{suffix} --machine profile{suffix}"
-    return {f"top{suffix}": job, f"part{suffix}": job, f"profile{suffix}": job, calls: calls}
+    return {f"top{suffix}": job, f"part{suffix}": job, f"profile{suffix}": job, "calls.gts": "calls.gts"}
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("command", WRITERS)
 def test_an_input_is_not_overwritten(command: str, name: str) -> None:
-    for file, arguments in put(".png" if command == "plot" else ".job").items():
+    for file, arguments in put(".png" if command.startswith("plot") else ".job").items():
         output, before = NAMES[name](Path(file)), Path(file).read_bytes()
         if name == "case" and not exists(output):
             continue  # Another file, where case counts.
@@ -94,7 +94,7 @@ def test_what_is_included_over_a_link_is_not_overwritten() -> None:
     (Path("x") / "part.job").write_text(GOOD, encoding="utf-8")
     (Path("x") / "top.job").write_text('INCLUDE "part.job"\n', encoding="utf-8")
     linked("link", lambda link: link.symlink_to("x/top.job"), Path("top.job"))
-    done = gusjob("compile", "linktop.job", "-o", "x/part.job")
+    done = gusjob("compile", "linktop.job", "--format", "gts", "-o", "x/part.job")
     assert (done.exit_code, REFUSED in done.stderr) == (2, True)
     assert (Path("x") / "part.job").read_text(encoding="utf-8") == GOOD
 
@@ -105,7 +105,7 @@ def test_an_included_file_in_a_folder_whose_name_is_no_text() -> None:
     folder.mkdir()
     (folder / "part.job").write_text(GOOD, encoding="utf-8")
     (folder / "top.job").write_text('INCLUDE "part.job"\n', encoding="utf-8")
-    done = gusjob("compile", os.fspath(folder / "top.job"), "-o", os.fspath(folder / "part.job"))
+    done = gusjob("compile", os.fspath(folder / "top.job"), "--format=gts", "-o", os.fspath(folder / "part.job"))
     assert (done.exit_code, "is an input of this command" in done.stderr) == (2, True)
     assert (folder / "part.job").read_text(encoding="utf-8") == GOOD
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from support.cli import GOOD
 from support.controller import GTS_MULTI, GUS, Floats, Row, needs_controller
 from support.controller import build as build_controller
 from support.hardware import EVERYTHING
@@ -114,6 +115,23 @@ def test_a_whole_run(desk: Desk) -> None:
     assert [line["row"] for line in sent] == list(range(head["rows"]))
     assert all({"t", "code", "line", "call", "args"} <= line.keys() for line in lines if "call" in line)
     assert len(desk.rows()) == 7
+
+
+def test_a_quiet_run(desk: Desk) -> None:
+    """It prints nothing if all is well, and all that is wrong."""
+    job = desk.job(GOOD)
+    done = desk.run(job, "--yes", "-q")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert desk.run(job, "--yes", "-q", "--progress", "json").stdout.count('"phase":"done"') == 1
+    unconfirmed = desk.run(job, "-q")
+    assert (unconfirmed.returncode, "must be confirmed" in unconfirmed.stderr) == (2, True)
+    desk.speed = 1.0
+    process = desk.started(desk.job(SLOW), "--yes", "-q", "--progress", "json")
+    assert process.stdout is not None
+    assert any('"phase":"running"' in line for line in process.stdout)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert (process.returncode, "the laser is off and the motion stopped" in error) == (1, True)
 
 
 def test_the_report_of_a_journal_is_that_of_the_job(desk: Desk) -> None:
@@ -277,6 +295,23 @@ def test_signals_switch_the_laser_off_and_the_run_is_resumed(desk: Desk, signals
     again = desk.run("--resume", desk.journals()[1], "--yes", "--progress", "none")
     assert again.returncode == 0
     assert "nothing to resume" in again.stderr
+
+
+def test_a_resumed_run_takes_its_values_from_the_journal(desk: Desk) -> None:
+    job = desk.job("LET dose = 40%\n" + SLOW.replace("LASER POWER 40", "LASER POWER (dose)"))
+    process = desk.started(job, "-D", "dose=25%", "--yes", "--progress", "none")
+    in_motion(desk, process)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert "-D       dose=25%" in err
+    other = desk.run("--resume", desk.journals()[0], "-D", "dose=40%", "--yes", "--progress", "none")
+    assert other.returncode == 2
+    assert "this is the journal of a run with -D dose=25%: leave out -D" in other.stderr
+    done = desk.run("--resume", desk.journals()[0], "--yes", "--progress", "none")
+    assert done.returncode == 0, done.stderr
+    head, *lines = (json.loads(line) for line in desk.journals()[-1].read_text(encoding="utf-8").splitlines())
+    assert head["overrides"] == {"dose": "25%"}
+    assert {line["args"][1] for line in lines if line.get("call") == "GT_BufLaserPrfCmd"} == {25}
 
 
 def phase_reached(process: subprocess.Popen[str], phase: str) -> bool:

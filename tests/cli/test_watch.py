@@ -110,6 +110,20 @@ def test_a_job_is_reported_whenever_it_is_saved(folder: Path, watched: Watched) 
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C can't be sent to a single process elsewhere")
+def test_values_of_lets_are_kept(folder: Path) -> None:
+    text = "LET dose = 40%\n" + MARK + "LASER POWER (dose)\nLASER ON\nLINE X 5\nLASER OFF\n"
+    write(folder, text)
+    watched = Watched(folder, "--summary", "-D", "dose=25%")
+    try:
+        assert watched.until("x.job  -D") == "x.job  -D dose=25%"
+        assert "highest 25 %" in watched.until("channel 0: on")
+        saved(folder / "x.job", text.replace("LINE X 5", "LINE X 6"))
+        assert "marks 6 mm" in watched.until("1 stage")
+        assert "highest 25 %" in watched.until("channel 0: on")
+    finally:
+        watched.end()
+
+
 def test_ctrl_c_ends_it(watched: Watched) -> None:
     watched.until("no problems")
     assert watched.stop() == 0

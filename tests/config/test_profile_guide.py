@@ -72,7 +72,7 @@ def guide_table() -> str:
             text += f"\n### `{table}`\n\n" if table else "### Top level\n\n"
             text += "| entry | allowed | default | meaning |\n|---|---|---|---|\n"
             before = table
-        value = f"`{toml(default)}`" if default is not None else "none" if not entry.required else "required"
+        value = f"`{toml(default)}`" if default is not None else "none"
         text += f"| `{key}` | {allowed(entry)} | {value} | {entry.help} |\n"
     return text
 

@@ -28,8 +28,8 @@ CASES = {
     "a table that is none": "period_us = 100\nlookahead = <<1>>\n",
     "a nested table that is none": "[controller]\ninterlock = <<3>>\n",
     "a nested table": "[controller]\ncard = 1\n[controller.interlock]\ninput = <<32>>\n",
-    "a missing entry": "[[laser]]\nchannel = 0\n[[<<laser>>]]\nrated_w = 3\n",
-    "a missing entry of an inline table": "laser = [{channel = 0}, <<{rated_w = 3}>>]\n",
+    "a channel by default that is taken": "[[laser]]\nchannel = 0\n[[<<laser>>]]\nrated_w = 3\n",
+    "two channels by default": "laser = [{}, <<{rated_w = 3}>>]\n",
     "an unknown entry": "[controller]\n<<crad>> = 1\n",
     "an unknown table": "[<<controler>>]\ncard = 1\n",
     "the same name in a comment, a text and another table": (

@@ -43,6 +43,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "checkout"
     folder.mkdir()
     monkeypatch.chdir(folder)
+    for variable in ("GITHUB_WORKSPACE", "CI_PROJECT_DIR"):  # Those of the CI that runs the tests.
+        monkeypatch.delenv(variable, raising=False)
     return folder
 
 
@@ -196,17 +198,29 @@ def test_the_workflow_runs(tmp_path: Path, shell: dict[str, str], bad: bool) -> 
     assert ("Not run" in parts["jobs/new.job"]) is bad
 
 
-def test_the_gitlab_job_runs(here: Path) -> None:
-    job = examples()[1]["gusjob"]
+def test_the_step_with_annotations_runs(here: Path) -> None:
+    steps = examples()[1]["steps"]
+    WORKFLOW.validate({"on": "push", "jobs": {"gusjob": {"runs-on": "ubuntu-latest", "steps": steps}}})
     write(here / "jobs" / "part.job", MARK + "LASER DELAY ON 20 OFF 10\n")
-    (command,) = own_commands(job["script"])
-    assert gusjob(*shlex.split(command)[1:]).exit_code == 1
-    top = ElementTree.parse(here / job["artifacts"]["reports"]["junit"]).getroot()
+    (command,) = own_commands([step["run"] for step in steps if "run" in step])
+    done = gusjob(*shlex.split(command)[1:])
+    assert (done.exit_code, done.stdout.startswith("::warning file=jobs/part.job,line=4,")) == (1, True)
+
+
+def test_the_gitlab_job_runs(here: Path) -> None:
+    job = examples()[2]["gusjob"]
+    write(here / "jobs" / "part.job", MARK + "LASER DELAY ON 20 OFF 10\n")
+    reporting, checking = own_commands(job["script"])
+    assert [gusjob(*shlex.split(command)[1:]).exit_code for command in (reporting, checking)] == [0, 1]
+    reports = job["artifacts"]["reports"]
+    top = ElementTree.parse(here / reports["junit"]).getroot()
     assert [child.tag for case in top.iter("testcase") for child in case] == ["failure"]
+    (finding,) = json.loads((here / reports["codequality"]).read_bytes())
+    assert finding["location"] == {"path": "jobs/part.job", "lines": {"begin": 4}}
 
 
 def test_the_hooks_of_the_guide_are_there() -> None:
-    (repo,) = examples()[2]["repos"]
+    (repo,) = examples()[3]["repos"]
     assert {hook["id"] for hook in repo["hooks"]} <= set(hooks())
 
 

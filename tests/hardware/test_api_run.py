@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -94,3 +96,52 @@ def test_what_may_not_be_run_is_not_run(gus: Bench, options: dict[str, Any], tmp
     assert refused.ending == "refused" and "none.journal" in refused.reason
     unfit = gusjob.run_on(path, confirm=True, library=tmp_path / "none.so", abi="gus")
     assert unfit.ending == "invalid" and [d.code for d in unfit.diagnostics] == ["GJ901"]
+
+
+DOSE = "LET dose = 40%\n" + LONG.replace("LASER POWER 40\n", "LASER POWER (dose)\n")
+
+
+def test_a_run_is_continued_with_its_overrides(gus: Bench, options: dict[str, Any], tmp_path: Path) -> None:
+    assert "(dose)" in DOSE
+    path, control = write(tmp_path, DOSE), gusjob.Control()
+    plans: list[Any] = []
+
+    def stop(progress: Any) -> None:
+        if progress.row > 2:
+            control.request_stop("the test")
+
+    def confirm(plan: Any) -> bool:
+        plans.append(plan)
+        return True
+
+    job = gusjob.read(path, overrides={"dose": "60%"})
+    first = gusjob.run_on(job, confirm=confirm, control=control, on_progress=stop, **options)
+    assert (first.ending, dict(plans[0].overrides)) == ("failed", {"dose": "60%"})
+    assert first.journal is not None
+    assert json.loads(first.journal.read_bytes().splitlines()[0])["overrides"] == {"dose": "60%"}
+    made = len(gus.controller.rows())
+    for wrong, said in (({"dose": 50}, "with -D dose=60%"), ({}, "with -D dose=60%")):
+        other = gusjob.read(path, overrides=wrong)
+        refused = gusjob.run_on(other, confirm=True, resume=first.journal, **options)
+        assert refused.ending == "refused" and said in refused.reason
+    assert len(gus.controller.rows()) == made
+    again = gusjob.run_on(path, confirm=confirm, resume=first.journal, **options)
+    assert (again.ending, dict(plans[1].overrides)) == ("done", {"dose": "60%"})
+    assert again.journal is not None
+    powers = re.findall(rb'"call":"GT_BufLaserPrfCmd","args":\[1,([^,]+)', again.journal.read_bytes())
+    assert {float(power) for power in powers} == {60.0}
+
+
+def test_a_run_without_overrides_is_not_continued_with_some(
+    gus: Bench, options: dict[str, Any], tmp_path: Path
+) -> None:
+    path, control = write(tmp_path, DOSE), gusjob.Control()
+
+    def stop(progress: Any) -> None:
+        if progress.row > 2:
+            control.request_stop("the test")
+
+    first = gusjob.run_on(path, confirm=True, control=control, on_progress=stop, **options)
+    job = gusjob.read(path, overrides={"dose": "40%"})
+    refused = gusjob.run_on(job, confirm=True, resume=first.journal, **options)
+    assert refused.ending == "refused" and "of a run without -D" in refused.reason

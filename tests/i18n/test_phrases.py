@@ -334,7 +334,7 @@ def test_odd_jobs_leave_no_english() -> None:
 ODD_PROFILES = (
     "laser = 3", "lookahead = 3", "[controller]\naxes_off_after = 3\nlibrary = 3\nabi = 'x'", "scanner = 3",
     "scanner = 'x'", "scanner = 'delay:20s'", "name = [1]", "name = {}", "name = true", "name = 1979-05-27",
-    "name = 07:32:00", "name = 1979-05-27T07:32:00", "field_x_mm = 3", "[[laser]]", "q",
+    "name = 07:32:00", "name = 1979-05-27T07:32:00", "field_x_mm = 3", "[[laser]]\n[[laser]]", "q",
 )  # fmt: skip
 
 

@@ -59,7 +59,7 @@ from gusjob.i18n import language as translate
 from gusjob.i18n.phrases import localized
 from gusjob.report.earlier import read_earlier
 
-UNITS = {"kHz", "mm", "mm/s", "ms", "us", "um", "s", "x", "y", "ms/mm"}
+UNITS = {"kHz", "mm", "mm/s", "ms", "us", "um", "s", "x", "y", "ms/mm", "mJ", "mJ/mm", "uJ", "m"}
 JOB = (
     MARK
     + """COORDS ABS
@@ -164,16 +164,18 @@ def test_reports(folder: Path) -> None:
     for name, form, more in product(names, ("table", "markdown"), options):
         text = out(report_command.command, name, "--machine", "M.toml", "--format", form, *more)
         # The model of the scanner is an option's value.
-        wrong[name, form, more] = left(text, name, "first-order ") if "·" in text else text
+        wrong[name, form, more] = left(text, name, "M.toml", "first-order ") if "·" in text else text
     assert {case: words for case, words in wrong.items() if words} == {}
 
 
 @pytest.mark.usefixtures("dots")
-def test_reports_of_jobs() -> None:
+def test_reports_of_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = {}
+    monkeypatch.chdir(ROOT)
     for path, form in product(sorted((ROOT / "jobs").rglob("*.job")), ("table", "markdown")):
         text = out(report_command.command, path, "--format", form, "--no-marks")
-        files = [str(path), *(str(found) for found in path.parent.rglob("*.job"))]
+        files = [str(path), *(str(found) for found in path.parent.rglob("*.job")), "(sky writing examples"]
+        files += [found.relative_to(Path.cwd()).as_posix() for found in path.parent.glob("gusjob.toml")]
         wrong[path.stem, form] = left(text, *files, "first-order")
     assert len(wrong) > 40
     assert {case: words for case, words in wrong.items() if words} == {}
@@ -392,7 +394,7 @@ def test_wrong_usage(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         text = wrong(command, *arguments)
         assert "·" in text
         # The value is shown as it was typed; a form is an option's value.
-        assert left(text, "csv", "html", "--from", "--to") == set(), arguments
+        assert left(text, "csv", "html", "png", "svg", "pdf", "--from", "--to") == set(), arguments
     stops = [
         (run_command.command, ("J.job", "--yes", "--frame")), (watch_command.command, ("NONE",)),
         (run_command.command, ("J.job", "--backend", "gts")), (tune_command.command, ("J.job",)),
@@ -555,7 +557,7 @@ def test_wide_characters_in_a_comparison(folder: Path, monkeypatch: pytest.Monke
     out(report_command.command, "J.job", "-o", "OLD.JSON", "--format", "json")
     (folder / "J.job").write_text(JOB.replace("10 + i", "20 + i"), encoding="utf-8")
     monkeypatch.setattr(translate, "_catalogue", _Letters("中"))
-    text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--summary")
+    text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--only-changes")
     _, totals, segments = text.rstrip("\n").split("OLD.JSON")[1].split("\n\n")
     power = [line for line in totals.splitlines() if "%" in line.partition("->")[0]]
     assert len({tuple(_starts(line, 3)) for line in power}) == 1 < len(power)

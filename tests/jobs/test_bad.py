@@ -25,9 +25,11 @@ ELSEWHERE = {
     "GJ005",
     "GJ006",
     "GJ147",
+    "GJ160",
     *(code for code in RULES if code[:3] == "GJ9"),
 }
-"""Rules about a whole file, with tests of their own below and in test_cli, and about runs: tests/hardware."""
+"""Rules about a whole file, with tests of their own below and in test_cli; about -D: tests/frontend/test_overrides.py;
+about runs: tests/hardware."""
 
 
 def expected_in(path: Path) -> Found:

@@ -40,6 +40,8 @@ def test_it_records(tmp_path: Path, program: Path) -> None:
     done = gusjob("record", "--", program)
     assert (done.exit_code, done.output) == (0, f"gusjob: 1 line recorded in {tmp_path}/calls.gts\n")
     assert calls(tmp_path / "calls.gts") == ["GT_Open(0,1) = 0"]
+    quiet = gusjob("record", "-q", "--", program)
+    assert (quiet.exit_code, quiet.output) == (0, "")
 
 
 def test_a_program_that_fails(tmp_path: Path, program: Path) -> None:
@@ -50,6 +52,7 @@ def test_a_program_that_fails(tmp_path: Path, program: Path) -> None:
         f"gusjob: 1 line recorded in {tmp_path}/a.gts",
         "gusjob: the program ended with exit code 2",
     ]
+    assert gusjob("record", "-q", "--", program, 2).output == "gusjob: the program ended with exit code 2\n"
 
 
 def test_a_program_that_is_found_in_the_path(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from support.tools import ROOT
 
 from gusjob import __version__
 from gusjob.cli import cli
+from gusjob.cli.color import COLOR_HELP
 from gusjob.cli.language import LANGUAGE_HELP, paragraphs
 from gusjob.diagnostics.model import REMARKS
 from gusjob.diagnostics.rules import RULES, VARIANTS
@@ -60,6 +61,7 @@ def needed() -> Catalog:
     for text, of in _helps(cli, "gusjob"):
         catalog.add(text, auto_comments=[of])
     catalog.add(LANGUAGE_HELP, auto_comments=["gusjob --lang"])
+    catalog.add(COLOR_HELP, auto_comments=["gusjob --color"])
     for text in OF_CLICK:
         catalog.add(text, auto_comments=["click"])
     for pair in OF_CLICK_COUNTED:

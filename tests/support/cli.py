@@ -13,9 +13,9 @@ GOOD = MARK + "LASER POWER 50\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n"
 """A job without diagnostics."""
 
 
-def gusjob(*args: object) -> Result:
-    """Run a command in this process."""
-    return CliRunner().invoke(cli, [str(a) for a in args], catch_exceptions=False)
+def gusjob(*args: object, given: bytes = b"") -> Result:
+    """Run a command in this process. `given`: its standard input."""
+    return CliRunner().invoke(cli, [str(a) for a in args], input=given, catch_exceptions=False)
 
 
 def write(tmp_path: Path, text: str | bytes, name: str = "x.job") -> Path:

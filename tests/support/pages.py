@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.diagnostics.model import Severity
+from gusjob.i18n.phrases import Phrase
+from gusjob.report.answer import LEFT_ON, Answer, Finding
 from gusjob.simulate.quality.marks import MARKING_WORDS
 from gusjob.view.page.encode import Encoded, decode, encode
 from gusjob.view.page.render import MAX_BYTES, Page, render
@@ -229,6 +233,20 @@ def diagnostics() -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
+def answer_of(text: str = "1474 %·ms/mm at its peak") -> Answer:
+    """An answer with a mark, a segment, and what is neither."""
+    return Answer(
+        worst=Severity.WARNING,
+        headline=("1 warning", "624 ms", text),
+        setting=("no profile", text),
+        findings=(
+            Finding(name=LEFT_ON, text=Phrase("the laser of channel {channel} is still on at the end", channel=1)),
+            Finding(name=Phrase("hottest"), text=text, line=12, mark=3),
+            Finding(name=Phrase("slowest"), text=text, line=3, file="ring.job", segment=25),
+        ),
+    )
+
+
 def rich_page() -> Page:
     tables = columns_of(rich_steps(), 2, beam=True)
     tables["marks"] = marks_columns(tables["rows"])
@@ -237,6 +255,7 @@ def rich_page() -> Page:
         units=("%", "V"),
         diagnostics=diagnostics(),
         marking=marking_of(tables["marks"]),
+        answer=answer_of(),
         facts={
             "job": "part.job",
             "notes": {
@@ -257,7 +276,7 @@ def rich_page() -> Page:
 
 def hostile_page() -> Page:
     """Every text of a job, as bad as it gets."""
-    page = rich_page()
+    page = replace(rich_page(), answer=answer_of(HOSTILE))
     page.facts["job"] = HOSTILE
     page.facts["notes"]["files"] = [HOSTILE, IMAGE]
     page.facts["notes"]["scanner"]["model"] = HOSTILE

@@ -112,7 +112,7 @@ def test_units_of_a_channel_whose_mode_changes(tmp_path: Path) -> None:
     assert polars.read_parquet(out)["ch0_unit"].to_list() == ["%", "V"]
     ticks = list(csv.DictReader(io.StringIO(gusjob("trace", path, "--format", "csv").stdout)))
     assert {(tick["ch0_power"], tick["ch0_unit"]) for tick in ticks} == {("40.0", "%"), ("3.0", "V")}
-    assert "ch0 unit" in gusjob("report", path).stdout
+    assert "ch0 unit" in gusjob("report", path, "--table").stdout
 
 
 def test_many_files_in_parquet(tmp_path: Path) -> None:

@@ -45,18 +45,18 @@ CASES = pytest.mark.parametrize("palette", [LIGHT, DARK], ids=["light", "dark"])
 def linear(*colors: str) -> Floats:
     """Linear RGB of colours, (n, 3)."""
     rgb = np.array([list(bytes.fromhex(color[1:])) for color in colors]) / 255
-    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4))
 
 
 def contrast(colors: tuple[str, ...], ground: str) -> Floats:
     light = linear(*colors, ground) @ [0.2126, 0.7152, 0.0722] + 0.05
-    return np.maximum(light[:-1], light[-1]) / np.minimum(light[:-1], light[-1])
+    return np.asarray(np.maximum(light[:-1], light[-1]) / np.minimum(light[:-1], light[-1]))
 
 
 def oklab(*colors: str, eyes: str = "normal") -> Floats:
     """Lightness and two opponent colours, (n, 3); a difference of 0.02 is just noticeable."""
     seen = np.clip(linear(*colors) @ EYES[eyes].T, 0, 1)
-    return np.cbrt(seen @ TO_LMS.T) @ TO_LAB.T
+    return np.asarray(np.cbrt(seen @ TO_LMS.T) @ TO_LAB.T)
 
 
 def test_the_scale_is_viridis() -> None:

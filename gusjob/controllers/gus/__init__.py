@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
+
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 
 if TYPE_CHECKING:
     from gusjob.config.machine import Machine
@@ -19,6 +21,7 @@ class GusController:
 
     name = "GUS"
     formats = ("gts", "json", "c")
+    formats_with_diagnostics = ("json",)
 
     def compile(self, job: Job, machine: Machine) -> tuple[Stream, list[Diagnostic]]:
         """Compile a checked job: see gusjob.controllers.gus.lower.compile_job."""
@@ -26,19 +29,27 @@ class GusController:
 
         return compile_job(job, machine)
 
-    def write(self, stream: Stream, form: str) -> Iterator[bytes]:
-        """Write a stream as a listing (gts), as columns (json) or as a C program (c)."""
+    def write(
+        self,
+        stream: Stream | None,
+        form: str,
+        overrides: Overrides = NO_OVERRIDES,
+        *,
+        name: str = "",
+        diagnostics: Sequence[Diagnostic] = (),
+    ) -> Iterator[bytes]:
+        """Write a stream as a listing (gts), as columns (json) or as a C program (c). `overrides`: for its head."""
         from gusjob.controllers.gus.listing import listing, listing_json
 
         match form:
-            case "gts":
-                return (text.encode() for text in listing(stream))
             case "json":
-                return listing_json(stream)
-            case "c":
+                return listing_json(stream, stream.name if stream is not None else name, diagnostics, overrides)
+            case "gts" if stream is not None:
+                return (text.encode() for text in listing(stream, overrides))
+            case "c" if stream is not None:
                 from gusjob.controllers.gus.c_program import c_program
 
-                return (text.encode() for text in c_program(stream))
+                return (text.encode() for text in c_program(stream, overrides))
             case _:
                 raise ValueError(f"{form!r} is none of {', '.join(self.formats)}")
 

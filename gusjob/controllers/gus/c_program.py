@@ -25,8 +25,9 @@ from gusjob.controllers.gus.calls import (
     Stream,
     Value,
 )
-from gusjob.controllers.gus.listing import number_texts, value_text
+from gusjob.controllers.gus.listing import number_texts, overridden_text, value_text
 from gusjob.controllers.gus.ranges import Membership, Range
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.version import __version__
 
 _TEMPLATE = Path(__file__).with_name("c_program.c")
@@ -37,20 +38,20 @@ _MAX_NAME_LENGTH = 80
 _MAX_ERRORS = 20
 
 
-def c_program(stream: Stream) -> Iterator[str]:
+def c_program(stream: Stream, overrides: Overrides = NO_OVERRIDES) -> Iterator[str]:
     """Write the program's text, in pieces that end with a line end; plain ASCII.
 
     A number that its C type cannot hold, and a struct whose fields the listing does not give, become an #error with
     their line: C would silently convert the number to another one.
     """
     before, after = _TEMPLATE.read_text(encoding="ascii").split(_MARK)
-    yield _head(stream)
+    yield _head(stream, overrides)
     yield before
     yield from _functions(stream)
     yield after
 
 
-def _head(stream: Stream) -> str:
+def _head(stream: Stream, overrides: Overrides) -> str:
     """Write the head: the file's origin, and the macros of the template: channels, coordinate systems, axes, calls."""
     name = re.split(r"[/\\]", stream.name)[-1]
     rows, starts = len(stream.buffered), sum(call.name == "GT_CrdStart" for call in stream.calls)
@@ -58,6 +59,7 @@ def _head(stream: Stream) -> str:
     lines = [
         "/*",
         f" * Job: {_in_comment(name)[:_MAX_NAME_LENGTH]}",
+        *([f" * {_expressions_in_comment(overridden_text(overrides))}"] if overrides else []),
         f" * Buffered calls: {rows}, stages: {starts}. Written by gusjob {__version__}.",
         " */",
         *(f"#error {_in_comment(error)}" for error in _errors(stream)),
@@ -234,6 +236,11 @@ def _short(signature: Signature) -> str:
 def _list(values: list[int]) -> str:
     """Write a list for the template: -1 ends it."""
     return ", ".join(map(str, [*values, -1]))
+
+
+def _expressions_in_comment(text: str) -> str:
+    """Keep the operators of expressions, but nothing that could end a comment, join lines or form a trigraph."""
+    return re.sub(r"[^A-Za-z0-9 ._+()*/%<>=!,-]|\*(?=/)", "_", text)
 
 
 def _in_comment(text: str) -> str:

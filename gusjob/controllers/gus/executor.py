@@ -35,7 +35,7 @@ from gusjob.controllers.gus.stops import stop_stage
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase
-from gusjob.kinematics.arrays import Indices
+from gusjob.kinematics.arrays import Indices, distinct
 from gusjob.simulate.events import ImmediateAction, LaserState
 
 _DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")
@@ -113,10 +113,10 @@ class _CallExecutor:
         self.check_sources(rows)
         keys = calls.crd[rows].astype(np.int64) * 2 + calls.fifo[rows]
         lasers = calls.kind[rows] >= Buffered.ON
-        self.named.update(np.unique(calls.channel[rows][lasers]).tolist())
-        for key in np.unique(keys).tolist():
+        self.named.update(distinct(calls.channel[rows][lasers]).tolist())
+        for key in distinct(keys).tolist():
             crd, fifo = key // 2, key % 2
-            part = rows[keys == key] if len(np.unique(keys)) > 1 else rows
+            part = rows[keys == key] if len(distinct(keys)) > 1 else rows
             if self.running is not None and self.running.crd == crd and self.running.stop is None:
                 if self.running.fifo != fifo:
                     runs = self.running.fifo

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 import orjson
 
 from gusjob.controllers.gus.calls import BUFFERED, Buffered, BufferedCalls, Stream, Value
+from gusjob.diagnostics.formats.check_json import diagnostic_object
+from gusjob.diagnostics.model import Diagnostic
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides, overrides_text
 
 _CHUNK = 1 << 16
 
 
-def listing(stream: Stream) -> Iterator[str]:
-    """Write the listing, in pieces that end with a line end."""
+def listing(stream: Stream, overrides: Overrides = NO_OVERRIDES) -> Iterator[str]:
+    """Write the listing, in pieces that end with a line end. `overrides`: named in a comment at the head."""
+    if overrides:
+        yield f"// {overridden_text(overrides)}\n"
     for first, last, call in stream.parts():
         for start in range(first, last, _CHUNK):
             yield "\n".join(buffered_lines(stream.buffered.pick(np.arange(start, min(start + _CHUNK, last))))) + "\n"
@@ -53,18 +58,36 @@ def value_text(value: Value) -> str:
     return number_texts(np.array([value], dtype=np.float64))[0]
 
 
-def listing_json(stream: Stream) -> Iterator[bytes]:
+def overridden_text(overrides: Overrides) -> str:
+    """Write the overrides for the head of a listing or program."""
+    return f"-D {overrides_text(overrides)}"
+
+
+def listing_json(
+    stream: Stream | None, name: str, diagnostics: Iterable[Diagnostic], overrides: Overrides = NO_OVERRIDES
+) -> Iterator[bytes]:
     """Write the JSON schema gusjob-calls/1, in pieces.
 
     Calls that are not buffered are objects, each with `at`, the number of buffered calls before it; buffered calls are
-    columns.
+    columns. Without a stream, for a job that was not compiled, both are null.
     """
+    yield b'{"schema": "gusjob-calls/1", "job": ' + orjson.dumps(name)
+    if overrides:
+        yield b', "overrides": ' + orjson.dumps(dict(overrides))
+    if stream is None:
+        yield b', "calls": null, "buffered": null'
+    else:
+        yield from _calls_json(stream)
+    yield b', "diagnostics": ' + orjson.dumps([diagnostic_object(diagnostic) for diagnostic in diagnostics]) + b"}\n"
+
+
+def _calls_json(stream: Stream) -> Iterator[bytes]:
     calls = [{"call": c.name, "args": c.args, "at": c.at, "line": c.line} for c in stream.calls]
-    yield b'{"schema": "gusjob-calls/1", "job": ' + orjson.dumps(stream.name) + b', "calls": ' + orjson.dumps(calls)
+    yield b', "calls": ' + orjson.dumps(calls)
     names = [BUFFERED[Buffered(kind)].name.encode() for kind in Buffered]
     yield b', "buffered": {"call": ['
     yield b",".join([b'"' + names[kind] + b'"' for kind in stream.buffered.kind.tolist()]) + b"]"
     for name in stream.buffered.__slots__[1:]:
         column = np.ascontiguousarray(stream.buffered.column(name))
         yield b", " + orjson.dumps(name) + b": " + orjson.dumps(column, option=orjson.OPT_SERIALIZE_NUMPY)
-    yield b"}}\n"
+    yield b"}"

@@ -12,7 +12,6 @@ from gusjob.controllers.gus.calls import FOLLOW_KINDS, POWER_KINDS, Buffered, Bu
 from gusjob.controllers.gus.checks import carrier_diagnostics, limit_diagnostics, listing_diagnostics
 from gusjob.controllers.gus.execution import Execution
 from gusjob.controllers.gus.executor import execute
-from gusjob.controllers.gus.listing_checks import rule_diagnostics
 from gusjob.controllers.gus.motions import limited_motions
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Bools, Indices
@@ -42,6 +41,8 @@ def simulate_stream(
     diagnostics += found
     if trace is not None:
         if is_listing:
+            from gusjob.controllers.gus.listing_checks import rule_diagnostics  # Start-up time is part of the tool.
+
             diagnostics += listing_diagnostics(execution, events, trace)
             diagnostics += rule_diagnostics(stream, execution, trace, machine)
         diagnostics += carrier_diagnostics(trace)

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:  # Help texts and profiles need the ranges, but no arrays: start-up time is part of the tool.
+    import numpy as np
+    import numpy.typing as npt
 
 
 class PowerMode(IntEnum):
@@ -71,6 +72,8 @@ class Range:
 
     def classify(self, value: npt.ArrayLike) -> npt.NDArray[np.int8]:
         """Classify values: the Membership of each, in the shape of `value`; NaN is outside."""
+        import numpy as np
+
         v = np.asarray(value, dtype=np.float64)
         inside = (v > self.low if self.low_open else v >= self.low) & (
             v < self.high if self.high_open else v <= self.high
@@ -92,6 +95,8 @@ class Range:
 
     def carries(self, value: npt.ArrayLike) -> Any:
         """Whether the argument's C type can carry the value: finite, and whole where the type is an integer."""
+        import numpy as np
+
         v = np.asarray(value, dtype=np.float64)
         return np.isfinite(v) & ((v == np.floor(v)) | (not self.whole))
 

@@ -132,6 +132,8 @@ def _is_valid(name: str, value: Any) -> bool:
             return isinstance(value, str) and _CALL.fullmatch(value) is not None
         case "end":
             return value in ("done", "failed")
+        case "overrides":
+            return isinstance(value, dict) and all(isinstance(text, str) for text in value.values())
         case "args" | "faults":
             return isinstance(value, list)
         case _:

@@ -15,6 +15,7 @@ from gusjob.controllers.journal import JOURNAL_SCHEMA, JOURNAL_START, is_current
 from gusjob.controllers.journal.lines import is_number, is_whole, journal_lines, path_of, sound_part
 from gusjob.i18n.phrases import Phrase
 from gusjob.inputs import open_input
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.units import MS_PER_S
 
 _CHAIN = 1000
@@ -95,6 +96,12 @@ class RecordedRun:
     off_ms: float | None
     done: bool
     torn: bool
+
+    @property
+    def overrides(self) -> Overrides:
+        """The values of LETs that the job was run with."""
+        found: Overrides = self.head.get("overrides", NO_OVERRIDES)
+        return found
 
 
 def read_journal(path: Path) -> RecordedRun | str:

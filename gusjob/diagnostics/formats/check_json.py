@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,14 @@ CHECK_SCHEMA = "gusjob-check/1"
 
 @dataclass(slots=True, kw_only=True)
 class CheckJson:
-    """The diagnostics of all files. `by_rule`: the number of diagnostics of each rule, if it is to be written."""
+    """The diagnostics of all files.
+
+    `by_rule`: the number of diagnostics of each rule, if it is to be written. `overrides`: values in place of those of
+    the jobs' LETs.
+    """
 
     by_rule: Counter[str] | None = None
+    overrides: Mapping[str, str] = field(default_factory=dict)
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
     def add(self, path: Path, diagnostics: Iterable[Diagnostic], text_of: TextOf, *, readable: bool) -> None:
@@ -33,6 +38,8 @@ class CheckJson:
             "schema": CHECK_SCHEMA,
             "diagnostics": [diagnostic_object(diagnostic) for diagnostic in self.diagnostics],
         }
+        if self.overrides:
+            check["overrides"] = dict(self.overrides)
         if self.by_rule is not None:
             check["statistics"] = dict(self.by_rule)
         return orjson.dumps(check, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import orjson
 
+from gusjob.diagnostics.formats.fingerprints import Fingerprints
 from gusjob.diagnostics.formats.text import TextOf
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.diagnostics.rules import RULES
@@ -42,7 +41,7 @@ class SarifLog:
 
     results: dict[tuple[object, ...], dict[str, Any]] = field(default_factory=dict)
     notifications: list[dict[str, Any]] = field(default_factory=list)
-    equal: Counter[tuple[str, str, str]] = field(default_factory=Counter)
+    fingerprints: Fingerprints = field(default_factory=Fingerprints)
 
     def add(self, path: Path, diagnostics: Iterable[Diagnostic], text_of: TextOf, *, readable: bool) -> None:
         """Add the diagnostics of a file. `readable`: the file could be checked at all."""
@@ -61,7 +60,7 @@ class SarifLog:
             result = self.results[key] = _message(diagnostic) | {
                 "locations": [location],
                 "occurrenceCount": 0,
-                "partialFingerprints": {FINGERPRINT: self._fingerprint(diagnostic, uri, text_of)},
+                "partialFingerprints": {FINGERPRINT: self.fingerprints.of(diagnostic, uri, text_of)},
                 "relatedLocations": [],
             }
         result["occurrenceCount"] += diagnostic.count
@@ -70,18 +69,6 @@ class SarifLog:
             related["message"] = {"text": message_text(remark.localized)}
             if related not in result["relatedLocations"]:
                 result["relatedLocations"].append(related)
-
-    def _fingerprint(self, diagnostic: Diagnostic, uri: str, text_of: TextOf) -> str:
-        """Return a hash that stays the same while the line reads the same, wherever it moves in its file.
-
-        Equal lines are numbered from the top.
-        """
-        span = diagnostic.span
-        whole_file = span.line == 1 and span.column == 1 and not span.end_column
-        text = "" if whole_file else " ".join(text_of(span, diagnostic.path).split())
-        key = (diagnostic.rule.code, uri, text)
-        self.equal[key] += 1
-        return sha256("\0".join([*key, str(self.equal[key])]).encode()).hexdigest()
 
     def to_bytes(self) -> bytes:
         """Return the log file."""

@@ -1,9 +1,9 @@
-"""The formats that programs read: a writer collects the diagnostics of all files and is written at the end."""
+"""The formats of files: a writer collects the diagnostics of all files and is written at the end."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -12,7 +12,7 @@ from gusjob.diagnostics.model import Diagnostic
 
 
 class DiagnosticsWriter(Protocol):
-    """A format that programs read."""
+    """A format of a file."""
 
     def add(self, path: Path, diagnostics: Sequence[Diagnostic], text_of: TextOf, *, readable: bool) -> None:
         """Add the diagnostics of a file.
@@ -28,19 +28,31 @@ class DiagnosticsWriter(Protocol):
         """Return everything that was added, in the format."""
 
 
-def writer_for(form: str, *, strict: bool, by_rule: Counter[str] | None) -> DiagnosticsWriter | None:
-    """Return the writer of a format, or None for `text`, which is shown file by file.
+TEXT, LOG = "text", "github"
+"""The formats that people read, too: on a terminal, and in a log."""
+ENDINGS = {".txt": TEXT, ".json": "json", ".sarif": "sarif", ".sarif.json": "sarif", ".xml": "junit"}
+"""Format of an output file by its ending."""
+FORMATS = (TEXT, "json", "sarif", "junit", LOG, "gitlab")
+WITH_STATISTICS = (TEXT, "json")
+"""Formats that can have the number of diagnostics of each rule."""
+
+
+def writer_for(
+    form: str, *, strict: bool, by_rule: Counter[str] | None, overrides: Mapping[str, str] | None = None
+) -> DiagnosticsWriter:
+    """Return the writer of a format.
 
     Args:
-        form: `text`, `json`, `sarif` or `junit`.
+        form: One of FORMATS.
         strict: Whether warnings fail (in JUnit).
         by_rule: The number of diagnostics of each rule, for JSON with statistics.
+        overrides: Values in place of those of the jobs' LETs, for JSON.
     """
     match form:  # A format is imported when it is needed: start-up time is part of the tool.
         case "json":
             from gusjob.diagnostics.formats.check_json import CheckJson
 
-            return CheckJson(by_rule=by_rule)
+            return CheckJson(by_rule=by_rule, overrides=overrides or {})
         case "sarif":
             from gusjob.diagnostics.formats.sarif import SarifLog
 
@@ -49,5 +61,15 @@ def writer_for(form: str, *, strict: bool, by_rule: Counter[str] | None) -> Diag
             from gusjob.diagnostics.formats.junit import JUnitReport
 
             return JUnitReport(strict=strict)
+        case _ if form == LOG:
+            from gusjob.diagnostics.formats.github import GitHubAnnotations
+
+            return GitHubAnnotations()
+        case "gitlab":
+            from gusjob.diagnostics.formats.gitlab import GitLabReport
+
+            return GitLabReport()
         case _:
-            return None
+            from gusjob.diagnostics.formats.plain import PlainText
+
+            return PlainText()

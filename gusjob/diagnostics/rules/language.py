@@ -514,3 +514,24 @@ RECORDING_CUT = rule(
     good="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n"
     "// ended with exit code 0\n",
 )
+OVERRIDE_UNKNOWN = rule(
+    "GJ160",
+    ERROR,
+    title="-D sets no LET",
+    text="-D {name}: the job does not set {name} with LET{names}{hint}",
+    why="A misspelled name would leave the job as it is, without any message. -D gives another value to the first LET "
+    "of a name in the job's own file.",
+)
+OVERRIDE_IN_INCLUDE = variant(
+    OVERRIDE_UNKNOWN, text="-D {name}: this LET is in an included file; -D sets names of the job's own file only"
+)
+OVERRIDE_IN_ROUTINE = variant(
+    OVERRIDE_UNKNOWN, text="-D {name}: this LET is in a DEF, where names are local; -D sets names outside of routines"
+)
+OVERRIDE_OF_LOOP = variant(
+    OVERRIDE_UNKNOWN, text="-D {name}: the loop sets {name} in each iteration; -D sets names of LETs only"
+)
+OVERRIDE_OF_PARAMETER = variant(
+    OVERRIDE_UNKNOWN, text="-D {name}: {name} is a parameter, which CALL sets; -D sets names of LETs only"
+)
+OVERRIDE_OF_CALLS = variant(OVERRIDE_UNKNOWN, text="-D is for jobs: {what} has no LET")

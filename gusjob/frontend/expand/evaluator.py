@@ -16,12 +16,11 @@ from gusjob.frontend.expand.ledger import Ledger
 from gusjob.frontend.expand.program import ComputedStatements, ExpressionSlot
 from gusjob.frontend.parse.expressions import Expression, Mismatch
 from gusjob.frontend.parse.forms import Word
-from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.operators import PLAIN, TRUTH, NumberType
 from gusjob.frontend.parse.statement_parser import POWER_KINDS
 from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND
 from gusjob.frontend.scan.shapes import MAX_NUMBER
-from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, number
+from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, nearest, number
 from gusjob.kinematics.units import QuantityKind, UnitSystem
 
 _LANES_PER_STEP = 10

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from gusjob.frontend.scan.rows import Rows
 from gusjob.frontend.source_map import SourceMap
 from gusjob.ir.provenance import Provenance
 from gusjob.kinematics.arrays import Ints
+
+if TYPE_CHECKING:  # Start-up time is part of the tool: a plain job has none.
+    from gusjob.frontend.expand.override_notes import OverrideNotes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +31,7 @@ class ExpandedJob:
         provenance: None where every statement is outside of all loops and routines.
         lets: Lines that set each name.
         complete: Whether every line could be parsed and expanded.
+        override_notes: Finds the overrides that a diagnostic depends on; None without overrides.
     """
 
     name: str
@@ -37,6 +42,7 @@ class ExpandedJob:
     provenance: Provenance | None = None
     lets: dict[str, list[int]] = field(default_factory=dict)
     complete: bool = True
+    override_notes: OverrideNotes | None = None
 
     @classmethod
     def of_plain(cls, text: JobText) -> ExpandedJob:

@@ -72,6 +72,7 @@ def expand(program: Program, name: str, machine: Machine) -> tuple[ExpandedJob, 
         frame_parent=np.concatenate([np.zeros(1, dtype=np.int64), *expander.frame_parents]),
         provenance=ledger.provenance,
         lets=program.lets,
+        override_notes=program.override_notes,
     )
     return expanded, ledger.diagnostics()
 

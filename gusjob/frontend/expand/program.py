@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gusjob.frontend.expand.override_notes import OverrideNotes
 from gusjob.frontend.parse.expressions import Expression
 from gusjob.frontend.parse.forms import Word
 from gusjob.frontend.parse.statement import Statement
@@ -162,6 +163,7 @@ class Program:
         sources: The texts.
         lets: Lines that set each name.
         unread_names: Names whose LET can't be parsed.
+        override_notes: Finds the overrides that a diagnostic depends on; None without overrides.
     """
 
     block: Block
@@ -171,6 +173,7 @@ class Program:
     sources: SourceMap
     lets: dict[str, list[int]]
     unread_names: frozenset[str] = frozenset()
+    override_notes: OverrideNotes | None = None
 
 
 def split_constants(constants: Sequence[Any], expressions: Sequence[Expression]) -> list[Sequence[Any]]:

@@ -12,7 +12,9 @@ import numpy as np
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import FIRST_HERE, INCLUDED, Collector, Diagnostic, Remark, Rule
+from gusjob.frontend.expand.let_overrides import LetOverrides
 from gusjob.frontend.expand.name_usage import NameUsage
+from gusjob.frontend.expand.override_notes import NameSetter, OverrideNotes
 from gusjob.frontend.expand.program import (
     MAX_NESTING,
     Block,
@@ -31,21 +33,23 @@ from gusjob.frontend.expand.program import (
 from gusjob.frontend.includes import find_include
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
-from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.statement import BLOCK_WORDS, BROKEN, RowOp, Statement, literals_in
 from gusjob.frontend.scan.rows import Rows, groups_of
 from gusjob.frontend.source import Source
 from gusjob.frontend.source_map import SourceMap
-from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, printable
+from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, nearest, printable
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Indices
 
 _FEW_CALLS = 8
 """A run of statements with more CALLs than this expands all of them at once."""
 
 
-def build_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagnostic]]:
-    """The program of a job's text, with all the files that it includes."""
-    builder = _ProgramBuilder(machine=machine, top=text.source)
+def build_program(
+    text: JobText, machine: Machine, overrides: Overrides = NO_OVERRIDES
+) -> tuple[Program, list[Diagnostic]]:
+    """The program of a job's text, with all the files that it includes. `overrides`: values of its LETs."""
+    builder = _ProgramBuilder(machine=machine, top=text.source, overrides=LetOverrides(overrides))
     block, _ = builder.add_file(text, ())
     builder.check_calls()
     usage = NameUsage(builder.routines)
@@ -62,8 +66,10 @@ def build_program(text: JobText, machine: Machine) -> tuple[Program, list[Diagno
         sources=builder.sources,
         lets=lets,
         unread_names=frozenset(builder.unread_names),
+        override_notes=builder.override_notes(),
     )
-    return program, [*builder.diagnostics, *builder.collector.finish(rules.NOT_LISTED)]
+    found = builder.overrides.diagnostics(builder.sources, builder.unread_names)
+    return program, [*builder.diagnostics, *builder.collector.finish(rules.NOT_LISTED), *found]
 
 
 @dataclass(slots=True)
@@ -83,6 +89,7 @@ class _ProgramBuilder:
     unread_names: set[str] = field(default_factory=set)
     has_unread_routines: bool = False
     """Whether a DEF can't be parsed: an unknown routine may be that one."""
+    overrides: LetOverrides = field(default_factory=LetOverrides)
 
     def report(
         self, rule: Rule, line: int, word: str = "", /, remarks: tuple[Remark, ...] = (), **fields: object
@@ -93,9 +100,28 @@ class _ProgramBuilder:
         else:
             self.collector.count_unlisted(rule, 1)
 
-    def add_file(self, text: JobText, chain: tuple[Path, ...]) -> tuple[Block, int]:
-        """The block of a whole file and its depth. `chain`: the files that include it, outermost first."""
-        base = self.sources.add(text.source)
+    def override_notes(self) -> OverrideNotes | None:
+        """What finds the overrides that a diagnostic depends on; None without overrides."""
+        if not self.overrides.applied:
+            return None
+        setters = (NameSetter(name=let.name, line=let.line, reads=let.expression.names) for let in self.lets)
+        return OverrideNotes(
+            sources=self.sources,
+            overrides=self.overrides.values,
+            applied=self.overrides.applied,
+            setters=tuple(setters),
+            scopes=tuple(self.overrides.scopes),
+        )
+
+    def add_file(self, text: JobText, chain: tuple[Path, ...], line: int = 0) -> tuple[Block, int]:
+        """The block of a whole file and its depth.
+
+        Args:
+            text: The file.
+            chain: The files that include it, outermost first.
+            line: The line of its INCLUDE.
+        """
+        base = self.sources.add(text.source, line)
         first_setup = len(self.setups)
         self.setups += text.setups
         self.unread_names |= text.unread_names
@@ -126,7 +152,7 @@ class _ProgramBuilder:
                 self.diagnostics.append(replace(diagnostic, span=span, remarks=(*diagnostic.remarks, *here)))
             if text.diagnostics_not_listed:
                 self.diagnostics.append(more_diagnostics(text))
-            self.included[path] = self.add_file(text, (*chain, path))
+            self.included[path] = self.add_file(text, (*chain, path), line)
         return self.included[path]
 
     def note_unused(self, reads: set[str]) -> None:
@@ -199,7 +225,7 @@ class _FileBuilder:
             open_ = stack[-1]
             word = self._node(rows, open_.row).name if open_.form == BROKEN else open_.form.upper()
             self.job.report(rules.MISSING_END, int(rows.line[open_.row]), word=word)
-            self._close_block(rows, stack)
+            self._close_block(rows, stack, int(rows.line[-1]) + 1)
         return tuple(stack[0].items)
 
     def _node(self, rows: Rows, at: int) -> Statement:
@@ -223,7 +249,11 @@ class _FileBuilder:
         match form:
             case "let":
                 assert statement is not None
-                constants = self._constants(rows, at, statement)
+                own = statement
+                statement = self.job.overrides.at_let(
+                    own, line, is_own=not self.chain, is_local=any(map(self._is_routine, stack[1:]))
+                )
+                constants = self._constants(rows, at, own) if statement is own else _literal_values(statement)
                 let = Let(name=statement.names[0], expression=statement.arguments[0], constants=constants, line=line)
                 self.job.lets.append(let)
                 stack[-1].target.append(let)
@@ -244,7 +274,7 @@ class _FileBuilder:
                 if len(stack) == 1:
                     self.job.report(rules.UNMATCHED_END, line, word="END", begins=any_of(BLOCK_WORDS))
                 else:
-                    self._close_block(rows, stack)
+                    self._close_block(rows, stack, line)
             case _:
                 if form == "def" and len(stack) > 1:
                     self.job.report(rules.NESTED_DEF, line)
@@ -253,7 +283,11 @@ class _FileBuilder:
                 self.depth = max(self.depth, len(stack))
                 stack.append(_OpenBlock(form=form, row=at))
 
-    def _close_block(self, rows: Rows, stack: list[_OpenBlock]) -> None:
+    def _is_routine(self, block: _OpenBlock) -> bool:
+        """Whether a block is a DEF, also one that can't be parsed."""
+        return block.form == "def" or (block.form == BROKEN and self._node(self.text.rows, block.row).name == "DEF")
+
+    def _close_block(self, rows: Rows, stack: list[_OpenBlock], end_line: int) -> None:
         """END: the innermost block becomes an item of the one around it."""
         done = stack.pop()
         at, line = done.row, int(rows.line[done.row])
@@ -267,6 +301,7 @@ class _FileBuilder:
             return
         statement = self._node(rows, at)
         constants = self._constants(rows, at, statement)
+        self.job.overrides.add_scope(statement, line, end_line)
         match done.form:
             case "if":
                 condition, otherwise = statement.arguments[0], tuple(done.otherwise or ())
@@ -339,6 +374,11 @@ class _FileBuilder:
         columns = {column: values for column, values in part.columns.items() if column < Column.NODE}
         kept = Rows(op=part.op, line=part.line, system=part.system, columns=columns)
         return StatementRun(rows=kept, computed=tuple(computed), calls=tuple(calls), setups=setups)
+
+
+def _literal_values(statement: Statement) -> tuple[Any, ...]:
+    """The numbers in the expressions of a statement that no row has."""
+    return tuple(np.float64(literal.value) for literal in literals_in(statement))
 
 
 def _slots(statement: Statement) -> Iterator[ExpressionSlot]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from gusjob.frontend.parse.grammar import parser
-from gusjob.i18n.phrases import Phrase, any_of, did_you_mean
+from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, nearest
 
 END_OF_LINE = Phrase("the end of the line")
 _LOGICAL = {"AND", "OR", "NOT"}
@@ -94,11 +94,3 @@ def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: d
     shown = f"'{found[:40]}'" if found is not END_OF_LINE else found
     near = nearest(found.upper(), keywords)
     return Misread(found=shown, column=start, end_column=end, expected=tuple(readable), near=near)
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """The known word whose spelling is closest to this one; '' if none resembles it."""
-    from difflib import get_close_matches  # Diagnostics only: start-up time is part of the tool.
-
-    near = get_close_matches(word, list(known), 1, cutoff=0.6) if len(word) < 40 else []
-    return near[0] if near else ""

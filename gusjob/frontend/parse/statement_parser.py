@@ -20,12 +20,11 @@ from gusjob.frontend.parse.expressions import (
 )
 from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, StatementForm, Word
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, parser, subtrees, tokens
-from gusjob.frontend.parse.misread import nearest
 from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NEGATE, Function
 from gusjob.frontend.parse.statement import CONTROL_FORMS, Quantity, Statement
 from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND, syntax_error
 from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER
-from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, plural
+from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, nearest, plural
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
 
 POWER_KINDS = {QuantityKind.SHARE, QuantityKind.FREQUENCY, QuantityKind.VOLTAGE}

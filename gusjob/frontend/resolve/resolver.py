@@ -42,6 +42,7 @@ def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnost
         in_pulses=bool((columns.op == RowOp.UNITS_PULSE).any()),
         complete=expanded.complete,
         provenance=expanded.provenance,
+        with_override_notes=None if expanded.override_notes is None else expanded.override_notes.add_to,
     )
     return job, _diagnostics(job, columns, path)
 

@@ -51,12 +51,12 @@ def search_paths(platform: str = sys.platform, environ: Mapping[str, str] = os.e
 
 def find_libraries(named: Sequence[str], search: SearchPaths) -> tuple[VendorLibrary, ...]:
     """Inspect the libraries that the user names, existing or not, and those that are found elsewhere; each once."""
-    paths = [*map(_absolute, named), *_in_folders(search), *_by_loader(search)]
+    paths = [*map(whole_path, named), *_in_folders(search), *_by_loader(search)]
     once = {_identity(path): path for path in reversed(paths)}
     return tuple(inspect_library(path) for path in paths if once.get(_identity(path)) is path)
 
 
-def _absolute(path: str) -> str:
+def whole_path(path: str) -> str:
     """Return the whole path of an existing file, which may be in the current folder if the user names it."""
     return str(Path(path).absolute()) if exists(path) else path
 

@@ -20,10 +20,6 @@ from gusjob.ir.modal import modal_state
 from gusjob.kinematics.arrays import Indices
 from gusjob.planner.plan import NO_SKY_WRITING, QuantizedPath, rearranged
 from gusjob.planner.quantize import quantize
-from gusjob.planner.skywriting.added_rows import AddedRows
-from gusjob.planner.skywriting.marks import find_marks
-from gusjob.planner.skywriting.run_rows import add_run_rows
-from gusjob.planner.skywriting.switch_rows import add_switch_rows
 
 
 def add_runs(quantized: QuantizedPath) -> QuantizedPath:
@@ -31,6 +27,12 @@ def add_runs(quantized: QuantizedPath) -> QuantizedPath:
     number, settings = quantized.job.sky_writing_by_row()
     if not settings:
         return quantized
+    # Most jobs have no sky writing: start-up time is part of the tool.
+    from gusjob.planner.skywriting.added_rows import AddedRows
+    from gusjob.planner.skywriting.marks import find_marks
+    from gusjob.planner.skywriting.run_rows import add_run_rows
+    from gusjob.planner.skywriting.switch_rows import add_switch_rows
+
     marks = find_marks(quantized, number, settings)
     if not marks.is_mark.any():
         return quantized

@@ -33,8 +33,6 @@ _HALF_PULSE = 0.5
 def place_switches(planned: PlannedPath) -> Plan:
     """Split motions where a switch or power takes effect, and move it there; record the Intent of the calls."""
     marked = planned.sky.events
-    if not len(marked):
-        return next_phase(Plan, planned, intent=None)
     if marked.placed.all():
         count = len(planned.path)
         mark_end = _mark_ends(planned, np.arange(count), planned.timed, planned.timed, count)

@@ -26,8 +26,6 @@ def run_field_diagnostics(quantized: QuantizedPath) -> list[Diagnostic]:
         ("X", machine.field_x_mm, machine.pulses_per_mm[0]),
         ("Y", machine.field_y_mm, machine.pulses_per_mm[1]),
     )
-    if not len(quantized.sky.events):
-        return []
     if not len(segments.arc_at) and all(
         low <= points.min() / scale and points.max() / scale <= high
         for points, (_, (low, high), scale) in zip((segments.x1, segments.y1), axes, strict=True)

@@ -22,7 +22,13 @@ _MINUS = {Level.LOW: "1", Level.HIGH: "0", Level.UNKNOWN: "x"}
 
 
 def vcd_pieces(
-    trace: Trace, lines: npt.NDArray[np.int32], version: str, start_ms: float = 0.0, end_ms: float | None = None
+    trace: Trace,
+    lines: npt.NDArray[np.int32],
+    version: str,
+    start_ms: float = 0.0,
+    end_ms: float | None = None,
+    *,
+    comment: str = "",
 ) -> Iterator[bytes]:
     """Write a VCD file in pieces, 1 ns a unit: the outputs of each channel that is used, and the source line that runs.
 
@@ -34,13 +40,14 @@ def vcd_pieces(
         version: Version of the program.
         start_ms: Start of the file, ms.
         end_ms: End of the file, ms; None: the end of the run.
+        comment: A further line of the comment at the head.
     """
     runs = _running_lines(trace, lines)
     outputs: list[_Output] = []
     for window in windows_of(trace, start_ms, end_ms):
         edges = {**window.lines, _LINE: changes(*runs, 0.0, *window.interval_ns)}
         if not outputs:
-            head, outputs = _head(trace, edges, version, window.interval_ns[0])
+            head, outputs = _head(trace, edges, version, window.interval_ns[0], comment)
             yield head.encode()
         yield _changes_text(edges, outputs).encode()
         end_ns = window.interval_ns[1]
@@ -71,7 +78,9 @@ class _Output:
         return [f"r{value:.16g} {self.ident}\n" for value in values.tolist()]
 
 
-def _head(trace: Trace, edges: dict[str, Edges], version: str, start_ns: int) -> tuple[str, list[_Output]]:
+def _head(
+    trace: Trace, edges: dict[str, Edges], version: str, start_ns: int, comment: str
+) -> tuple[str, list[_Output]]:
     """Write the file up to the values at its start; return the outputs, too."""
     out = io.StringIO()
     writer = VCDWriter(
@@ -79,7 +88,7 @@ def _head(trace: Trace, edges: dict[str, Edges], version: str, start_ns: int) ->
         timescale="1 ns",
         date="",
         version=f"gusjob {version}",
-        comment="laser outputs by M 1.1 and 1.2: + lines rest high",
+        comment="\n".join(filter(None, ["laser outputs by M 1.1 and 1.2: + lines rest high", comment])),
         init_timestamp=start_ns,
     )
     outputs = []

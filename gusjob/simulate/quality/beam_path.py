@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gusjob.config.machine import Machine, ScannerModel
-from gusjob.kinematics.arrays import Floats, Indices, counted
+from gusjob.kinematics.arrays import Floats, Indices, counted, distinct
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import Trace
@@ -96,7 +96,7 @@ def _cut(trace: Trace, machine: Machine, intervals: Intervals) -> tuple[Indices,
     schedule, scanner = trace.schedule, machine.scanner
     lag = scanner.tracking_error_us / US_PER_MS if scanner is not None else 0.0
     shift = lag if scanner is not None and scanner.model is ScannerModel.DELAY else 0.0
-    knots = np.unique(np.concatenate([schedule.times_ms, *schedule.phases()]))
+    knots = distinct(np.concatenate([schedule.times_ms, *schedule.phases()]))
     mark, start, end = _between(schedule, knots, intervals, shift)
     length = end - start
     settling, step = np.zeros(len(length)), np.ones(len(length))

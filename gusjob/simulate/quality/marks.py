@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, median
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.intervals import Intervals
@@ -68,7 +68,7 @@ def marking_totals(trace: Trace, marks: _MarkTable) -> list[dict[str, Any]]:
                     "unit": unit,
                     "marks": int(at.sum()),
                     "worst": {name: _worst(values) for name, values in figures.items()},
-                    "typical": {name: float(np.median(np.abs(v))) if len(v) else None for name, v in figures.items()},
+                    "typical": {name: median(np.abs(v)) if len(v) else None for name, v in figures.items()},
                 }
             )
     return totals

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Machine
+from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.answer import Answer
@@ -52,6 +53,8 @@ def page_of(
         "units_per_mm": _units_per_mm(strokes, machine),
         "remarks": [text for emission in strokes.emissions for text in undrawn_emission(report, strokes, emission)],
     }
+    if report.overrides:
+        facts["overrides"] = dict(report.overrides)
     if strokes.beam is not None:
         facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
     return Page(
@@ -64,9 +67,17 @@ def page_of(
     )
 
 
-def page_without_run(job: str, diagnostics: list[dict[str, Any]], watched: str = "", reason: str = "") -> Page:
+def page_without_run(
+    job: str,
+    diagnostics: list[dict[str, Any]],
+    watched: str = "",
+    reason: str = "",
+    overrides: Overrides = NO_OVERRIDES,
+) -> Page:
     """Make the page of a job that was not run, or that can't be shown for a reason."""
-    facts = {"schema": PAGE_SCHEMA, "job": job, "version": __version__, "reason": reason}
+    facts: dict[str, Any] = {"schema": PAGE_SCHEMA, "job": job, "version": __version__, "reason": reason}
+    if overrides:
+        facts["overrides"] = dict(overrides)
     return Page(facts=facts, tables={}, diagnostics=diagnostics, marking=None, watched=watched)
 
 

@@ -19,6 +19,7 @@ from markupsafe import Markup
 
 from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
+from gusjob.ir.overrides import overrides_text
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.answer import LEFT_ON, Answer, Finding
 from gusjob.report.quantities import TABLE_DIGITS, short
@@ -107,6 +108,7 @@ def _shell(page: Page, found: Encoded | None) -> str:
         language=page_language(),
         texts=_json(script_texts()),
         job=printable(str(page.facts.get("job", ""))),
+        overrides=printable(overrides_text(page.facts.get("overrides") or {})),
         version=str(page.facts.get("version", "")),
         policy=_policy(scripts, watched=bool(page.watched)),
         styles=Markup("\n".join([*map(_style, _STYLES if interactive else _STYLES[-1:]), _colors()])),

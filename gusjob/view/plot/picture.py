@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gusjob.config.machine import Machine
+from gusjob.ir.overrides import overrides_text
 from gusjob.report.rows import Report, make_report
 from gusjob.simulate import Trace
 from gusjob.view.palette import LIGHT
@@ -160,7 +161,8 @@ def _area_box(
 def _draw_texts(figure: Figure, layout: Layout, report: Report, colored_paths: Sequence[ColoredPath]) -> None:
     """Write title, totals, legend and notes."""
     x, y = layout.left_in, layout.size_in[1] - 0.12 - line_in(12)
-    title = shortened(showable(report.job) or "job", 12, layout.text_in, "bold")
+    job = f"{report.job}  -D {overrides_text(report.overrides)}" if report.overrides else report.job
+    title = shortened(showable(job) or "job", 12, layout.text_in, "bold")
     put_text(figure, x, y + 0.04, title, 12, color=INK, weight="bold")
     for number, line in enumerate(layout.head):
         put_text(figure, x, y - (number + 1) * line_in(8.5), line, 8.5)

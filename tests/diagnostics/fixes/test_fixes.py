@@ -708,7 +708,7 @@ def test_a_file_that_changes_meanwhile_stays(tmp_path: Path, monkeypatch: pytest
         path.write_text("; mine\n")
         return check_text(data, name, where)
 
-    monkeypatch.setattr("gusjob.pipeline.check_text", saves)
+    monkeypatch.setattr("gusjob.frontend.check_text", saves)
     ran = gusjob("--fix", path)
     assert ran.exit_code == 2
     assert f"gusjob: {path}: can't write: the file was changed in the meantime" in ran.stderr

@@ -1,4 +1,4 @@
-"""What CI systems read: SARIF and JUnit against the published schemas, output files, folders and globs."""
+"""What CI systems read: SARIF, JUnit, GitHub, GitLab by their schemas and rules; output files, folders, globs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ from hypothesis import strategies as st
 from support.tools import MARK, ROOT
 
 from gusjob.cli import cli
+from gusjob.diagnostics.formats.github import GitHubAnnotations
 from gusjob.diagnostics.formats.sarif import FINGERPRINT, descriptor, message_text
-from gusjob.diagnostics.rules import RULES
+from gusjob.diagnostics.model import Diagnostic, Span
+from gusjob.diagnostics.rules import EMPTY, RULES
 
 jsonschema: Any = import_module("jsonschema")
 xmlschema: Any = import_module("xmlschema")
@@ -43,6 +45,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "checkout"
     folder.mkdir()
     monkeypatch.chdir(folder)
+    for variable in ("GITHUB_WORKSPACE", "CI_PROJECT_DIR"):  # Those of the CI that runs the tests.
+        monkeypatch.delenv(variable, raising=False)
     return folder
 
 
@@ -164,6 +168,9 @@ def test_a_name_that_is_no_text(here: Path) -> None:
         pytest.skip("this file system takes names of text only")
     uris = [place(result["locations"][0])[0] for result in sarif(".")["results"]]
     assert uris == ["%FF.job"]
+    (finding,) = json.loads(gusjob("check", "--format", "gitlab", ".").stdout)
+    ((_, properties, _),) = annotated(gusjob("check", "--format", "github", ".").stdout)
+    assert finding["location"]["path"] == properties["file"] == "\\xff.job"
 
 
 def test_files_elsewhere_are_absolute(here: Path) -> None:
@@ -355,12 +362,187 @@ def test_any_file_makes_valid_logs(tmp_path_factory: pytest.TempPathFactory, dat
     run, top = sarif(job), junit(job)
     told = len(run["results"]) + len(run["invocations"][0]["toolExecutionNotifications"])
     assert told <= len(list(top.iter("testcase")))
+    assert len(annotated(gusjob("check", "--format", "github", job).stdout)) == len(gitlab(job)) == told
+
+
+# GitHub
+
+
+def annotated(text: str) -> list[tuple[str, dict[str, str], str]]:
+    """Commands with their properties and messages, read as GitHub's runner reads the lines of a log."""
+    found = []
+    for line in text.split("\n")[:-1]:
+        command, head, message = re.fullmatch("::([a-z]+) (.*?)::(.*)", line).groups()  # type: ignore[union-attr]
+        properties = dict(part.split("=", 1) for part in head.split(","))
+        escapes = {"%0D": "\r", "%0A": "\n", "%3A": ":", "%2C": ",", "%25": "%"}
+        for written, read in escapes.items():
+            properties = {name: value.replace(written, read) for name, value in properties.items()}
+            message = message.replace(written, read) if read not in ":," else message
+        found.append((command, properties, message))
+    return found
+
+
+def test_an_annotation(here: Path) -> None:
+    name = "a,b%25.job" if os.name == "nt" else "a:b,c%0A.job"
+    write(here / "jobs" / name, "LET w = 120\n" + MARK + "LASER POWER (w)\n")
+    done = gusjob("check", "--format", "github", "jobs")
+    assert (done.exit_code, done.stderr) == (1, "1 file: 1 error\n")
+    assert done.stdout.count("\n") == 1
+    ((command, properties, message),) = annotated(done.stdout)
+    file = f"jobs/{name}"
+    assert (command, properties) == (
+        "error",
+        {"file": file, "line": "5", "endLine": "5", "col": "13", "endColumn": "16", "title": "GJ201"},
+    )
+    first, *notes = message.split("\n")
+    assert first == f"{file}:5:13: LASER POWER 120 % is outside (0, 100) %"
+    assert notes == [f"note: {Path(file)}:1:1: w is set here"]
+
+
+def test_severities_and_positions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All problems of our samples, each position once; columns only within a line, since the runner drops others."""
+    monkeypatch.chdir(ROOT / "tests")
+    monkeypatch.delenv("GITHUB_WORKSPACE", raising=False)
+    found = json.loads(gusjob("check", "--format", "json", "bad", "good").stdout)["diagnostics"]
+    commands = {"error": "error", "warning": "warning", "note": "notice"}
+    wanted = {
+        (commands[f["severity"]], Path(f["path"]).as_posix(), f["line"], f["end_line"], f["code"], f["message"])
+        for f in found
+    }
+    read = annotated(gusjob("check", "--format", "github", "bad", "good").stdout)
+    made = [
+        (command, p["file"], int(p["line"]), int(p["endLine"]), p["title"], message) for command, p, message in read
+    ]
+    assert len(made) > 100
+    assert {one[:-1] for one in made} == {one[:-1] for one in wanted}
+    for *place, message in wanted:
+        assert any(one[:-1] == tuple(place) and f": {message}" in one[-1] for one in made), message
+    for _, p, _ in read:
+        assert ("col" in p) == ("endColumn" in p)
+        if "col" in p:
+            assert p["line"] == p["endLine"] and int(p["col"]) <= int(p["endColumn"])
+
+
+def test_columns_of_several_lines_are_left_out() -> None:
+    """The runner drops them, and says so in its debug log."""
+    made = GitHubAnnotations()
+    spans = [Span(line=2, column=3, end_line=4, end_column=5), Span(line=2, column=3), Span(line=2, end_column=1)]
+    made.add(Path("a"), [Diagnostic(rule=EMPTY, span=span, fields={"what": "x"}) for span in spans], lambda *_: "",
+             readable=True)  # fmt: skip
+    places = [
+        {name: p[name] for name in p.keys() - {"file", "title"}} for _, p, _ in annotated(made.to_bytes().decode())
+    ]
+    assert places == [
+        {"line": "2", "endLine": "4"},
+        {"line": "2", "endLine": "2"},
+        {"line": "2", "endLine": "2", "col": "1", "endColumn": "1"},
+    ]
+
+
+# GitLab
+
+GITLAB = jsonschema.Draft7Validator(
+    {
+        "type": "array",
+        "items": {
+            "type": "object",
+            "required": ["description", "check_name", "fingerprint", "severity", "location"],
+            "properties": {
+                "description": {"type": "string", "minLength": 1},
+                "check_name": {"type": "string", "minLength": 1},
+                "fingerprint": {"type": "string", "minLength": 1},
+                "severity": {"enum": ["info", "minor", "major", "critical", "blocker"]},
+                "location": {
+                    "type": "object",
+                    "required": ["path", "lines"],
+                    "properties": {
+                        "path": {"type": "string", "pattern": "^(?!\\./)[^\\\\]+$"},
+                        "lines": {
+                            "type": "object",
+                            "required": ["begin"],
+                            "properties": {"begin": {"type": "integer", "minimum": 1}},
+                        },
+                    },
+                },
+            },
+        },
+    }
+)
+"""What GitLab's documentation of its Code Quality format says. The schema that GitLab itself applies to each finding
+(codeclimate.json) requires less: description, fingerprint, severity and location, with these types."""
+
+
+def gitlab(*args: object, exit_code: int | None = None) -> list[dict[str, Any]]:
+    """The findings of a valid report; GitLab shows those of one fingerprint as one."""
+    result = gusjob("check", "--format", "gitlab", *args)
+    assert exit_code is None or result.exit_code == exit_code, result.output
+    found: list[dict[str, Any]] = json.loads(result.stdout)
+    GITLAB.validate(found)
+    assert len({finding["fingerprint"] for finding in found}) == len(found)
+    return found
+
+
+def test_a_finding(here: Path) -> None:
+    write(here / "jobs" / "x.job", MARK + "LASER POWER 120\n")
+    write(here / "jobs" / "good.job", GOOD)
+    (finding,) = gitlab("jobs", exit_code=1)
+    del finding["fingerprint"]
+    assert finding == {
+        "description": "GJ201: LASER POWER 120 % is outside (0, 100) %",
+        "check_name": "GJ201",
+        "severity": "major",
+        "location": {"path": "jobs/x.job", "lines": {"begin": 4}},
+    }
+    assert gitlab("jobs/good.job", exit_code=0) == []
+    write(here / "jobs" / "x.job", NOTED.replace("LASER POWER 50", "LASER POWER 100"))
+    assert [finding["severity"] for finding in gitlab("jobs", "none.job", exit_code=2)] == ["info", "minor", "blocker"]
+
+
+def test_every_problem_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT / "tests")
+    monkeypatch.delenv("CI_PROJECT_DIR", raising=False)
+    found = json.loads(gusjob("check", "--format", "json", "bad", "good").stdout)["diagnostics"]
+    wanted = {(Path(f["path"]).as_posix(), f["line"], f["code"]) for f in found}
+    made = gitlab("bad", "good", exit_code=1)
+    assert {(f["location"]["path"], f["location"]["lines"]["begin"], f["check_name"]) for f in made} == wanted
+
+
+def test_findings_keep_their_fingerprints(here: Path) -> None:
+    lines = [*MARK.splitlines(), "LINE X 200", "LINE X 300", "LINE X 200"]
+    job = write(here / "x.job", "\n".join(lines))
+    before = [finding["fingerprint"] for finding in gitlab(job)]
+    write(job, "\n".join(["; one", "", *lines[:3], "DWELL 1ms", *lines[3:]]))
+    assert [finding["fingerprint"] for finding in gitlab(job)] == before
+
+
+@pytest.mark.parametrize(("form", "variable"), [("github", "GITHUB_WORKSPACE"), ("gitlab", "CI_PROJECT_DIR")])
+def test_paths_are_those_of_the_checkout(here: Path, monkeypatch: pytest.MonkeyPatch, form: str, variable: str) -> None:
+    """Also in a folder of it, over a link, and for a file that several jobs share, which is shown once."""
+    write(here / "jobs" / "parts" / "setup.job", "VEL 100\nACC 2000000\n")
+    for name in ("a.job", "b.job"):
+        write(here / "jobs" / name, 'INCLUDE "parts/setup.job"\nLINE X 1\n')
+    outside = write(here.parent / "outside.job", "QQ\n")
+    link = here.parent / "link"
+    tops = [here]
+    if os.name == "posix":
+        link.symlink_to(here)
+        tops.append(link)
+    monkeypatch.chdir(here / "jobs")
+    for top in tops:
+        monkeypatch.setenv(variable, str(top))
+        for files in (["."], [here / "jobs"], ["../jobs/a.job", "parts/setup.job"]):
+            text = gusjob("check", "--format", form, "--select", "GJ504", *files).stdout
+            paths = [finding["location"]["path"] for finding in json.loads(text)] if form == "gitlab" else []
+            paths = paths or [properties["file"] for _, properties, _ in annotated(text)]
+            assert paths == ["jobs/parts/setup.job"]
+        text = gusjob("check", "--format", form, "../../outside.job").stdout
+        assert outside.as_posix().replace(":", "%3A" if form == "github" else ":") in text
 
 
 # -o and PATHS
 
 
-@pytest.mark.parametrize("form", ["json", "sarif", "junit"])
+@pytest.mark.parametrize("form", ["text", "json", "sarif", "junit", "github", "gitlab"])
 def test_output_goes_to_a_file(here: Path, form: str) -> None:
     write(here / "x.job", "QQ\n")
     printed = gusjob("check", "--format", form, "x.job")
@@ -378,11 +560,12 @@ def test_output_goes_to_a_file(here: Path, form: str) -> None:
 
 def test_what_does_not_go_together(here: Path) -> None:
     write(here / "x.job", GOOD)
-    for args in (["-o", "out"], ["--statistics", "--format", "sarif"], ["--statistics", "--format", "junit"]):
+    others = [["--statistics", "--format", form] for form in ("sarif", "junit", "github", "gitlab")]
+    for args in (*others, ["--statistics", "-o", "out.xml"], ["--strict", "--exit-zero"]):
         result = gusjob("check", "x.job", *args)
         assert result.exit_code == 2
         assert "Usage" in result.stderr
-    assert not (here / "out").exists()
+    assert not (here / "out.xml").exists()
 
 
 def checked(*paths: object) -> list[str]:

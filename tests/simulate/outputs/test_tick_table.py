@@ -212,7 +212,7 @@ def test_formats_hold_the_same(tmp_path: Path) -> None:
     ("options", "name", "start"),
     [
         ("", "x.vcd", b"$comment"), ("", "x.CSV", b"time_ms,"), ("", "x.npz", b"PK"), ("", "x.parquet", b"PAR1"),
-        ("", "x.txt", b"$comment"), ("--format csv", "x.parquet", b"time_ms,"), ("--format vcd", "x.csv", b"$comment"),
+        ("", "x", b"$comment"), ("--format csv", "x.parquet", b"time_ms,"), ("--format vcd", "x.csv", b"$comment"),
     ],
 )  # fmt: skip
 def test_format_and_ending(tmp_path: Path, options: str, name: str, start: bytes) -> None:

@@ -46,6 +46,11 @@ class Library:
         return ABI_PROFILES[self.abi].title
 
 
+def abi_titles() -> dict[Abi, str]:
+    """Return a phrase that describes each ABI."""
+    return {abi: profile.title for abi, profile in ABI_PROFILES.items()}
+
+
 def load_library(path: str, abi: Abi, card: int, needed: Iterable[str]) -> tuple[Library | None, list[Diagnostic]]:
     """Load a library with the calls that are needed. Loading it makes no call.
 
