@@ -53,6 +53,7 @@ def test_labels_have_four_digits(value: float, text: str) -> None:
         (2000.1, 2000.3, (2000.2,), ["2000"]),
         (1999.0, 2002.0, (1999.5, 2000, 2000.5, 2001), ["1999", "2000", "2001", "2002"]),
         (0.0, 10.0, (2, 4, 6, 8), ["0", "2", "4", "6", "8", "10"]),
+        (0.0, 10.0, (5, 5.0004), ["0", "5", "10"]),
     ],
 )
 def test_labels_differ_and_are_true(low: float, high: float, between: tuple[float, ...], wanted: list[str]) -> None:

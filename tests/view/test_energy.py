@@ -53,6 +53,8 @@ def test_the_largest_value_is_the_report_s(path: Path) -> None:
         assert len(channel.units) == 1
         assert machine.laser(channel.channel).rated_w is None, "else the picture is in joules"
         assert drawn[channel.channel].range.most == pytest.approx(np.nanmax(peaks), rel=1e-12)
+        (emission,) = (emission for emission in strokes.emissions if emission.channel == channel.channel)
+        assert np.nanmax(emission.per_mm) == pytest.approx(np.nanmax(peaks), rel=1e-12), "a stroke of its own"
         assert page[channel.channel, 0][3] == pytest.approx(np.nanmax(peaks), rel=1e-12)
 
 

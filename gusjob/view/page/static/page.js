@@ -113,19 +113,6 @@
     select(rows.values[mark], "marks");
   }
 
-  // A finding selects its segment or mark, again too, and shows it.
-  function findings() {
-    for (const link of document.querySelectorAll("#answer a")) {
-      link.addEventListener("click", (event) => {
-        event.preventDefault();
-        const [, table, number] = /#([sm])=(\d+)$/.exec(link.href);
-        if (table === "s") select(Number(number), "finding");
-        else selectMark(Number(number));
-        byId("map").scrollIntoView({ block: "nearest" });
-      });
-    }
-  }
-
   // Selects the first segment of a line, else of the next line that has one. In a loop: the next one after the selected.
   function toLine() {
     const target = Number(byId("line").value);
@@ -151,8 +138,10 @@
     byId("next").addEventListener("click", () => step(1));
     byId("go").addEventListener("click", toLine);
     byId("line").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); toLine(); } });
-    window.addEventListener("hashchange", fromHash);
-    findings();
+    window.addEventListener("hashchange", () => {
+      fromHash();
+      byId("map").scrollIntoView({ block: "nearest" });
+    });
     showDetails(null);
   }
 
