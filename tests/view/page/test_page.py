@@ -680,6 +680,7 @@ def test_a_channel_whose_unit_changes(chromium: Chromium, tmp_path: Path) -> Non
 
 def test_without_scripts_the_figures_are_there(chromium: Chromium, tmp_path: Path) -> None:
     with chromium.open(written(rich_page(), tmp_path), scripts=False) as tab:
+        tab.page.click("#totals summary")
         text = tab.page.inner_text("main")
         for words in ("Without JavaScript", "274.2", "GJ503", "is left ON", "Marking quality", "on error"):
             assert words in text, words

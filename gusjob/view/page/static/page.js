@@ -71,6 +71,7 @@
     // Not `disabled`, since a disabled button loses the keyboard focus at the last segment.
     byId("previous").setAttribute("aria-disabled", String(row === 0));
     byId("next").setAttribute("aria-disabled", String(row === gusjob.count - 1));
+    byId("details-hint").hidden = row !== null;
     if (row === null) {
       title.textContent = localized("page", "none-selected");
       body.replaceChildren();
