@@ -338,8 +338,11 @@ def examine(checked: Checked) -> Checked:
     elif checked.listing_calls is not None:
         _, found = GUS.simulate(checked.listing_calls, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
-    elif checked.job is not None and (checked.job.has_forced_ends or checked.job.has_sky_writing):
-        checked = compile_calls(checked)
+    elif checked.job is not None and not has_errors(checked.diagnostics):
+        from gusjob.lint import needs_planner
+
+        if needs_planner(checked.job, checked.machine):
+            checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
 
 

@@ -15,6 +15,7 @@ from gusjob.cli.completion import complete_codes
 from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format
 from gusjob.cli.files import CURRENT_FOLDER, files_named, refuse_writing_unnamed
+from gusjob.cli.fixes import FileFixer, count_fixes
 from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
 from gusjob.cli.quiet import quiet_option, summarize
@@ -113,8 +114,6 @@ def command(
     writer = None if is_shown else writer_for(form, strict=strict, by_rule=by_rule, overrides=overrides)
     fixer = None
     if fixes or diffs:
-        from gusjob.cli.fixes import FileFixer
-
         fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs)
     files = files_named(paths or (CURRENT_FOLDER,), _CHECKED)
     named = [] if machine_path is None else [machine_path]
@@ -126,6 +125,8 @@ def command(
         examined = examined if fixer is None else fixer.fix(examined, file.data)
         chosen = selected(examined, asked)
         sums.add(examined, chosen)
+        if fixer is None and (writer is None or output is not None):
+            sums.add_fixable(count_fixes(examined, machine_path, asked))
         if writer is not None:
             writer.add(chosen.path, chosen.diagnostics, chosen.text_of, readable=not chosen.is_unreadable)
         elif not statistics:
@@ -142,7 +143,10 @@ def command(
 
 @dataclass(slots=True, kw_only=True)
 class _Sums:
-    """Sums over all files. `left_out`: what is not selected, by severity; `read`: every file that was read."""
+    """Sums over all files. `left_out`: what is not selected, by severity; `read`: every file that was read.
+
+    `fixable`: what --fix corrects; `is_counted`: this was counted in every file.
+    """
 
     status: ExitStatus
     files: int = 0
@@ -150,6 +154,8 @@ class _Sums:
     left_out: Counter[Severity] = field(default_factory=Counter)
     by_rule: Counter[str] = field(default_factory=Counter)
     read: list[Path] = field(default_factory=list)
+    fixable: int = 0
+    is_counted: bool = True
 
     def add(self, examined: FileResult, chosen: FileResult) -> None:
         """Add a file with all its diagnostics, and with those that are selected."""
@@ -161,9 +167,21 @@ class _Sums:
         self.status.add(chosen)
         self.read += examined.inputs
 
+    def add_fixable(self, count: int | None) -> None:
+        """Add the number of problems that --fix corrects in a file; None if it is not known."""
+        self.fixable += count or 0
+        self.is_counted &= count is not None
+
+    @property
+    def _fixable(self) -> str:
+        """'; 2 can be corrected with --fix'."""
+        if not self.is_counted:  # A large file is checked once only.
+            return Phrase("; --fix may correct some")
+        return Phrase("; {count} can be corrected with --fix", count=self.fixable) if self.fixable else ""
+
     @property
     def summary(self) -> str:
-        """'3 files: 1 error, 2 warnings (1 not selected)', in the user's language."""
+        """'3 files: 1 error, 2 warnings (1 not selected); 1 can be corrected with --fix', in the user's language."""
         errors, warnings, notes = (self.counts[severity] for severity in Severity)
         words = (
             (errors, Phrase("{count} error", count=errors), Phrase("{count} errors", count=errors)),
@@ -177,7 +195,7 @@ class _Sums:
             rest = Phrase(" ({count} not selected, {errors} of them errors)", count=hidden, errors=refused)
         return localized(
             Phrase("{files}: {counts}{hidden}", files=counted_files(self.files), counts=found, hidden=rest)
-        )
+        ) + localized(self._fixable)
 
 
 def _refuse(form: str, *, statistics: bool, diffs: bool, strict: bool, exit_zero: bool) -> None:

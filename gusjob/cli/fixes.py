@@ -4,14 +4,46 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gusjob.cli.color import colored_difference
 from gusjob.cli.common import BOM, bom_of, rewrite, write
+from gusjob.diagnostics.rules.fixable import FIX_OF_RULE
 from gusjob.diagnostics.select import SelectionLayer
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.pipeline import Checked, FileResult, load
+
+if TYPE_CHECKING:
+    from gusjob.diagnostics.fixes import FixResult
+
+
+_MAX_COUNTED_BYTES = 200_000
+"""Fixes of a larger file are not counted: each is proved by another check of the file."""
+
+
+def has_candidates(loaded: FileResult, asked: SelectionLayer) -> bool:
+    """Whether some diagnostic of an examined file is of a rule with a fix."""
+    if not isinstance(loaded, Checked) or loaded.job is None:
+        return False
+    return any(d.rule.code in FIX_OF_RULE and loaded.selection.selects(d, asked) for d in loaded.diagnostics)
+
+
+def count_fixes(loaded: FileResult, machine_path: Path | None, asked: SelectionLayer) -> int | None:
+    """Count the problems of an examined file that --fix would correct, by trying it; None if the file is too large."""
+    if not isinstance(loaded, Checked) or not has_candidates(loaded, asked):
+        return 0
+    if len(loaded.source.data) > _MAX_COUNTED_BYTES:
+        return None
+    return _fixed(loaded, machine_path, asked).count
+
+
+def _fixed(loaded: Checked, machine_path: Path | None, asked: SelectionLayer) -> FixResult:
+    from gusjob.diagnostics.fixes import apply_fixes  # Start-up time is part of the tool.
+
+    path, selection = loaded.path, loaded.selection
+    return apply_fixes(loaded, lambda data: load(path, machine_path, data=data), lambda d: selection.selects(d, asked))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -39,12 +71,8 @@ class FileFixer:
     def _fixed(self, loaded: FileResult, data: bytes | None) -> FileResult:
         if not isinstance(loaded, Checked) or loaded.job is None:
             return loaded
-        from gusjob.diagnostics.fixes import apply_fixes  # Start-up time is part of the tool.
-
-        path, source, selection = loaded.path, loaded.source, loaded.selection
-        result = apply_fixes(
-            loaded, lambda data: load(path, self.machine_path, data=data), lambda d: selection.selects(d, self.asked)
-        )
+        path, source = loaded.path, loaded.source
+        result = _fixed(loaded, self.machine_path, self.asked)
         if not result.count:
             return loaded
         bom = _bom_of(path) if data is None else BOM * data.startswith(BOM)

@@ -82,9 +82,8 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
 @click.option(
     "--format",
     "form",
-    type=FormatChoice(["text", "table", "json", "csv", "markdown", "html", "parquet"]),
-    help="Default: by the output file's extension, else text. table: text with --table. html: one self-contained page "
-    "for a browser.",
+    type=FormatChoice(["text", "json", "csv", "markdown", "html", "parquet"]),
+    help="Default: by the output file's extension, else text. html: one self-contained page for a browser.",
 )
 @click.option(
     "--summary", is_flag=True, help="Totals only, no segments and marks; for the text the same as without --table."
@@ -168,7 +167,7 @@ def command(
             tables=tables,
             color=output is None and use_color(sys.stdout),
         )
-        write(pieces, output, sources=result.inputs, for_people=form in ("text", "table"))
+        write(pieces, output, sources=result.inputs, for_people=form == "text")
     if form in _WITHOUT_COMPARISON and comparison is not None:
         from gusjob.report.compare_text import comparison_text
 
@@ -181,7 +180,7 @@ def command(
 def _refuse_only_changes(form: str, earlier_path: Path | None, *, only_changes: bool) -> None:
     if only_changes and earlier_path is None:
         raise click.UsageError(localized(Phrase("--only-changes needs --against")))
-    if only_changes and form not in ("table", "text", "markdown"):
+    if only_changes and form not in ("text", "markdown"):
         raise click.UsageError(localized(Phrase("--only-changes needs --format text or markdown")))
 
 
@@ -238,12 +237,8 @@ def _written(
         from gusjob.frontend.source import shown_name
 
         return report_json_without_run(shown_name(result.path), period_us, result.diagnostics, summary=summary)
-    if form in ("text", "table"):
-        shown = (
-            []
-            if only_changes
-            else [text_of(result, report, tables=(tables or form == "table") and not summary, color=color)]
-        )
+    if form == "text":
+        shown = [] if only_changes else [text_of(result, report, tables=tables and not summary, color=color)]
         if comparison is not None:
             from gusjob.report.compare_text import comparison_text
 

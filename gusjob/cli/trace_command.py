@@ -29,7 +29,6 @@ from gusjob.cli.quiet import quiet_option
 from gusjob.cli.standard_input import input_file, stdin_filename_option
 from gusjob.i18n.phrases import Phrase, localized, printable
 from gusjob.ir.overrides import overrides_text
-from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.pipeline import Simulated, simulate_file
 from gusjob.version import __version__
 

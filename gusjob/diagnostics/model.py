@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -67,6 +68,16 @@ class Rule:
     bad: str = ""
     good: str = ""
     section: str = ""
+
+    @property
+    def name(self) -> str:
+        """The title as one word, such as jump-with-the-laser-on."""
+        return name_of(self.title)
+
+
+def name_of(title: str) -> str:
+    """Make a rule's name of its title: lower case, hyphens between the words."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

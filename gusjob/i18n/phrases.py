@@ -50,14 +50,6 @@ def localized(text: str) -> str:
     return _filled(typeset(translated(text.template), fields), fields)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """The known word whose spelling is closest to this one; '' if none resembles it."""
-    from difflib import get_close_matches  # Diagnostics only: start-up time is part of the tool.
-
-    near = get_close_matches(word, list(known), 1, cutoff=0.6) if len(word) < 40 else []
-    return near[0] if near else ""
-
-
 def did_you_mean(near: str) -> str:
     """Return the hint that another word was meant, '' if there is none."""
     return Phrase("; did you mean {near}?", near=near) if near else ""

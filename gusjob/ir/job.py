@@ -41,6 +41,8 @@ class Job:
     """The job is written in the controller's units (UNITS PULSE)."""
     complete: bool = True
     """Every line of the text is in the job. If not, what seems to be missing may be in a line with a diagnostic."""
+    unknown_at_end: int = 0
+    """The state at the end, bits of ir.effects."""
     provenance: Provenance | None = None
     """None for a job without loops, routines and includes."""
     with_override_notes: Callable[[Diagnostic], Diagnostic] | None = None

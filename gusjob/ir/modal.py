@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import CHANNELS
+from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op
 from gusjob.ir.setup import LaserMode, PowerNow, Setup, SwitchNow
@@ -66,7 +67,8 @@ class Switches:
 class LaserCommand:
     """Commanded state of a channel's laser along the path.
 
-    `on` (n,): on in each row. `on_line` (n,): line of the ON in force, of the first where several follow each other.
+    `on` (n,): on in each row; not where a switch that can't be read may have changed it. `on_line` (n,): line of the ON
+    in force, of the first where several follow each other.
     `on_at_end`: on after the path; `last_on_line`: line of the ON in force there.
     """
 
@@ -102,9 +104,12 @@ class ModalState:
     def mode_of(self, setup: Setup) -> ModeSpan | None:
         """Find the mode in force for a setup statement.
 
-        That is the last LASER MODE of its channel before it, else the first one after it.
+        That is the last LASER MODE of its channel before it, else the first one after it; None if there is none, or
+        if it may be one that can't be read.
         """
         spans = self.modes(setup.channel)
+        if not is_known(setup.unknown, StateEffect.MODE_KIND, setup.channel):
+            return None
         before = bisect_right(spans, setup.order, key=lambda span: span.setup.order)
         return spans[max(before - 1, 0)] if spans else None
 
@@ -132,8 +137,31 @@ class ModalState:
     def laser(self, channel: int) -> LaserCommand:
         """Compute the commanded state of a channel's laser along the path."""
         if channel not in self.commands:
-            self.commands[channel] = _laser_command(self.switches(channel), len(self.job.path))
+            found = _laser_command(self.switches(channel), len(self.job.path))
+            known = is_known(self.job.path.unknown_before, StateEffect.SWITCH, channel)
+            self.commands[channel] = replace(found, on=found.on & known)
         return self.commands[channel]
+
+    def mark_numbers(self, channel: int) -> Indices:
+        """Number the marks of a channel: for each row the number of its mark, 0 while the laser is off, (n,)."""
+        switches = self.switches(channel)
+        turns_on = switches.on & ~np.concatenate([[False], switches.on[:-1]])[: len(switches)]
+        instants = np.arange(len(self.job.path)) * 2
+        number = np.searchsorted(switches.instant[turns_on], instants, side="right")
+        return np.where(self.laser(channel).on, number, 0)
+
+    def follows_velocity(self, channel: int) -> Bools:
+        """Rows in which the power of a channel follows the velocity, (n,)."""
+        path = self.job.path
+        rows = np.flatnonzero(path.sets_power & (path.channel == channel))
+        if not (path.op[rows] == Op.FOLLOW).any():
+            return np.zeros(len(path), dtype=np.bool_)
+        now = [self.stage_first[s.order] * 2 for s, _ in self.statements(PowerNow) if s.channel == channel]
+        instants = np.concatenate([np.array(now, dtype=rows.dtype), rows * 2 + 1])
+        follows = np.concatenate([np.zeros(len(now), dtype=np.bool_), path.op[rows] == Op.FOLLOW])
+        order = np.argsort(instants, kind="stable")
+        last = np.searchsorted(instants[order], np.arange(len(path)) * 2, side="right") - 1
+        return np.where(last >= 0, follows[order][last], False)
 
     def any_on(self) -> Bools:
         """Rows in which the laser of some channel is commanded on, (n,)."""

@@ -51,7 +51,8 @@ class Path:
     Power: `power`: direct power. `low`, `high`, `ratio`: limits of follow, and power per pulse/ms. `follow_in_mm`: the
     ratio was written per mm. `power_unit`, `low_unit`, `high_unit`: PowerUnit as written.
 
-    `provenance`: node of the statement in the job's Provenance.
+    `provenance`: node of the statement in the job's Provenance. `unknown_before`, `unknown`: the state before and after
+    the row, bits of ir.effects: what depends on statements that can't be read.
     """
 
     op: npt.NDArray[np.uint8]
@@ -82,6 +83,8 @@ class Path:
     low_unit: npt.NDArray[np.int8]
     high_unit: npt.NDArray[np.int8]
     provenance: npt.NDArray[np.int32]
+    unknown_before: npt.NDArray[np.int32]
+    unknown: npt.NDArray[np.int32]
 
     def __len__(self) -> int:
         return len(self.op)

@@ -181,6 +181,7 @@ class Setup:
     """A setup statement in its job: it acts before row `row` of the path.
 
     `order`: its number among the setup statements. `word`: the statement as a user calls it. `provenance`: as in Path.
+    `unknown`: the state before it, bits of ir.effects.
     """
 
     statement: SetupStatement
@@ -190,6 +191,7 @@ class Setup:
     channel: int
     word: str
     provenance: int = 0
+    unknown: int = 0
 
 
 IN_PATH = (LookAhead, SkyWrite, Crd)

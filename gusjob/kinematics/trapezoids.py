@@ -73,6 +73,12 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
     return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
 
 
+def peak_velocity(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats) -> Floats:
+    """Compute the highest velocity of each segment, (n,) pulse/ms. Arguments as for trapezoids."""
+    tip = np.sqrt(acc * length + (start * start + end * end) / 2)
+    return np.maximum(np.maximum(np.minimum(tip, vel), start), end)
+
+
 def even_velocity(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats, even_time_ms: Floats) -> Floats:
     """Lower the velocity of each segment so far that it is constant for at least a given time, if that is possible.
 

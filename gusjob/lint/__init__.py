@@ -22,12 +22,15 @@ CHECKS: tuple[Check, ...] = (
     setup.distance,
     setup.coordinate_system,
     setup.new_stages,
+    motion.speeds,
+    motion.missing_speeds,
+    motion.field,
+    motion.dwells,
     power.before_a_mode,
     power.direct_power,
     power.power_now,
     power.follow,
     power.kept,
-    power.saturation,
     power.unused,
     laser.left_on,
     laser.jumps,
@@ -35,26 +38,36 @@ CHECKS: tuple[Check, ...] = (
     laser.dwells,
     laser.waits,
     laser.switching,
+    skywriting.settings,
+    skywriting.laser_changes,
+    skywriting.forced_ends,
+    power.saturation,
     laser.marked_twice,
     laser.delays_against_path,
-    motion.speeds,
-    motion.missing_speeds,
     motion.speeds_along,
-    motion.field,
     motion.arcs_close,
     motion.arc_speed,
     motion.no_length,
     motion.starving,
-    motion.dwells,
     motion.forced_ends,
-    skywriting.settings,
-    skywriting.laser_changes,
-    skywriting.forced_ends,
 )
+"""In the order in which they run: what looks at one value comes before what combines several."""
 
 NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, laser.delays_against_path, motion.no_length)
 """Skipped where a line could not be read: what they miss may be in that line."""
 
+DERIVED = (
+    power.saturation,
+    laser.delays_against_path,
+    laser.marked_twice,
+    motion.speeds_along,
+    motion.arcs_close,
+    motion.arc_speed,
+    motion.no_length,
+    motion.starving,
+    motion.forced_ends,
+)
+"""Checks of values together: they pass over a statement in which an earlier check has found an error."""
 
 RULES_OF_A_COMPLETE_TEXT = (
     rules.UNUSED_POWER,
@@ -97,9 +110,15 @@ def check(job: Job, machine: Machine) -> list[Diagnostic]:
     return run_checks(CHECKS, context, Reporter(context, Collector(job.name)))
 
 
+def needs_planner(job: Job, machine: Machine) -> bool:
+    """Whether only planning a job can tell everything that is wrong with it."""
+    return job.has_forced_ends or job.has_sky_writing or motion.may_be_slow(lint_context(job, machine))
+
+
 def run_checks(checks: tuple[Check, ...], context: LintContext, report: Reporter) -> list[Diagnostic]:
     """Run some checks; returns their diagnostics in line order."""
     for one in checks:
         if context.job.complete or one not in NEED_COMPLETE_JOB:
+            report.begin(derived=one in DERIVED)
             one(context, report)
     return sorted(report.collector.finish(rules.NOT_LISTED), key=lambda f: (f.span.line, f.span.column))

@@ -13,11 +13,12 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics.model import Remark
 from gusjob.ir.display import DisplayUnits, display_units
+from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.job import Job
 from gusjob.ir.modal import ModalState, ModeSpan, modal_state
 from gusjob.ir.path import Op, Path, arcs_mm
 from gusjob.ir.setup import Setup
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 Remarks = Callable[[int], tuple[Remark, ...]]
 """Remarks of the diagnostic at an index."""
@@ -47,6 +48,18 @@ class LintContext:
         """Path of the job."""
         return self.job.path
 
+    def known(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
+        """Whether effects are known before rows: no statement that can't be read may have changed them, (k,)."""
+        return np.asarray(is_known(self.path.unknown_before[rows], effects, channel))
+
+    def known_after(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
+        """Whether effects are known with what the rows themselves set, (k,)."""
+        return np.asarray(is_known(self.path.unknown[rows], effects, channel))
+
+    def known_at(self, setup: Setup, effects: StateEffect) -> bool:
+        """Whether effects are known before a setup statement, on its channel."""
+        return bool(is_known(setup.unknown, effects, setup.channel))
+
     def rows(self, *ops: Op) -> Indices:
         """Find the rows of some kinds, ascending."""
         op = self.path.op
@@ -63,7 +76,8 @@ class LintContext:
         """Find the rows of a kind on the channel of a LASER MODE while it is in force."""
         part = slice(span.first, span.last)
         found = (self.path.op[part] == op) & (self.path.channel[part] == span.channel)
-        return np.flatnonzero(found) + span.first
+        rows = np.flatnonzero(found) + span.first
+        return rows[self.known(rows, StateEffect.MODE_KIND, span.channel)]
 
     def lengths(self, rows: Indices) -> Floats:
         """Compute the lengths of rows, in pulses of X (in which velocities are given); 0 of a dwell."""

@@ -11,6 +11,7 @@ from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
+from gusjob.ir.effects import POSITION, StateEffect, is_known
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import LaserDelay, LaserFpk, PowerNow
 from gusjob.ir.stages import opens_stage
@@ -24,7 +25,7 @@ def left_on(context: LintContext, report: Reporter) -> None:
     """The job ends with every channel off."""
     for channel in CHANNELS:
         laser = context.modal.laser(channel)
-        if laser.on_at_end:
+        if laser.on_at_end and is_known(context.job.unknown_at_end, StateEffect.SWITCH, channel):
             hint = f" CHANNEL {channel}" if channel else ""
             report.line(rules.LEFT_ON, laser.last_on_line, channel=channel, hint=hint)
 
@@ -67,7 +68,8 @@ def waits(context: LintContext, report: Reporter) -> None:
         # LASER OFF NOW can end a mark, too.
         switches = context.modal.switches(channel)
         for i in np.flatnonzero(switches.on_at(instants) & switches.on_at(instants + 1)).tolist():
-            report.setup(rules.WAIT_WITH_LASER_ON, stops[i], word=stops[i].word, channel=channel)
+            if is_known(stops[i].unknown, StateEffect.SWITCH, channel):
+                report.setup(rules.WAIT_WITH_LASER_ON, stops[i], word=stops[i].word, channel=channel)
 
 
 def switching(context: LintContext, report: Reporter) -> None:
@@ -81,6 +83,7 @@ def switching(context: LintContext, report: Reporter) -> None:
         before = np.concatenate([[False], on[:-1]])
         begin = switches.line[np.maximum.accumulate(np.where(on & ~before, np.arange(len(on)), 0))]
         again = np.flatnonzero(on & before & buffered)
+        again = again[context.known(switches.rows[again], StateEffect.SWITCH, channel)]
         remarks = context.line_remarks(d.ON_HERE, begin[again])
         report.rows(rules.ALREADY_ON, switches.rows[again], "", channel=channel, word="LASER OFF", remarks=remarks)
         timed_before = timed[(switches.instant + 1) // 2]
@@ -93,7 +96,14 @@ def marked_twice(context: LintContext, report: Reporter) -> None:
     """The same segment is marked with the same power from two lines of the job; passes of a loop are intended."""
     for channel in CHANNELS:
         found = repeated_marks(context, channel)
+        found = found.pick(_is_certain(context, found.rows, channel) & _is_certain(context, found.first, channel))
         _report_repeated(context, report, found.pick(found.from_another_line(context.path)))
+
+
+def _is_certain(context: LintContext, rows: Indices, channel: int) -> Bools:
+    """Whether position, power and velocity of some marks are known."""
+    where = context.known(rows, StateEffect.POWER | StateEffect.MODE | POSITION, channel)
+    return where & context.known_after(rows, POSITION | StateEffect.VEL)
 
 
 def marked_twice_outside_passes(context: LintContext, report: Reporter) -> None:
@@ -256,7 +266,7 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
         force = delays.at(switches.instant[:-1])
         on_us, off_us = delays.on_us[force], delays.off_us[force]
         buffered = switches.is_buffered & np.concatenate([[True], switches.is_buffered[1:]])
-        checked = buffered[:-1] & ~sky[rows[:-1]] & (most_us > 0)
+        checked = buffered[:-1] & ~sky[rows[:-1]] & (most_us > 0) & np.all(report.is_sound(delays.lines)[force], axis=1)
         marks = np.flatnonzero(on[:-1] & ~on[1:] & (on_us > most_us) & checked)
         for no_emission, lost in (
             (True, Phrase("there is no emission")),
@@ -272,11 +282,15 @@ def delays_against_path(context: LintContext, report: Reporter) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelaysInForce:
-    """Delay of emission after laser-on and laser-off, (k,) each: from an instant on, ascending."""
+    """Delay of emission after laser-on and laser-off, (k,) each: from an instant on, ascending.
+
+    `lines`: (k, 2), those of LASER DELAY and LASER FPK in force, 0 without one.
+    """
 
     instant: Indices
     on_us: Floats
     off_us: Floats
+    lines: npt.NDArray[np.intp]
 
     def at(self, instants: Indices) -> Indices:
         """Number of the delays in force at some instants."""
@@ -285,22 +299,29 @@ class DelaysInForce:
 
 def _delays_in_force(context: LintContext, channel: int) -> DelaysInForce:
     """Delays of a channel: LASER DELAY and first pulse killer together."""
-    instants, on_us, off_us = [-1], [0.0], [0.0]
+    instants, on_us, off_us, lines = [-1], [0.0], [0.0], [(0, 0)]
     delay, killer = (0.0, 0.0), (0.0, 0.0)
     for setup in context.job.setups:
         if setup.channel != channel:
             continue
         match setup.statement:
             case LaserDelay(on_delay_us=on, off_delay_us=off):
-                delay = (on, off)
+                delay, lines = (on, off), [*lines, (setup.line, lines[-1][1])]
             case LaserFpk(times_us=times):
-                killer = (0.0, 0.0) if times is None else (times[1], times[2])
+                killer, lines = (0.0, 0.0), [*lines, (lines[-1][0], setup.line)]
+                if times is not None:
+                    killer = (times[1], times[2])
             case _:
                 continue
         instants.append(context.modal.stage_first[setup.order] * 2)
         on_us.append(delay[0] + killer[0])
         off_us.append(delay[1] + killer[1])
-    return DelaysInForce(instant=np.array(instants, dtype=np.intp), on_us=np.array(on_us), off_us=np.array(off_us))
+    return DelaysInForce(
+        instant=np.array(instants, dtype=np.intp),
+        on_us=np.array(on_us),
+        off_us=np.array(off_us),
+        lines=np.array(lines, dtype=np.intp),
+    )
 
 
 def _longest_ms(context: LintContext, rows: Indices) -> Floats:
@@ -334,6 +355,7 @@ def no_power(context: LintContext, report: Reporter) -> None:
             changed = span if changed is None or changed.mode.mode is not span.mode.mode else changed
             rows = emitting[slice(*np.searchsorted(emitting, [span.first, span.last]))]
             rows = rows[laser.on[rows]]
+            rows = rows[context.known(rows, StateEffect.POWER | StateEffect.MODE, channel)]
             if not len(rows):
                 continue
             last = np.searchsorted(powers, rows * 2, side="right") - 1

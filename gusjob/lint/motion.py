@@ -7,10 +7,14 @@ import numpy as np
 from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.model import MAX_PER_RULE
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.path import SPEED_WORDS, Op, arcs_mm
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.ir.effects import POSITION, StateEffect
+from gusjob.ir.path import SPEED_WORDS, Op, Path, arcs_mm
+from gusjob.ir.short_marks import PlannedSpeeds, short_marks
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import CLOSES_MM, arcs_by_either
+from gusjob.kinematics.trapezoids import peak_velocity
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
 
@@ -18,6 +22,8 @@ _MM_S_PER_MM_MS, _MM_S2_PER_MM_MS2 = 1e3, 1e6
 _ABOVE = 1 + 1e-9
 """Factor by which a value has to be above a limit: more than rounding."""
 _FIELD_SLACK_MM = 1e-6
+_MARGIN = 1.02
+"""Factor of a velocity: rounding to pulses is not known before planning."""
 
 
 def speeds(context: LintContext, report: Reporter) -> None:
@@ -45,8 +51,13 @@ def missing_speeds(context: LintContext, report: Reporter) -> None:
     """A motion has a velocity and an acceleration."""
     path = context.path
     rows = np.flatnonzero(path.moves)
-    for values, missing in ((path.vel, rules.NO_VELOCITY), (path.acc, rules.NO_ACCELERATION)):
-        absent = rows[np.isnan(values[rows])]
+    is_jump = path.op[rows] == Op.JUMP
+    for values, missing, effect, of_jumps in (
+        (path.vel, rules.NO_VELOCITY, StateEffect.VEL, StateEffect.JUMPVEL),
+        (path.acc, rules.NO_ACCELERATION, StateEffect.ACC, StateEffect.JUMPACC),
+    ):
+        known = context.known_after(rows, effect) & (~is_jump | context.known(rows, of_jumps))
+        absent = rows[np.isnan(values[rows]) & known]
         if len(absent):
             report.rows(missing, absent[:1], "", word=Op(int(path.op[absent[0]])).word)
 
@@ -104,44 +115,67 @@ def field(context: LintContext, report: Reporter) -> None:
     path, machine = context.path, context.machine
     rows = np.flatnonzero(path.moves)
     axes = (
-        ("X", path.x, machine.field_x_mm, machine.pulses_per_mm[0]),
-        ("Y", path.y, machine.field_y_mm, machine.pulses_per_mm[1]),
+        ("X", path.x, machine.field_x_mm, machine.pulses_per_mm[0], StateEffect.X),
+        ("Y", path.y, machine.field_y_mm, machine.pulses_per_mm[1], StateEffect.Y),
     )
-    for axis, values, (low, high), scale in axes:
+    reported, lines = np.zeros(len(rows), dtype=np.bool_), path.line[rows]
+    for axis, values, (low, high), scale, effect in axes:
         end_mm = values[rows] / scale
-        out = (end_mm < low) | (end_mm > high)
+        out = ((end_mm < low) | (end_mm > high)) & context.known_after(rows, effect)
+        again = out & np.isin(lines, lines[reported]) if reported.any() else reported
+        outside, out = out, out & (~again | _has_both_words(context, rows, again))
+        reported |= out
         report.rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=end_mm[out], low=low, high=high, hint="")
-        report.rows_in_range(rows, np.rint(values[rows]), ranges.COORDINATE_PULSE, axis, axis)
-    arcs = context.arc_rows()
+        within = rows[~outside & context.known_after(rows, effect)]
+        report.rows_in_range(within, np.rint(values[within]), ranges.COORDINATE_PULSE, axis, axis)
+    arcs = _certain(context, context.arc_rows())
     if not len(arcs):
         return
     x_low, x_high, y_low, y_high = arcs_mm(path, arcs, machine).extent()
     hint = Phrase(": the arc leaves the field between its ends")
-    for (axis, values, (low, high), scale), near, far in zip(axes, (x_low, y_low), (x_high, y_high), strict=True):
-        ends_mm = values[arcs] / scale
-        ends_in = (ends_mm >= low) & (ends_mm <= high)
-        below, above = ends_in & (near < low - _FIELD_SLACK_MM), ends_in & (far > high + _FIELD_SLACK_MM)
-        for out, reached in ((below, near), (above, far)):
+    # One diagnostic an arc: it leaves the field at several sides for one reason.
+    inside = ~np.isin(arcs, rows[reported])
+    for (axis, _, (low, high), _, _), near, far in zip(axes, (x_low, y_low), (x_high, y_high), strict=True):
+        for beyond, reached in ((near < low - _FIELD_SLACK_MM, near), (far > high + _FIELD_SLACK_MM, far)):
+            out = inside & beyond
+            inside &= ~out
             report.rows(
                 rules.OUTSIDE_FIELD, arcs[out], "", axis=axis, value=reached[out], low=low, high=high, hint=hint
             )
 
 
+def _has_both_words(context: LintContext, rows: Indices, where: Bools) -> Bools:
+    """Whether rows have X and Y, (k,), looked up where it matters: in a rotated frame one word moves both axes."""
+    found = np.ones(len(rows), dtype=np.bool_)
+    if not where.any():
+        return found
+    locate, lines = context.job.locate, context.path.line[rows]
+    looked_up = np.unique(lines[where])[:MAX_PER_RULE]
+    without = [line for line in looked_up.tolist() if locate(line, "") in (locate(line, "X"), locate(line, "Y"))]
+    return ~(where & np.isin(lines, without))
+
+
+def _certain(context: LintContext, rows: Indices) -> Indices:
+    """Of some motions those whose start and end are known."""
+    return rows[context.known(rows, POSITION) & context.known_after(rows, POSITION)]
+
+
 def arcs_close(context: LintContext, report: Reporter) -> None:
     """The end of an arc lies on its circle, and a radius reaches its end."""
     path, (px, py) = context.path, context.machine.pulses_per_mm
-    rows = context.rows(Op.ARC_CENTRE)
+    rows = _certain(context, context.rows(Op.ARC_CENTRE))
     if len(rows):
         x0, y0, x1, y1 = path.ends(rows)
         cx, cy = path.cx[rows] / px, path.cy[rows] / py
         start = np.hypot(x0 / px - cx, y0 / py - cy)
         end = np.hypot(x1 / px - cx, y1 / py - cy)
         _bad_arc(report, rows[start == 0], Phrase("the centre I J is the start point: the radius is 0"))
-        for word, offset in (("I", path.cx[rows] - x0 / px * px), ("J", path.cy[rows] - y0 / py * py)):
-            report.rows_in_range(rows, np.rint(offset), ranges.COORDINATE_PULSE, word, word)
         off = (np.abs(start - end) > CLOSES_MM) & (start > 0)
+        for word, offset in (("I", path.cx[rows] - x0 / px * px), ("J", path.cy[rows] - y0 / py * py)):
+            off &= report.rows_in_range(rows, np.rint(offset), ranges.COORDINATE_PULSE, word, word)
+        off &= ~_follows(path, rows, off)
         report.rows(rules.ARC_RADII_DIFFER, rows[off], "", end=end[off], start=start[off], limit=CLOSES_MM)
-    rows = context.rows(Op.ARC_RADIUS)
+    rows = _certain(context, context.rows(Op.ARC_RADIUS))
     if len(rows):
         x0, y0, x1, y1 = path.ends(rows)
         report.rows_in_range(rows, path.radius[rows], ranges.RADIUS_PULSE, "R", "R")
@@ -154,8 +188,18 @@ def arcs_close(context: LintContext, report: Reporter) -> None:
             Phrase("an arc with R that ends where it starts does not define a circle: write it with I J"),
         )
         short = (2 * radius < chord - CLOSES_MM) & (radius > 0)
+        short &= ~_follows(path, rows, short)
         least = chord[short] / 2
         report.rows(rules.ARC_RADIUS_TOO_SMALL, rows[short], "R", value=radius[short], chord=chord[short], least=least)
+
+
+def _follows(path: Path, rows: Indices, bad: Bools) -> Bools:
+    """Find bad arcs that begin where the bad one before them ended, on one axis at least: that end may be the cause."""
+    found = np.zeros(len(rows), dtype=np.bool_)
+    at = np.flatnonzero(bad)
+    x0, y0, x1, y1 = path.ends(rows[at])
+    found[at[1:]] = (x0[1:] == x1[:-1]) | (y0[1:] == y1[:-1])
+    return found
 
 
 def _bad_arc(report: Reporter, rows: Indices, reason: str) -> None:
@@ -165,7 +209,8 @@ def _bad_arc(report: Reporter, rows: Indices, reason: str) -> None:
 def arc_speed(context: LintContext, report: Reporter) -> None:
     """On an arc v^2/r stays within the machine's acceleration; the planner slows the arc where it may."""
     path, shown = context.path, context.shown
-    rows = context.arc_rows()
+    rows = _certain(context, context.arc_rows())
+    rows = rows[context.known_after(rows, StateEffect.VEL)]
     if not len(rows):
         return
     by_radius = path.op[rows] == Op.ARC_RADIUS
@@ -224,6 +269,30 @@ def starving(context: LintContext, report: Reporter) -> None:
         report.rows(rules.FIFO_MAY_RUN_EMPTY, begins, "", calls=begins - start, rate=rate, slots=ranges.FIFO_SLOTS)
 
 
+def may_be_slow(context: LintContext) -> bool:
+    """Whether some mark may be too short for its velocity; if so, only the planner can tell.
+
+    No segment of such a mark reaches the velocity from rest to rest.
+    """
+    path, (numbers, _) = context.path, context.job.sky_writing_by_row()
+    rows = np.flatnonzero(path.moves & context.modal.any_on())
+    length, vel, acc = context.lengths(rows), path.vel[rows], path.acc[rows]
+    rest = np.zeros(len(rows))
+    speeds = PlannedSpeeds(
+        row=rows,
+        op=path.op[rows],
+        length=length,
+        asked=vel,
+        vel=vel * _MARGIN,
+        acc=acc,
+        start=rest,
+        peak=peak_velocity(length, rest, vel, rest, acc),
+        end=rest,
+        is_sky=numbers[rows] >= 0,
+    )
+    return len(short_marks(context.modal, speeds)) > 0
+
+
 def dwells(context: LintContext, report: Reporter) -> None:
     """DWELL: whole ms in range."""
     rows = context.rows(Op.DWELL)
@@ -235,6 +304,6 @@ def forced_ends(context: LintContext, report: Reporter) -> None:
     path, shown = context.path, context.shown
     rows = np.flatnonzero(~np.isnan(path.end) & path.moves)
     rows = rows[report.rows_in_range(rows, path.end[rows], ranges.END_VELOCITY, "END", "END")]
-    above = rows[path.end[rows] > path.vel[rows] * (1 + 1e-12)]
+    above = rows[(path.end[rows] > path.vel[rows] * (1 + 1e-12)) & context.known_after(rows, StateEffect.VEL)]
     ends, velocities = path.end[above] * shown.per_pulse_per_ms, path.vel[above] * shown.per_pulse_per_ms
     report.rows(rules.END_ABOVE_VEL, above, "END", value=ends, velocity=velocities, speed=shown.speed)

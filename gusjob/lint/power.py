@@ -21,6 +21,7 @@ from gusjob.controllers.gus.ranges import (
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Remark
 from gusjob.i18n.phrases import Phrase
+from gusjob.ir.effects import StateEffect
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.path import Op
 from gusjob.ir.setup import PowerNow, Setup, SwitchNow
@@ -43,16 +44,19 @@ def before_a_mode(context: LintContext, report: Reporter) -> None:
         first = spans[0].setup.row if spans else len(path)
         early = np.arange(len(path))[:first]
         early = early[(path.op[early] >= Op.POWER) & (path.channel[early] == channel)]
+        early = early[context.known(early, StateEffect.MODE, channel)]
         for op in (Op.POWER, Op.FOLLOW):
             report.rows(rules.POWER_WITHOUT_MODE, early[path.op[early] == op], "", word=op.word, channel=channel)
         on = early[path.op[early] == Op.ON]
         report.rows(rules.CHANNEL_WITHOUT_MODE, on[:1], "", channel=channel)
         first_order = spans[0].setup.order if spans else len(context.job.setups)
         for setup, switch in modal.statements(SwitchNow):
-            if switch.on and setup.channel == channel and setup.order < first_order:
+            early_on = switch.on and setup.channel == channel and setup.order < first_order
+            if early_on and context.known_at(setup, StateEffect.MODE):
                 report.setup(rules.CHANNEL_WITHOUT_MODE, setup, channel=channel)
         for setup, _ in modal.statements(PowerNow):
-            if setup.channel == channel and setup.order < first_order:
+            is_early = setup.channel == channel and setup.order < first_order
+            if is_early and context.known_at(setup, StateEffect.MODE):
                 report.setup(rules.POWER_WITHOUT_MODE, setup, word=setup.word, channel=channel)
 
 
@@ -78,7 +82,7 @@ def power_now(context: LintContext, report: Reporter) -> None:
         mode = span.mode
         if not report.in_range(setup, power, POWER_NOW[mode.mode], what):
             continue
-        if not mode.low <= power <= mode.high:
+        if not mode.low <= power <= mode.high and span.setup.line not in report.faulty:
             report.setup(
                 rules.POWER_CLAMPED,
                 setup,
@@ -106,7 +110,7 @@ def check_pulse_fits(
 ) -> None:
     """Check a frequency, clamped to the mode's limits: the laser pulse must fit its period (M 二.2)."""
     width_us = span.mode.pulse_width_us
-    if not width_us or frequency_khz <= 0:
+    if not width_us or frequency_khz <= 0 or span.setup.line in report.faulty:
         return
     duty_pct = min(max(frequency_khz, span.mode.low), span.mode.high) * width_us / _US_KHZ_PER_PCT
     if PULSE_DUTY_PCT.classify_one(duty_pct) is not Membership.INSIDE:
@@ -130,9 +134,6 @@ def follow(context: LintContext, report: Reporter) -> None:
             rows = context.rows_in(Op.FOLLOW, span)
             if not len(rows):
                 continue
-            no_ratio = ~np.isfinite(path.ratio[rows])
-            report.rows_in_range(rows[~no_ratio], path.ratio[rows[~no_ratio]], FOLLOW_RATIO, _RATIO, "RATIO")
-            _report_no_velocity(report, rows[no_ratio])
             good = np.ones(len(rows), dtype=np.bool_)
             for word, values, units in (("MIN", path.low, path.low_unit), ("MAX", path.high, path.high_unit)):
                 what = _FOLLOW[word]
@@ -144,6 +145,11 @@ def follow(context: LintContext, report: Reporter) -> None:
             wrong = rows[good & (path.low[rows] >= path.high[rows])]
             low, high = path.low[wrong], path.high[wrong]
             report.rows(rules.MIN_ABOVE_MAX, wrong, "MIN", what="LASER FOLLOW", low=low, high=high)
+            # A ratio by AT follows from MIN and MAX.
+            rising = rows[good & (path.low[rows] < path.high[rows])]
+            no_ratio = ~np.isfinite(path.ratio[rising])
+            report.rows_in_range(rising[~no_ratio], path.ratio[rising[~no_ratio]], FOLLOW_RATIO, _RATIO, "RATIO")
+            _report_no_velocity(report, rising[no_ratio])
             if not context.machine.equal_axes:
                 report.rows(rules.FOLLOW_UNEQUAL_AXES, rows[path.follow_in_mm[rows]], "")
 
@@ -185,9 +191,13 @@ def saturation(context: LintContext, report: Reporter) -> None:
         in_force = np.maximum.accumulate(np.where(sets, np.arange(len(path)), -1))
         on = context.modal.laser(channel).on
         marks = np.flatnonzero(path.moves & (path.op != Op.JUMP) & on & (in_force >= 0))
+        marks = marks[context.known(marks, StateEffect.POWER | StateEffect.MODE, channel)]
+        marks = marks[context.known_after(marks, StateEffect.VEL)]
         source = in_force[marks]
-        power = path.ratio[source] * path.vel[marks] + path.low[source]
+        with np.errstate(invalid="ignore"):
+            power = path.ratio[source] * path.vel[marks] + path.low[source]
         over = (path.op[source] == Op.FOLLOW) & (power > path.high[source] * (1 + 1e-9))
+        over &= report.is_sound(path.vel_line[marks])
         rows, first = np.unique(source[over], return_index=True)
         which = np.flatnonzero(over)[first]
         report.rows(
@@ -260,7 +270,7 @@ def _check_mode_limits(
     """Check powers, one a row, against the limits of the mode in force: the controller clamps them."""
     mode = span.mode
     out = (values < mode.low) | (values > mode.high)
-    if out.any():
+    if out.any() and span.setup.line not in report.faulty:
         report.rows(
             rules.POWER_CLAMPED,
             rows[out],
@@ -279,7 +289,7 @@ def _check_frequency(
 ) -> None:
     """Check powers in frequency mode: the laser pulse must fit its period (M 二.2), the laser follow the frequency."""
     mode = span.mode
-    if mode.mode is not PowerMode.FREQUENCY or not mode.pulse_width_us:
+    if mode.mode is not PowerMode.FREQUENCY or not mode.pulse_width_us or span.setup.line in report.faulty:
         return
     # The frequency in force is within the mode's limits.
     duty_pct = np.clip(values, mode.low, mode.high) * mode.pulse_width_us / _US_KHZ_PER_PCT

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import Membership, PowerMode, Range
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Collector, Remark, Rule
+from gusjob.diagnostics.model import Collector, Remark, Rule, Severity
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.setup import Setup
@@ -40,6 +40,18 @@ class Reporter:
     seen: dict[tuple[Any, ...], int] = field(default_factory=dict)
     """For a job with loops: index of each diagnostic by rule, statement and subject. A statement has each one once,
     however often it runs."""
+    faulty: set[int] = field(default_factory=set)
+    """Lines with an error."""
+    suspect: frozenset[int] = frozenset()
+    """Lines with an error of an earlier check: what the running one finds in their values may follow from it."""
+
+    def begin(self, *, derived: bool) -> None:
+        """Begin a check. `derived`: it combines values that other checks look at alone."""
+        self.suspect = frozenset(self.faulty) if derived else frozenset()
+
+    def is_sound(self, lines: npt.NDArray[np.integer[Any]]) -> Bools:
+        """Whether the values of lines may be combined: no check has found an error there, (k,)."""
+        return ~np.isin(lines, np.fromiter(self.suspect, dtype=np.int64, count=len(self.suspect)))
 
     def line(
         self,
@@ -54,6 +66,10 @@ class Reporter:
         **fields: Any,
     ) -> None:
         """Report one diagnostic at a word of a line ('' for the statement, 'value' for its number)."""
+        if line in self.suspect:
+            return
+        if rule.severity is Severity.ERROR:
+            self.faulty.add(line)
         job = self.context.job
         key = (rule.code, line, word, fields.get("what"), fields.get("axis"), fields.get("channel"))
         if job.provenance is not None and key in self.seen:
@@ -77,6 +93,11 @@ class Reporter:
     def rows(self, rule: Rule, rows: Indices, word: str, /, *, remarks: Remarks = no_remarks, **columns: Any) -> None:
         """Report one diagnostic a row; a column that is an array has one entry a row of `rows`."""
         path = self.context.path
+        if self.suspect:
+            sound = self.is_sound(path.line[rows]) & self.is_sound(path.vel_line[rows])
+            kept = np.flatnonzero(sound & self.is_sound(path.acc_line[rows]))
+            rows, remarks = rows[kept], _picked(remarks, kept)
+            columns = {k: v[kept] if isinstance(v, np.ndarray) else v for k, v in columns.items()}
         words = np.broadcast_to(word, len(rows))
         self.lines(rule, path.line[rows], path.provenance[rows], words, remarks=remarks, **columns)
 
@@ -156,6 +177,11 @@ class Reporter:
         fields = _unit_fields(what, unit, expected)
         self.setup(rules.WRONG_UNIT, setup, word, remarks=self.context.mode_remark(mode), **fields)
         return False
+
+
+def _picked(remarks: Remarks, kept: Indices) -> Remarks:
+    """The remarks of the diagnostics that are kept."""
+    return lambda index: remarks(int(kept[index]))
 
 
 def _unit_fields(what: str, written: int, expected: PowerUnit) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import DISTANCE_LIMIT, MODE_LIMIT, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
+from gusjob.ir.effects import StateEffect
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.setup import (
     Crd,
@@ -137,6 +138,8 @@ def distance(context: LintContext, report: Reporter) -> None:
         if settings is None:
             continue
         span = context.modal.mode_of(setup)
+        if not context.known_at(setup, StateEffect.MODE):
+            continue
         if span is None or span.setup.order > setup.order:
             report.setup(rules.DISTANCE_WITHOUT_MODE, setup, channel=setup.channel)
             continue
@@ -144,7 +147,8 @@ def distance(context: LintContext, report: Reporter) -> None:
         for later in context.modal.modes_after(setup):
             if following is not None and later.setup.row >= following.row:
                 break  # Another LASER DISTANCE is in force before anything moves in this mode.
-            if later.mode.mode.unit != span.mode.mode.unit:
+            known = context.known_at(later.setup, StateEffect.MODE | StateEffect.DISTANCE)
+            if known and later.mode.mode.unit != span.mode.mode.unit:
                 report.setup(
                     rules.DISTANCE_UNIT_CHANGED,
                     later.setup,
@@ -174,7 +178,7 @@ def _check_distance_limits(
         report.setup(rules.MIN_ABOVE_MAX, setup, "MIN", what="LASER DISTANCE", low=low, high=high)
     remarks = context.mode_remark(span)
     for word, value in (("MIN", settings.low), ("MAX", settings.high)):
-        if not mode.low <= value <= mode.high:
+        if not mode.low <= value <= mode.high and span.setup.line not in report.faulty:
             report.setup(
                 rules.POWER_CLAMPED,
                 setup,

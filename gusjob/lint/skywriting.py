@@ -11,6 +11,7 @@ from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
+from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.path import Op
 from gusjob.ir.setup import Setup, SkyWrite, SkyWriting, SwitchNow
 from gusjob.ir.stages import opens_stage
@@ -74,6 +75,7 @@ def _together(report: Reporter, setup: Setup, sky: SkyWriting) -> None:
 def laser_changes(context: LintContext, report: Reporter) -> None:
     """Under sky writing the laser is switched along the path, and a mark is sky-written as a whole."""
     sky = context.job.sky_writing_by_row()[0] >= 0
+    sky &= np.asarray(is_known(context.path.unknown_before, StateEffect.SKY))
     if not sky.any():
         return
     for setup, _ in context.modal.statements(SkyWrite):
@@ -86,7 +88,8 @@ def laser_changes(context: LintContext, report: Reporter) -> None:
     instants = np.array([s.row * 2 for s in stops], dtype=np.intp)
     for channel in CHANNELS:
         for i in np.flatnonzero(context.modal.switches(channel).on_at(instants)).tolist():
-            report.setup(rules.SKY_STAGE, stops[i], word=stops[i].word, channel=channel)
+            if is_known(stops[i].unknown, StateEffect.SWITCH, channel):
+                report.setup(rules.SKY_STAGE, stops[i], word=stops[i].word, channel=channel)
         laser = context.modal.laser(channel)
         dwells = np.flatnonzero((context.path.op == Op.DWELL) & laser.on & sky)
         remarks = context.line_remarks(d.ON_HERE, laser.on_line[dwells])
@@ -95,7 +98,8 @@ def laser_changes(context: LintContext, report: Reporter) -> None:
 
 def _changed_in_mark(context: LintContext, report: Reporter, setup: Setup) -> None:
     for channel in CHANNELS:
-        if context.modal.switches(channel).on_at(np.array([setup.row * 2 + 1]))[0]:
+        is_on = context.modal.switches(channel).on_at(np.array([setup.row * 2 + 1]))[0]
+        if is_on and is_known(setup.unknown, StateEffect.SWITCH, channel):
             on_line = context.modal.laser(channel).on_line[max(setup.row - 1, 0) : max(setup.row, 1)]
             report.setup(
                 rules.SKY_LASER_ON, setup, remarks=context.line_remarks(d.ON_HERE, on_line)(0), channel=channel
@@ -107,4 +111,5 @@ def forced_ends(context: LintContext, report: Reporter) -> None:
     path = context.path
     number, _ = context.job.sky_writing_by_row()
     forced = np.flatnonzero((number >= 0) & ~np.isnan(path.end) & path.moves)
+    forced = forced[context.known(forced, StateEffect.SKY)]
     report.rows(rules.SKY_END, forced[context.modal.any_on()[forced]], "END")

@@ -27,7 +27,7 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
         arcs = _arcs(path, rows, ends, np.rint(path.cx[rows]), np.rint(path.cy[rows]))
     vel, acc, end = path.vel[timed], path.acc[timed], path.end[timed]
     if not staged.machine.equal_axes:
-        scale = _scale(x1 - x0, y1 - y0, staged.machine.pulses_per_mm)
+        scale = direction_scale(x1 - x0, y1 - y0, staged.machine.pulses_per_mm)
         vel = np.where(path.vel_in_mm[timed], vel * scale, vel)
         acc = np.where(path.acc_in_mm[timed], acc * scale, acc)
         end = np.where(path.end_in_mm[timed], end * scale, end)
@@ -42,7 +42,7 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     )
 
 
-def _scale(dx: Floats, dy: Floats, pulses_per_mm: tuple[float, float]) -> Floats:
+def direction_scale(dx: Floats, dy: Floats, pulses_per_mm: tuple[float, float]) -> Floats:
     """Pulses per mm along each segment, divided by X's: velocities are in pulses of X.
 
     For a line only: arcs that are left here are circles in pulses.

@@ -12,7 +12,7 @@ import numpy as np
 from gusjob.config.machine import DEFAULT_NAME
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.i18n.phrases import Phrase, all_of, plural, printable
-from gusjob.kinematics.arrays import Bools, Floats
+from gusjob.kinematics.arrays import Bools, Floats, median
 from gusjob.report.quantities import duration, energy, length, percent, power_time, rated, short
 from gusjob.report.rows import Report
 from gusjob.simulate.kinds import SegmentKind
@@ -205,7 +205,7 @@ def _hottest(report: Report) -> Iterator[Finding]:
         if not mine.any() or peaks.max() <= 0:
             continue
         at = int(np.argmax(peaks))
-        usual = float(np.nanmedian(marks["power_per_mm_mid"][mine]))
+        usual = _known_median(marks["power_per_mm_mid"][mine])
         value = _per_mm(float(peaks[at]), entry)
         text = Phrase("{value} at its peak", value=value)
         if usual > 0 and peaks[at] > _HOT * usual:
@@ -216,6 +216,11 @@ def _hottest(report: Report) -> Iterator[Finding]:
                 usual=_per_mm(usual, entry),
             )
         yield _of_mark(report, Phrase("hottest"), text, at)
+
+
+def _known_median(values: Floats) -> float:
+    known = values[~np.isnan(values)]
+    return median(known) if len(known) else 0.0
 
 
 def _marks_of(report: Report, entry: dict[str, Any]) -> Bools:

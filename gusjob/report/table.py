@@ -16,6 +16,7 @@ from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.i18n.width import width as columns_of
 from gusjob.ir.overrides import overrides_text
+from gusjob.kinematics.arrays import median
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.report.answer import Answer, Finding
 from gusjob.report.quantities import TABLE_DIGITS, duration, energy, length, power_time, short
@@ -115,8 +116,8 @@ def report_text(
     )
     overrides = f"  -D {overrides_text(report.overrides)}" if report.overrides else ""
     console.print(Text(printable(report.job) + overrides, style="bold"), soft_wrap=True)  # A path stays whole.
-    console.print(_headline(answer, width))
-    console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"))
+    console.print(_headline(answer, width), soft_wrap=True)
+    console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"), soft_wrap=True)
     if answer.findings:
         console.print(_findings(answer.findings))
     if tables:
@@ -288,7 +289,7 @@ def _texts(name: str, column: npt.NDArray[Any], rows: Iterable[int], words: dict
 
 def _usual(measure: str, column: npt.NDArray[Any]) -> float:
     """The value that decides on the unit of a column."""
-    return float(column[-1] if measure == "start_ms" else np.median(column))
+    return float(column[-1] if measure == "start_ms" else median(column))
 
 
 def _head(name: str, *, seconds: bool = False) -> str:

@@ -46,6 +46,13 @@ def segment_reporter(path: str, motion: MotionEvents) -> SegmentReporter:
     return SegmentReporter(motion=motion, collector=Collector(path))
 
 
+def misses_end(motion: MotionEvents, schedule: Schedule) -> Bools:
+    """Find the segments that do not reach the end velocity that their calls ask for, (m,)."""
+    end, given = schedule.profile.end, np.where(motion.dwell, 0.0, motion.vel_end)
+    off = np.abs(end - given) > 1e-6 * (np.minimum(given, motion.vel) + end) + 1e-12
+    return np.asarray(~motion.dwell & off)
+
+
 def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
     """Report velocities that the calls ask for and the path cannot reach."""
     motion, profile = events.motion, schedule.profile
@@ -56,9 +63,7 @@ def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
     given = np.where(motion.dwell, 0.0, motion.vel_end)
     end, start = profile.end, profile.start
     moves = ~motion.dwell
-    aim = np.minimum(given, motion.vel)
-    off = np.abs(end - given) > 1e-6 * (aim + end) + 1e-12
-    reporter.add(rules.END_VELOCITY_NOT_REACHED, moves & off, value=end, wanted=given)
+    reporter.add(rules.END_VELOCITY_NOT_REACHED, misses_end(motion, schedule), value=end, wanted=given)
     reporter.add(rules.START_TOO_FAST, moves & (start > motion.vel * (1 + 1e-9)), value=start, velocity=motion.vel)
     last = np.append(breaks[1:], True)
     before_dwell = np.append(motion.dwell[1:], False)

@@ -6,7 +6,7 @@ from gusjob.config.machine import Machine, ScannerModel
 from gusjob.controllers.gus.ranges import SWITCH_DELAY_US
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.setup import LaserDelay
-from gusjob.tune.search import Band, nearest_delays
+from gusjob.tune.search import Band, longest_us, nearest_delays
 from gusjob.tune.trial import (
     CLOSED_FORM,
     SEARCH,
@@ -46,12 +46,16 @@ def tune_delays(run: TuneRun, machine: Machine, channel: int) -> TuneResult | st
     found = nearest_delays(undelayed.trace, machine, emitter, slack_pulse=1, most_us=most_us)
     if found is None:
         return Phrase("no mark of channel {channel} is switched by LASER ON and LASER OFF", channel=channel)
+    most = SWITCH_DELAY_US.high if is_closed_form else min(SWITCH_DELAY_US.high, longest_us(machine, most_us))
+    searched = Phrase("ON and OFF from 0 to {most} us, OFF not below ON", most=most)
     on, off, how = *found, SEARCH
     if is_closed_form:
         on = off = Band(first_us=round(lag_us), last_us=round(lag_us), miss_mm=0)
         how = CLOSED_FORM
     on_us, off_us = _choose_delays(_as_delays(on, gap_us), _as_delays(off, late_us), lag_us - gap_us, lag_us - late_us)
-    return try_statement(run, machine, LaserDelay, channel, _delay_statement(run, channel, on_us, off_us), how)
+    return try_statement(
+        run, machine, LaserDelay, channel, _delay_statement(run, channel, on_us, off_us), how, searched
+    )
 
 
 def _without_delays(run: TuneRun, machine: Machine, channel: int) -> TuneRun | str:

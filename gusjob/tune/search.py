@@ -63,7 +63,7 @@ def nearest_delays(
     if not len(marks) or machine.scanner is None:
         return None
     marks = marks[np.unique(np.linspace(0, len(marks) - 1, min(len(marks), _MOST_MARKS)).astype(np.intp))]
-    most = int(min(_LAGS * machine.scanner.tracking_error_us, most_us))
+    most = longest_us(machine, most_us)
     on, off = (
         _TargetPoints(
             trace=trace,
@@ -76,6 +76,12 @@ def nearest_delays(
     )
     slack_mm = slack_pulse / min(machine.pulses_per_mm)
     return on.band(most, slack_mm), off.band(most, slack_mm)
+
+
+def longest_us(machine: Machine, most_us: float) -> int:
+    """Longest delay that is tried: up to `most_us`, and no longer than the beam needs to come to rest."""
+    lag_us = machine.scanner.tracking_error_us if machine.scanner is not None else 0.0
+    return int(min(_LAGS * lag_us, most_us))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

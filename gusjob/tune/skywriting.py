@@ -7,7 +7,7 @@ import math
 from gusjob.config.machine import Machine, ScannerModel
 from gusjob.controllers.gus.ranges import RUN_STEP_US, TIMELAG_US
 from gusjob.i18n.phrases import Phrase
-from gusjob.ir.setup import SkyWrite, auto_steps
+from gusjob.ir.setup import SkyWrite, SkyWriting, auto_steps
 from gusjob.tune.search import nearest_delays
 from gusjob.tune.trial import (
     CLOSED_FORM,
@@ -21,7 +21,8 @@ from gusjob.tune.trial import (
 
 _RUN_INS = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """Run-ins to try, in tracking errors, as long as the misses decrease; the first is that of AUTO."""
-_MIN_GAIN_PULSE = 0.25
+_FIXED = Phrase("TIMELAG is the scanner's lag")
+MIN_GAIN_PULSE = 0.25
 """Smallest decrease of the miss that is worth a longer run-in."""
 
 
@@ -50,8 +51,7 @@ def tune_sky_writing(run: TuneRun, machine: Machine, channel: int, mode: int | N
             scanner=str(machine.scanner),
             most=TIMELAG_US.high,
         )
-    statements = (s.statement for s in run.job.setups)
-    own_settings = next((s.settings for s in statements if isinstance(s, SkyWrite) and s.settings), None)
+    own_settings = own_sky_writing(run)
     mode = mode or (int(own_settings.mode) if own_settings is not None else 3)
     lag_us, gap_us = round(machine.scanner.tracking_error_us), first_pulse_killer_us(emitter)[0]
     npost = math.ceil(lag_us / RUN_STEP_US)
@@ -61,8 +61,14 @@ def tune_sky_writing(run: TuneRun, machine: Machine, channel: int, mode: int | N
     if machine.scanner.model is ScannerModel.DELAY:
         nprev = int(auto_steps("NPREV", lag_us))
         statement = _sky_statement(mode, lag_us, -gap_us, nprev, npost) + limit
-        return _check_in_effect(try_statement(run, machine, SkyWrite, channel, statement, CLOSED_FORM))
+        return _check_in_effect(try_statement(run, machine, SkyWrite, channel, statement, CLOSED_FORM, _FIXED))
     return _search_run_in(run, machine, channel, mode, npost, gap_us, limit)
+
+
+def own_sky_writing(run: TuneRun) -> SkyWriting | None:
+    """Return the settings of the job's first SKYWRITE that is not OFF."""
+    statements = (s.statement for s in run.job.setups)
+    return next((s.settings for s in statements if isinstance(s, SkyWrite) and s.settings), None)
 
 
 def _search_run_in(
@@ -90,11 +96,17 @@ def _search_run_in(
         if found is None:
             return Phrase("with {statement} channel {channel} has no mark", channel=channel, statement=tuned.statement)
         on, off = found
-        if least_mm - on.miss_mm < _MIN_GAIN_PULSE / min(machine.pulses_per_mm):
+        if least_mm - on.miss_mm < MIN_GAIN_PULSE / min(machine.pulses_per_mm):
             break
         least_mm, lag = on.miss_mm, off.first_us
         best = _sky_statement(mode, lag, on.last_us - lag - gap_us, nprev, npost) + limit
-    return try_statement(run, machine, SkyWrite, channel, best, SEARCH)
+    searched = Phrase(
+        "NPREV from {least} to {most}, each with TIMELAG and SHIFT from 0 to {longest} us",
+        least=math.ceil(_RUN_INS[0] * lag_us / RUN_STEP_US),
+        most=math.ceil(_RUN_INS[-1] * lag_us / RUN_STEP_US),
+        longest=min(2 * lag_us, TIMELAG_US.high),
+    )
+    return try_statement(run, machine, SkyWrite, channel, best, SEARCH, searched)
 
 
 def _sky_statement(mode: int, timelag_us: float, shift_us: float, nprev: int, npost: int) -> str:

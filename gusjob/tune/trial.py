@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.lower import compile_job
@@ -13,6 +16,7 @@ from gusjob.frontend import Source, read_job
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.job import Job
 from gusjob.ir.setup import LaserDelay, SkyWrite
+from gusjob.kinematics.arrays import running_sum
 from gusjob.lint import check
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marking_totals, marks_of
@@ -23,22 +27,45 @@ CLOSED_FORM, SEARCH = Phrase("closed form"), Phrase("search in the simulator")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EndMeasure:
+    """Ends of the marks of a channel that calls switch.
+
+    `rms_um`: distance of the beam from the intended start when the emission starts, and from the intended end when it
+    ends: RMS over all starts and ends. `emission_ms`: emission of these marks. `duration_ms`: of the run.
+    """
+
+    marks: int
+    rms_um: float
+    emission_ms: float
+    duration_ms: float
+
+
+NO_ENDS = EndMeasure(marks=0, rms_um=0.0, emission_ms=0.0, duration_ms=0.0)
+"""Of a channel without marks."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TuneRun:
-    """A job, checked and simulated. `trace`: None if the job has errors. `marking`: as in a report's totals."""
+    """A job, checked and simulated.
+
+    `trace`: None if the job has errors. `marking`: as in a report's totals. `ends`: by channel.
+    """
 
     source: Source
     job: Job
     trace: Trace | None
     diagnostics: list[Diagnostic]
     marking: list[dict[str, Any]]
+    ends: dict[int, EndMeasure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneResult:
-    """A statement, how it was found, and the job with it."""
+    """A statement, how it was found and in which range, and the job with it."""
 
     statement: str
     how: str
+    searched: str
     run: TuneRun
 
 
@@ -52,20 +79,44 @@ def run_job(
     source: Source, job: Job, diagnostics: list[Diagnostic], machine: Machine, *, with_marks: bool = True
 ) -> TuneRun:
     """Simulate a job that was read and checked. `diagnostics`: those of the check."""
-    trace, marking = None, list[dict[str, Any]]()
+    trace, marking, ends = None, list[dict[str, Any]](), dict[int, EndMeasure]()
     if not has_errors(diagnostics):
         stream, more = compile_job(job, machine)
         diagnostics = [*diagnostics, *more]
         if not has_errors(more):
             trace, more = simulate_stream(stream, machine)
             if trace is not None and with_marks:
-                marking = marking_totals(trace, marks_of(trace, machine))
+                marks = marks_of(trace, machine)
+                marking, ends = marking_totals(trace, marks), _ends(trace, marks)
             elif trace is None:
                 diagnostics = [
                     *diagnostics,
                     *(replace(f, span=job.locate(f.span.line, ""), path=source.name) for f in more),
                 ]
-    return TuneRun(source=source, job=job, trace=trace, diagnostics=diagnostics, marking=marking)
+    return TuneRun(source=source, job=job, trace=trace, diagnostics=diagnostics, marking=marking, ends=ends)
+
+
+def _ends(trace: Trace, marks: dict[str, npt.NDArray[Any]]) -> dict[int, EndMeasure]:
+    """Measure the ends of the marks of each channel; `marks`: the result of marks_of."""
+    found, done = dict[int, EndMeasure](), 0
+    run = running_sum(trace.segments.length)
+    for channel in trace.channels:
+        emission = channel.emission
+        rows = slice(done, done + len(emission.stage))
+        done = rows.stop
+        switched = (emission.on_event >= 0) & (emission.off_event >= 0)
+        # A point that only the difference of the delays burns is no mark.
+        start, end = (np.append(channel.switch.mark_segment, 0)[e] for e in (emission.on_event, emission.off_event))
+        switched &= run[end] > run[start]
+        if switched.any():
+            misses = np.concatenate([marks[name][rows][switched] for name in ("on_miss_um", "off_miss_um")])
+            found[channel.channel] = EndMeasure(
+                marks=int(switched.sum()),
+                rms_um=float(np.sqrt(np.mean(misses * misses))),
+                emission_ms=float((emission.end_ms - emission.start_ms)[switched].sum()),
+                duration_ms=float(trace.schedule.times_ms[-1]),
+            )
+    return found
 
 
 def try_statement(
@@ -75,6 +126,7 @@ def try_statement(
     channel: int,
     statement: str,
     how: str,
+    searched: str = "",
     *,
     with_marks: bool = True,
 ) -> TuneResult | str:
@@ -82,7 +134,9 @@ def try_statement(
     source = with_statement(run.source, run.job, kind, channel, statement)
     if isinstance(source, str):
         return source
-    return TuneResult(statement=statement, how=how, run=run_text(source, machine, with_marks=with_marks))
+    return TuneResult(
+        statement=statement, how=how, searched=searched, run=run_text(source, machine, with_marks=with_marks)
+    )
 
 
 def emitting_channel(run: TuneRun, channel: int) -> ChannelTrace | str:

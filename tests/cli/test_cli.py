@@ -18,6 +18,8 @@ from support.journals import with_checksums
 from support.tools import MARK, ROOT
 
 from gusjob.cli import common
+from gusjob.diagnostics.fixes import FIXES
+from gusjob.diagnostics.rules import RULES
 
 
 @pytest.fixture
@@ -134,6 +136,35 @@ def test_explain() -> None:
     missing = gusjob("explain", "GJ4022")
     assert missing.exit_code == 2
     assert "did you mean GJ" in missing.output
+    by_name = gusjob("explain", "Jump with the laser on")
+    assert by_name.stdout == gusjob("explain", "jump-with-the-laser-on").stdout == result.stdout
+    assert "did you mean jump-with-the-laser-on?" in gusjob("explain", "jump-with-laser").output
+
+
+def test_explain_shows_a_message_with_values_and_whether_there_is_a_fix() -> None:
+    shown = gusjob("explain", "GJ306").stdout
+    assert "  off delay 50 us is shorter than on delay 60 us; it should usually be longer\n" in shown
+    assert "`gusjob check --fix` corrects it" in shown
+    assert "--fix" not in gusjob("explain", "GJ402").stdout
+    for code in RULES:
+        assert "{" not in gusjob("explain", code).stdout.split("\n\n")[1], code
+
+
+def test_explain_json() -> None:
+    explained = json.loads(gusjob("explain", "GJ306", "--format", "json").stdout)
+    assert explained["schema"] == "gusjob-explain/1"
+    rule = explained["rules"][0]
+    assert (rule["code"], rule["name"], rule["fixable"]) == ("GJ306", "off-delay-below-on-delay", True)
+    assert rule["message"] == "off delay 50 us is shorter than on delay 60 us; it should usually be longer"
+    every = json.loads(gusjob("explain", "--format", "json").stdout)["rules"]
+    assert [one["code"] for one in every] == list(RULES)
+    assert {one["code"] for one in every if one["fixable"]} == set(FIXES)
+
+
+def test_explain_loads_little() -> None:
+    code = "import sys; from gusjob.cli import main; sys.argv[1:] = ['explain', 'GJ402']\ntry:\n    main()\n"
+    code += "except SystemExit:\n    pass\nassert not {'numpy', 'lark'} & sys.modules.keys()"
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
 
 
 def test_diagnostics_of_an_included_file_name_it(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def watched(folder: Path) -> Iterator[Watched]:
-    found = Watched(folder, "--summary")
+    found = Watched(folder)
     yield found
     found.end()
 
@@ -99,27 +99,27 @@ def saved(path: Path, text: str) -> None:
 
 def test_a_job_is_reported_whenever_it_is_saved(folder: Path, watched: Watched) -> None:
     """5 mm of jump and 5 mm of mark; then 15 mm of mark; then an error; then none again."""
-    assert "marks 5 mm, jumps 5 mm" in watched.until("segments in")
+    assert "5 mm marked" in watched.until("OK, ")
     watched.until("no problems")
     saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE X 20"))
-    assert "marks 15 mm, jumps 5 mm" in watched.until("segments in")
+    assert "15 mm marked" in watched.until("OK, ")
     saved(folder / "x.job", GOOD.replace("LINE X 10", "LINE Q 10"))
     assert watched.until("error[").startswith("x.job:7:6: error[GJ101]")
     (folder / "x.job").write_text(GOOD, encoding="utf-8")
-    assert "marks 5 mm" in watched.until("segments in")
+    assert "5 mm marked" in watched.until("OK, ")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C can't be sent to a single process elsewhere")
 def test_values_of_lets_are_kept(folder: Path) -> None:
     text = "LET dose = 40%\n" + MARK + "LASER POWER (dose)\nLASER ON\nLINE X 5\nLASER OFF\n"
     write(folder, text)
-    watched = Watched(folder, "--summary", "-D", "dose=25%")
+    watched = Watched(folder, "-D", "dose=25%")
     try:
         assert watched.until("x.job  -D") == "x.job  -D dose=25%"
-        assert "highest 25 %" in watched.until("channel 0: on")
+        assert "peak 25 %" in watched.until("laser on")
         saved(folder / "x.job", text.replace("LINE X 5", "LINE X 6"))
-        assert "marks 6 mm" in watched.until("1 stage")
-        assert "highest 25 %" in watched.until("channel 0: on")
+        line = watched.until("laser on")
+        assert "6 mm marked" in line and "peak 25 %" in line
     finally:
         watched.end()
 
@@ -133,14 +133,14 @@ def test_profile_and_includes_are_watched(folder: Path) -> None:
     """A new profile, an included file that is new and that changes, a file that the job does not include."""
     (folder / "parts").mkdir()
     write(folder, GOOD.replace("LINE X 10", 'INCLUDE "parts/part.job"'))
-    found = Watched(folder, "--summary")
+    found = Watched(folder)
     try:
         found.until("there is no such file")
         write(folder, "LINE X 20\n", "other.job")
         write(folder / "parts", "LINE X 10\n", "part.job")
-        assert "marks 5 mm" in found.until("segments in")
+        assert "5 mm marked" in found.until("OK, ")
         write(folder / "parts", "LINE X 30\n", "part.job")
-        assert "marks 25 mm" in found.until("segments in")
+        assert "25 mm marked" in found.until("OK, ")
         write(folder, "field_x_mm = [-8, 8]\n", "gusjob.toml")
         found.until("error[GJ503]")
     finally:
@@ -154,13 +154,13 @@ def test_includes_of_a_link_are_watched(tmp_path: Path) -> None:
     folder.mkdir()
     write(folder, GOOD.replace("LINE X 10", 'INCLUDE "part.job"'), "top.job")
     (tmp_path / "x.job").symlink_to(folder / "top.job")
-    found = Watched(tmp_path, "--summary")
+    found = Watched(tmp_path)
     try:
         found.until("there is no such file")
         write(folder, "LINE X 10\n", "part.job")
-        assert "marks 5 mm" in found.until("segments in")
+        assert "5 mm marked" in found.until("OK, ")
         write(folder, "LINE X 30\n", "part.job")
-        assert "marks 25 mm" in found.until("segments in")
+        assert "25 mm marked" in found.until("OK, ")
     finally:
         found.end()
 

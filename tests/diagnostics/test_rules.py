@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import string
+from typing import Any
 
 import pytest
-from support.faulty import diagnostics_of_text
+from support.faulty import bad_files, diagnostics_of_file, diagnostics_of_text
 
 from gusjob.diagnostics.model import REMARKS, Rule, Severity
 from gusjob.diagnostics.rules import RULES, VARIANTS
+from gusjob.diagnostics.rules.messages import MESSAGES_PATH, example_message, to_object
 
 WITHOUT_EXAMPLE = {
     "GJ001", "GJ002", "GJ003", "GJ005", "GJ006", "GJ147",  # The file as such.
@@ -46,3 +49,39 @@ def test_texts_are_valid_templates() -> None:
 
 def test_variants_have_a_code_of_the_registry() -> None:
     assert {v.code for v in VARIANTS} <= set(RULES)
+
+
+def _messages() -> dict[str, dict[str, Any]]:
+    """A message of each rule: of its bad example, else of the first file in tests/bad that has it."""
+    found: dict[str, dict[str, Any]] = {}
+    for rule in RULES.values():
+        own = [d.phrase for d in diagnostics_of_text(rule.bad, rule) if d.rule.code == rule.code] if rule.bad else []
+        if own:
+            found[rule.code] = to_object(own[0])
+    for path in bad_files():
+        for diagnostic in diagnostics_of_file(path):
+            found.setdefault(diagnostic.rule.code, to_object(diagnostic.phrase))
+    return dict(sorted(found.items()))
+
+
+def test_the_example_messages_are_what_the_checker_reports(rewrite: bool) -> None:
+    fresh = json.dumps(_messages(), indent=1, ensure_ascii=False) + "\n"
+    if rewrite:
+        MESSAGES_PATH.write_text(fresh, encoding="utf-8")
+    assert MESSAGES_PATH.read_text(encoding="utf-8") == fresh, "run pytest --rewrite"
+
+
+def test_an_example_message_has_values() -> None:
+    """All but the rules of a whole file and of runs, which have no example."""
+    without = {rule.code for rule in RULES.values() if example_message(rule) is None}
+    assert without <= {code for code in WITHOUT_EXAMPLE if code[:3] in ("GJ0", "GJ9")} | {"GJ147", "GJ160"}
+    for rule in RULES.values():
+        message = example_message(rule)
+        assert message is None or "{" not in message
+
+
+def test_names_of_rules_are_different_words() -> None:
+    names = [rule.name for rule in RULES.values()]
+    assert len(set(names)) == len(RULES)
+    assert all(name.replace("-", "").isalnum() and name.islower() for name in names)
+    assert RULES["GJ402"].name == "jump-with-the-laser-on"

@@ -121,7 +121,7 @@ def test_what_only_the_planner_sees(tmp_path: Path) -> None:
 
 
 def test_listings_and_what_check_does_not_look_for(tmp_path: Path) -> None:
-    on = "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)"
+    on = "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)"
     calls = f"{on} // allow GJ708, GJ712, GJ715: the next program goes on\nGT_CrdStart(1,0)\n"
     path = write(tmp_path, calls, "a.gts")
     assert {code for _, code, _ in found(path)} == {"GJ710"}

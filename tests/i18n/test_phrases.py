@@ -81,7 +81,8 @@ def odd_phrase(call: ast.Call) -> str:
 
 
 RULE_TEXTS = {
-    "Phrase(self.rule.text, **self.fields)", "Phrase(self.text, **self.fields)", "Phrase(diagnostic.rule.title)",
+    "Phrase(found['text'], **fields)", "Phrase(self.rule.text, **self.fields)",
+    "Phrase(self.text, **self.fields)", "Phrase(diagnostic.rule.title)",
 }  # fmt: skip
 """Texts of rules and remarks, which the catalogue knows from their registries."""
 

@@ -544,7 +544,8 @@ def _starts(line: str, cells: int) -> list[int]:
 @pytest.mark.usefixtures("wide")
 def test_wide_characters_keep_columns_straight(folder: Path) -> None:
     tuned = out(tune_command.command, "J.job", "--scanner", "first-order:200us").splitlines()
-    rows = tuned[tuned.index("") + 2 :]
+    first = tuned.index("") + 2
+    rows = tuned[first : tuned.index("", first)]
     figures = rows[2:]  # Below two heads and the number of marks.
     assert len(figures) == 9
     assert len({cell_len(row) for row in (rows[0], *figures)}) == 1

@@ -139,6 +139,8 @@ def _path(calls: BufferedCalls, vel_max: Floats) -> Path:
         low_unit=_all(n, value=np.int8(PowerUnit.NONE)),
         high_unit=_all(n, value=np.int8(PowerUnit.NONE)),
         provenance=_all(n, value=np.int32(0)),
+        unknown_before=_all(n, value=np.int32(0)),
+        unknown=_all(n, value=np.int32(0)),
     )
 
 

@@ -19,10 +19,13 @@ from gusjob.controllers.gus.lift import lift
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Remark, Rule, Span
 from gusjob.i18n.phrases import Phrase, all_of
+from gusjob.ir.short_marks import PlannedSpeeds, short_marks
 from gusjob.lint import CHECKS_OF_CALLS, run_checks
-from gusjob.lint.context import Remarks, lint_context, no_remarks
+from gusjob.lint.context import LintContext, Remarks, lint_context, no_remarks
 from gusjob.lint.reporter import Reporter
 from gusjob.simulate import Trace
+from gusjob.simulate.checks import misses_end
+from gusjob.simulate.events import Events
 
 HOLD_FOR_CALLS = (
     rules.POWER_CLAMPED,
@@ -44,6 +47,7 @@ HOLD_FOR_CALLS = (
     rules.ARC_TOO_FAST,
     rules.MARK_WITHOUT_LENGTH,
     rules.FIFO_MAY_RUN_EMPTY,
+    rules.MARK_TOO_SHORT,
 )
 """The rules of jobs that hold for calls. What the other checks find in calls has rules of its own (GJ7)."""
 
@@ -72,14 +76,47 @@ _IN_CALLS: dict[str, str] = {
 """What the words of a job are in calls."""
 
 
-def rule_diagnostics(stream: Stream, execution: Execution, trace: Trace, machine: Machine) -> list[Diagnostic]:
+def rule_diagnostics(
+    stream: Stream, execution: Execution, events: Events, trace: Trace, machine: Machine
+) -> list[Diagnostic]:
     """Find what breaks a rule of jobs in executed calls, and coordinate systems that lack an axis of their motion."""
     context = lint_context(lift(stream, execution), machine)
     found = run_checks(CHECKS_OF_CALLS, context, _CallReporter(context, Collector(stream.name)))
     if all(math.isfinite(stage.start_ms) for stage in execution.stages):
         # The time between the stages is known: it is reported by itself (GJ726).
         found = [d for d in found if d.rule is not rules.WAIT_WITH_LASER_ON]
-    return [*found, *_fast_arcs(trace, machine), *_axes_missing(stream, execution)]
+    return [
+        *found,
+        *_fast_arcs(trace, machine),
+        *_slow_marks(context, events, trace),
+        *_axes_missing(stream, execution),
+    ]
+
+
+def _slow_marks(context: LintContext, events: Events, trace: Trace) -> list[Diagnostic]:
+    """Report marks that are too short for their velocity, but for those with a segment that GJ704 reports."""
+    collector, profile, rest = Collector(trace.name), trace.schedule.profile, trace.schedule.dwell
+    rows = np.flatnonzero(context.path.takes_time)
+    speeds = PlannedSpeeds(
+        row=rows,
+        op=context.path.op[rows],
+        length=trace.segments.length,
+        asked=context.path.vel[rows],
+        vel=np.where(rest, 1.0, context.path.vel[rows]),
+        acc=profile.acc,
+        start=profile.start,
+        peak=np.maximum(profile.peak, profile.start),
+        end=profile.end,
+        is_sky=np.zeros(len(rows), dtype=np.bool_),
+    )
+    found = short_marks(context.modal, speeds).without(misses_end(events.motion, trace.schedule))
+    rule = rules.MARK_TOO_SHORT
+    listed = min(len(found), collector.remaining(rule))
+    for i in range(listed):
+        line = int(trace.line[found.at[i]])
+        collector.add(rule, Span(line=line), found.fields(i, context.shown, context.machine))
+    collector.count_unlisted(rule, len(found) - listed)
+    return collector.finish(rules.NOT_LISTED)
 
 
 def _fast_arcs(trace: Trace, machine: Machine) -> list[Diagnostic]:

@@ -44,7 +44,7 @@ def simulate_stream(
             from gusjob.controllers.gus.listing_checks import rule_diagnostics  # Start-up time is part of the tool.
 
             diagnostics += listing_diagnostics(execution, events, trace)
-            diagnostics += rule_diagnostics(stream, execution, trace, machine)
+            diagnostics += rule_diagnostics(stream, execution, events, trace, machine)
         diagnostics += carrier_diagnostics(trace)
     return trace, diagnostics
 

@@ -12,14 +12,14 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes.characters import normalized
 from gusjob.diagnostics.fixes.edits import Edit, Edits, FixContext
 from gusjob.diagnostics.model import Diagnostic
+from gusjob.frontend.parse.foreign import comment_of
 from gusjob.frontend.parse.keyword_case import words_of
 from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
-from gusjob.kinematics.units import UNITS
+from gusjob.frontend.parse.syntax_errors import UNIT
 
 MAX_SLIPS = 32
 """The number of slips that are corrected in a line: a statement has no more numbers."""
 
-_UNIT = re.compile("(?:" + "|".join(sorted(map(re.escape, UNITS), key=len, reverse=True)) + ")(?![A-Za-z0-9_])", re.I)
 _NUMBER_AND_BLANKS = re.compile(r"[0-9.][ \t]+$")
 _IF = re.compile(r"\s*IF\b", re.IGNORECASE)
 
@@ -52,7 +52,7 @@ def corrected(text: str) -> str | None:
 
 def _join_unit(text: str, at: int) -> str:
     """`10 mm` -> `10mm`: a unit is glued to its number, and no word begins with a unit there."""
-    unit = _UNIT.match(text, at)
+    unit = UNIT.match(text, at)
     if unit is None or not _NUMBER_AND_BLANKS.search(text[:at]):
         return text
     glued = text[:at].rstrip(" \t") + text[at:]
@@ -67,5 +67,14 @@ def _double_equals(text: str, at: int) -> str:
     return text[:at] + "=" + text[at:] if _IF.match(text) and text[at : at + 1] == "=" else text
 
 
-CORRECTIONS: tuple[Callable[[str, int], str], ...] = (_join_unit, _double_equals)
+def _comment(text: str, at: int) -> str:
+    """`# a`, `(a)` or `%`, alone on a line, and `# a` behind a statement: comments of other languages."""
+    code = strip_comment(text)
+    if text[at : at + 1] == "#":
+        return f"{text[:at]};{text[at + 1 :]}"
+    comment = comment_of(code) if not code[:at].strip() else None
+    return text if comment is None else comment + text[len(code.rstrip()) :]
+
+
+CORRECTIONS: tuple[Callable[[str, int], str], ...] = (_join_unit, _double_equals, _comment)
 """Each takes a line and the position that can't be read, and returns the line without one slip, or unchanged."""

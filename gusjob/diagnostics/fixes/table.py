@@ -11,19 +11,23 @@ a reason is outdated.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import ModuleType
 
 from gusjob.diagnostics.fixes import keywords, laser, setup, syntax
 from gusjob.diagnostics.fixes.edits import Edits, FixContext
 from gusjob.diagnostics.model import Diagnostic
+from gusjob.diagnostics.rules.fixable import FIX_OF_RULE
 
-FIXES: dict[str, Callable[[FixContext, Diagnostic], Edits]] = {
-    "GJ101": syntax.fix_line,
-    "GJ102": syntax.fix_line,
-    "GJ143": keywords.upper_case,
-    "GJ306": setup.off_delay,
-    "GJ401": laser.left_on,
-    "GJ805": setup.sky_writing_off,
-}
+_MODULES: dict[str, ModuleType] = {"keywords": keywords, "laser": laser, "setup": setup, "syntax": syntax}
+
+
+def _function(name: str) -> Callable[[FixContext, Diagnostic], Edits]:
+    module, _, function = name.partition(".")
+    found: Callable[[FixContext, Diagnostic], Edits] = getattr(_MODULES[module], function)
+    return found
+
+
+FIXES = {code: _function(name) for code, name in FIX_OF_RULE.items()}
 """The function of each rule that has a fix."""
 
 SYNTAX_RULES = {"GJ101", "GJ102"}

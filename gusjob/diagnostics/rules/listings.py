@@ -37,8 +37,8 @@ NEVER_STARTED = rule(
     title="stage never started",
     text="{count} buffered calls in coordinate system {crd}, FIFO {fifo} are never started: GT_CrdStart is missing",
     why="Buffered calls stay in their FIFO until GT_CrdStart, or until another program starts it.",
-    bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\n",
-    good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\n",
+    good=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
 )
 END_VELOCITY_NOT_REACHED = rule(
     "GJ704",
@@ -83,8 +83,8 @@ LISTING_LEFT_ON = rule(
     title="laser left on by a listing",
     text="these calls end with the laser of channel {channel} on; nothing switches it off",
     why="The laser stays on at the last point.",
-    bad=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+    good=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
 )
 LISTING_FIELD = rule(
     "GJ709",
@@ -120,8 +120,8 @@ LISTING_NO_POWER = rule(
     text="the laser of channel {channel} is on, but no power was set: the lowest power of the mode is assumed",
     why="The controller keeps the power of the previous program.",
     bad=_CALLS.replace("GT_BufLaserPrfCmd(1,30,0,0)\n", "")
-    + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
+    + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
+    good=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
 )
 RUN_TOO_LONG = rule(
     "GJ713",
@@ -130,7 +130,7 @@ RUN_TOO_LONG = rule(
     text="this run takes {duration} ms, that is {ticks} ticks; the limit is {limit}. This is its longest segment",
     why="At a velocity of almost 0, a segment takes years.",
     bad=_CALLS + "GT_LnXY(1,1000000000,0,0.0001,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    good=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
 )
 LISTING_ARC = rule(
     "GJ714",
@@ -147,9 +147,9 @@ LISTING_NO_MODE = rule(
     title="laser on without a mode",
     text="the laser of channel {channel} is on, but GT_LaserPowerMode was never called: duty 0..100 % is assumed",
     why="The channel keeps the mode of the previous program.",
-    bad="GT_BufLaserPrfCmd(1,30,0,0)\nGT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\n"
+    bad="GT_BufLaserPrfCmd(1,30,0,0)\nGT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_BufLaserOff(1,0,0)\n"
     "GT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
+    good=_CALLS + "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n",
     section="二.2",
 )
 FIFO_FULL = rule(
@@ -166,8 +166,8 @@ UNKNOWN_STOP = rule(
     title="stop that can't be simulated",
     text="{call} stops coordinate system {crd} while it moves, and what runs then is not known: {reason}",
     why="What is marked depends on how far the motion has come at the stop.",
-    bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_Stop(256,0)\n",
-    good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\nGT_Stop(256,0)\n",
+    bad=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\nGT_Stop(256,0)\n",
+    good=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\nGT_Stop(256,0)\n",
 )
 ON_AT_REST = rule(
     "GJ726",
@@ -176,9 +176,9 @@ ON_AT_REST = rule(
     text="the laser of channel {channel} is on at rest for {time} ms ({power}): the report has no row for it",
     why="The laser burns one point, and no total counts this emission. A GT_BufDelay between GT_BufLaserOn and "
     "GT_BufLaserOff has a row. Less than a tick before GT_CrdStart or after the motion is not reported.",
-    bad=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\n"
+    bad=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\n"
     "GT_SetHSIOOpt(1,0)\nGT_SetHSIOOpt(0,0)\n",
-    good=_CALLS + "GT_LnXY(1,1000,0,50,2,0,0)\nGT_BufLaserOn(1,0,0)\nGT_BufDelay(1,100,0)\nGT_BufLaserOff(1,0,0)\n"
+    good=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_BufLaserOn(1,0,0)\nGT_BufDelay(1,100,0)\nGT_BufLaserOff(1,0,0)\n"
     "GT_CrdStart(1,0)\n",
 )
 ON_AT_REST_UNTIMED = variant(

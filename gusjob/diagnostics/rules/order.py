@@ -70,7 +70,7 @@ CHANNEL_WITHOUT_MODE = rule(
     title="channel used without a mode",
     text="channel {channel} is switched on here, but has no LASER MODE",
     why="The channel keeps the mode of the previous program.",
-    bad="VEL 100\nACC 5000\nLASER ON\nLINE X 1\nLASER OFF\n",
+    bad="VEL 100\nACC 10000\nLASER ON\nLINE X 1\nLASER OFF\n",
     good=LASER_ON + "LINE X 1\nLASER OFF\n",
     section="二.2",
 )

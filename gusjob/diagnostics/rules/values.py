@@ -60,8 +60,8 @@ POWER_CLAMPED = rule(
     title="power outside the mode's limits",
     text="{what} {value} {unit} is outside the mode's {low}..{high} {unit}: the controller clamps it",
     why="The part gets a power other than the one in the job.",
-    bad="LASER MODE ANALOG MAX 5\nVEL 100\nACC 5000\nLASER POWER 6\nLASER ON\nLINE X 1\nLASER OFF\n",
-    good="LASER MODE ANALOG MAX 8\nVEL 100\nACC 5000\nLASER POWER 6\nLASER ON\nLINE X 1\nLASER OFF\n",
+    bad="LASER MODE ANALOG MAX 5\nVEL 100\nACC 10000\nLASER POWER 6\nLASER ON\nLINE X 1\nLASER OFF\n",
+    good="LASER MODE ANALOG MAX 8\nVEL 100\nACC 10000\nLASER POWER 6\nLASER ON\nLINE X 1\nLASER OFF\n",
     section="二.2",
 )
 PULSE_TOO_WIDE = rule(
@@ -70,8 +70,8 @@ PULSE_TOO_WIDE = rule(
     title="laser pulse does not fit its period",
     text="at {value} kHz a laser pulse of {width} us takes {duty} % of the period, outside {range}",
     why="A laser pulse must fit into its period at every frequency that the job uses.",
-    bad="LASER MODE FREQUENCY WIDTH 100us\nVEL 100\nACC 5000\nLASER POWER 20kHz\nLASER ON\nLINE X 1\nLASER OFF\n",
-    good="LASER MODE FREQUENCY WIDTH 10us\nVEL 100\nACC 5000\nLASER POWER 20kHz\nLASER ON\nLINE X 1\nLASER OFF\n",
+    bad="LASER MODE FREQUENCY WIDTH 100us\nVEL 100\nACC 10000\nLASER POWER 20kHz\nLASER ON\nLINE X 1\nLASER OFF\n",
+    good="LASER MODE FREQUENCY WIDTH 10us\nVEL 100\nACC 10000\nLASER POWER 20kHz\nLASER ON\nLINE X 1\nLASER OFF\n",
     section="二.2",
 )
 CARRIER_TOO_FAST = rule(

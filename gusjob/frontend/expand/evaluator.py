@@ -16,11 +16,13 @@ from gusjob.frontend.expand.ledger import Ledger
 from gusjob.frontend.expand.program import ComputedStatements, ExpressionSlot
 from gusjob.frontend.parse.expressions import Expression, Mismatch
 from gusjob.frontend.parse.forms import Word
+from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.operators import PLAIN, TRUTH, NumberType
 from gusjob.frontend.parse.statement_parser import POWER_KINDS
 from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND
 from gusjob.frontend.scan.shapes import MAX_NUMBER
-from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, nearest, number
+from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, number
+from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import QuantityKind, UnitSystem
 
 _LANES_PER_STEP = 10
@@ -43,7 +45,8 @@ class Evaluator:
 
     ledger: Ledger
     unset: set[str] = field(default_factory=set)
-    """Names whose LET has no value or can't be parsed: that is reported where they are set."""
+    """Names whose LET has no value or can't be parsed: that is reported where they are set. With ANY_NAME any name
+    may be one of them."""
 
     def report(self, rule: Rule, site: Site, /, **fields: object) -> None:
         """Report a diagnostic that concerns all lanes."""
@@ -82,6 +85,8 @@ class Evaluator:
             values[name] = value.reshape(-1, 1) if rows > 1 and isinstance(value, np.ndarray) else value
             types.append(source.types[name])
         kind = expression.type(tuple(types))
+        if isinstance(kind, Mismatch) and any(np.all(np.isnan(value)) for value in values.values()):
+            return np.float64(np.nan), _NO_KIND  # A name without a value has no kind; it is reported where it is set.
         if isinstance(kind, Mismatch):
             given = both_of(kind_words(operand) for operand in kind.given[:4])
             self.report(
@@ -99,7 +104,7 @@ class Evaluator:
         """Report a name that was never set."""
         if (rules.UNKNOWN_NAME.code, site.line, site.word) in self.ledger.reported:
             self.report(rules.UNKNOWN_NAME, site)
-        elif name not in self.unset:
+        elif not self.unset & {name, ANY_NAME}:
             near = nearest(name, {**site.lanes.scope.values, **site.lanes.top.values})
             hint = did_you_mean(near) or Phrase(": write LET {name} = ... before it", name=name)
             self.report(rules.UNKNOWN_NAME, site, name=name, hint=hint)
@@ -113,7 +118,7 @@ class Evaluator:
         for name in expression.names:
             unset = np.isnan(values[name])
             if np.any(unset):
-                if name not in self.unset:
+                if not self.unset & {name, ANY_NAME}:
                     count = int(np.count_nonzero(np.broadcast_to(unset, np.shape(value)) if np.ndim(value) else unset))
                     hint = Phrase(": its LET does not always run before this line")
                     self.report_where(rules.UNKNOWN_NAME, site, unset, count, name=name, hint=hint)

@@ -33,10 +33,13 @@ from gusjob.frontend.expand.program import (
     Program,
     StatementRun,
     split_constants,
+    unread_run,
 )
 from gusjob.frontend.expand.row_writer import ExpandedRun, LaneRows, Output, RowWriter, merge_lanes
+from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.operators import TRUTH
 from gusjob.frontend.parse.statement import RowOp
+from gusjob.ir.effects import UNCLEAR
 from gusjob.kinematics.arrays import Floats, Ints
 
 _CALL_STEPS = 40
@@ -142,7 +145,10 @@ class _Expander:
         if kind[0] != TRUTH:
             if not np.all(np.isnan(truth)):
                 self.evaluator.report(rules.NOT_A_CONDITION, site)
+            self.skipped(item.line, lanes, output)
             return
+        if any_lane(truth != truth):
+            self.skipped(item.line, lanes, output)
         for block, holds in ((item.then, truth == 1), (item.otherwise, truth == 0)):
             if not any_lane(holds):
                 continue
@@ -184,6 +190,8 @@ class _Expander:
     def loop(self, item: Loop, lanes: Lanes, output: Output) -> None:
         """Run REPEAT or FOR."""
         span = loop_range(item, self.evaluator, lanes)
+        if span.is_faulty:
+            self.skipped(item.line, lanes, output)
         if not any_lane(span.count > 0):
             return
         hidden = None
@@ -267,6 +275,7 @@ class _Expander:
         statement = call.statement
         routine = self.program.routines.get(statement.names[0])
         if routine is None or len(routine.parameters) != len(statement.arguments):
+            self.unread(call.line, lanes, output)
             return
         steps = _CALL_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
         self.ledger.count_steps(steps, call.line, lanes.provenance)
@@ -298,6 +307,16 @@ class _Expander:
         lanes.frame = before
 
     # Runs of statements.
+
+    def skipped(self, line: int, lanes: Lanes, output: Output) -> None:
+        """Add a row for a block that does not run because of an error: any name may be set in it."""
+        self.evaluator.unset.add(ANY_NAME)
+        self.unread(line, lanes, output)
+
+    def unread(self, line: int, lanes: Lanes, output: Output) -> None:
+        """Add a row for what could not be run at a line: nothing is known behind it."""
+        run = ExpandedRun(unread_run(line, UNCLEAR), (), (), lanes.provenance, lanes.frame)
+        output.append(run if lanes.count == 1 else self.writer.rows_of(run, lanes.count))
 
     def run(self, run: StatementRun, lanes: Lanes, output: Output) -> None:
         """Run consecutive statements: compute the numbers of those with expressions."""

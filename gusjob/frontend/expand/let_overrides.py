@@ -11,7 +11,8 @@ from gusjob.diagnostics.model import Diagnostic, Rule
 from gusjob.frontend.overrides import override_statement
 from gusjob.frontend.parse.statement import Statement
 from gusjob.frontend.source_map import SourceMap
-from gusjob.i18n.phrases import Phrase, all_of, did_you_mean, nearest
+from gusjob.i18n.phrases import Phrase, all_of, did_you_mean
+from gusjob.i18n.spelling import nearest
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 
 _LISTED = 12

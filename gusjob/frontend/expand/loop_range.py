@@ -9,7 +9,7 @@ import numpy as np
 
 from gusjob.diagnostics import rules
 from gusjob.frontend.expand.evaluator import Evaluator, Site, kind_words
-from gusjob.frontend.expand.lanes import Lanes
+from gusjob.frontend.expand.lanes import Lanes, any_lane
 from gusjob.frontend.expand.program import Loop, split_constants
 from gusjob.frontend.parse.operators import PLAIN, NumberType, Typing
 from gusjob.i18n.phrases import Phrase, both_of
@@ -20,12 +20,16 @@ _NO_ITERATION = np.float64(0)
 
 @dataclass(frozen=True, slots=True)
 class LoopRange:
-    """Start, step and number of iterations, each for all lanes or for each; the kind of the loop's variable."""
+    """Start, step and number of iterations, each for all lanes or for each; the kind of the loop's variable.
+
+    `is_faulty`: some lane has no iterations because of an error.
+    """
 
     start: Any
     step: Any
     count: Any
     kind: NumberType
+    is_faulty: bool = False
 
     def by_lane(self, lanes: int) -> tuple[Floats, Floats, Floats]:
         """Start, step and number of iterations of each lane."""
@@ -44,13 +48,14 @@ def loop_range(loop: Loop, evaluator: Evaluator, lanes: Lanes) -> LoopRange:
         kinds.append(kind)
     if len(bounds) == 1:
         count = _repeat_count(bounds[0], kinds[0], evaluator, Site(lanes, loop.line, "#0"))
-        return LoopRange(np.float64(0), np.float64(1), count, PLAIN)
+        faulty = any_lane((count == 0) & (bounds[0] != 0))
+        return LoopRange(np.float64(0), np.float64(1), count, PLAIN, faulty)
     start, end = bounds[0], bounds[1]
     step = bounds[2] if len(bounds) > 2 else np.float64(1)
     if any(kind != kinds[0] for kind in kinds) and not any(np.all(np.isnan(bound)) for bound in bounds):
         fields = {"operator": "FOR", "wants": Typing.SAME.value, "given": both_of(map(kind_words, kinds))}
         evaluator.report(rules.UNIT_MISMATCH, Site(lanes, loop.line, ""), **fields)
-        return LoopRange(start, step, _NO_ITERATION, PLAIN)
+        return LoopRange(start, step, _NO_ITERATION, PLAIN, True)
     if np.any(step == 0):
         hint = Phrase("the loop would never end")
         site = Site(lanes, loop.line, "#2")
@@ -58,7 +63,7 @@ def loop_range(loop: Loop, evaluator: Evaluator, lanes: Lanes) -> LoopRange:
     # A last iteration that rounding has moved past the end still counts.
     count = np.floor((end - start) / step * (1 + 1e-12) + 1e-9) + 1
     counted = np.where((step != 0) & np.isfinite(count), np.maximum(count, 0), 0.0)[()]
-    return LoopRange(start, step, counted, kinds[0])
+    return LoopRange(start, step, counted, kinds[0], any_lane((step == 0) | ~np.isfinite(count)))
 
 
 def _repeat_count(count: Any, kind: NumberType, evaluator: Evaluator, site: Site) -> Any:

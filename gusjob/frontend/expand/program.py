@@ -8,10 +8,11 @@ from typing import Any
 
 from gusjob.frontend.expand.override_notes import OverrideNotes
 from gusjob.frontend.parse.expressions import Expression
-from gusjob.frontend.parse.forms import Word
-from gusjob.frontend.parse.statement import Statement
-from gusjob.frontend.scan.rows import Rows
+from gusjob.frontend.parse.forms import Column, Word
+from gusjob.frontend.parse.statement import RowOp, Statement
+from gusjob.frontend.scan.rows import Row, Rows, rows_of
 from gusjob.frontend.source_map import SourceMap
+from gusjob.ir.effects import StateEffect
 from gusjob.kinematics.arrays import Indices
 
 MAX_NESTING = 32
@@ -76,6 +77,12 @@ class StatementRun:
     def line(self) -> int:
         """Line of the first statement."""
         return int(self.rows.line[0])
+
+
+def unread_run(line: int, effects: StateEffect) -> StatementRun:
+    """A run of one row that stands for what could not be read or run at a line."""
+    values: dict[int, float] = {Column.VALUE: float(effects), Column.CHANNEL: -1.0}
+    return StatementRun(rows=rows_of([(line, Row(op=RowOp.UNREAD, values=values))]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -162,7 +169,7 @@ class Program:
         sequential_loops: `id`s of the loops that run iteration by iteration (see NameUsage).
         sources: The texts.
         lets: Lines that set each name.
-        unread_names: Names whose LET can't be parsed.
+        unread_names: Names that lines which can't be read may set; ANY_NAME among them: any name.
         override_notes: Finds the overrides that a diagnostic depends on; None without overrides.
     """
 

@@ -29,15 +29,19 @@ from gusjob.frontend.expand.program import (
     Program,
     Routine,
     StatementRun,
+    unread_run,
 )
 from gusjob.frontend.includes import find_include
 from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
-from gusjob.frontend.parse.statement import BLOCK_WORDS, BROKEN, RowOp, Statement, literals_in
+from gusjob.frontend.parse.statement import BLOCK_WORDS, BROKEN, GUESSED, RowOp, Statement, literals_in
 from gusjob.frontend.scan.rows import Rows, groups_of
 from gusjob.frontend.source import Source
 from gusjob.frontend.source_map import SourceMap
-from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, nearest, printable
+from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, printable
+from gusjob.i18n.spelling import nearest
+from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, UNCLEAR
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Indices
 
@@ -87,9 +91,11 @@ class _ProgramBuilder:
     calls: list[ComputedStatements] = field(default_factory=list)
     lets: list[Let] = field(default_factory=list)
     unread_names: set[str] = field(default_factory=set)
-    has_unread_routines: bool = False
-    """Whether a DEF can't be parsed: an unknown routine may be that one."""
     overrides: LetOverrides = field(default_factory=LetOverrides)
+    has_unread_routines: bool = False
+    """Whether a DEF, or a line that may be one, can't be parsed: an unknown routine may be that one."""
+    has_unread_lines: bool = False
+    """Whether some line can't be parsed: it may read any name."""
 
     def report(
         self, rule: Rule, line: int, word: str = "", /, remarks: tuple[Remark, ...] = (), **fields: object
@@ -125,25 +131,35 @@ class _ProgramBuilder:
         first_setup = len(self.setups)
         self.setups += text.setups
         self.unread_names |= text.unread_names
+        self.has_unread_lines |= bool(text.diagnostics)
+        self.has_unread_routines |= bool(text.unclear_lines)
         builder = _FileBuilder(job=self, text=text, base=base, first_setup=first_setup, chain=chain)
         return builder.block(), builder.depth
 
     def include(self, name: str, source: Source, line: int, chain: tuple[Path, ...]) -> tuple[Block, int]:
-        """The block of an included file and its depth; nothing and a diagnostic if it may not or can't be read."""
+        """The block of an included file and its depth; a row that stands for it if it may not or can't be read."""
+        found = self.included_block(name, source, line, chain)
+        if found is None:
+            self.unread_names.add(ANY_NAME)
+            self.has_unread_routines = self.has_unread_lines = True
+        return found or ((unread_run(line, EVERYTHING),), 0)
+
+    def included_block(self, name: str, source: Source, line: int, chain: tuple[Path, ...]) -> tuple[Block, int] | None:
+        """The block of an included file and its depth; None and a diagnostic if it may not or can't be read."""
         limit = self.machine.expansion_max_includes
         if len(chain) >= limit:
             self.report(rules.EXPANSION_TOO_DEEP, line, limit=limit, key="max_includes")
-            return (), 0
+            return None
         include = find_include(name, source, self.top)
         path, found = include.path, include.source
         if path is not None:
             self.sources.included_paths.append(path)
         if path is None or found is None:
             self.report(rules.BAD_INCLUDE, line, file=printable(name), reason=include.reason)
-            return (), 0
+            return None
         if path in chain or (self.top.path is not None and path == self.top.path.resolve()):
             self.report(rules.BAD_INCLUDE, line, file=printable(name), reason=Phrase("it includes itself"))
-            return (), 0
+            return None
         if path not in self.included:
             text = read_job_text(found)
             here = (Remark(text=INCLUDED, span=self.sources.locate(line, "")),)
@@ -157,6 +173,8 @@ class _ProgramBuilder:
 
     def note_unused(self, reads: set[str]) -> None:
         """Note the names that the job itself sets and nothing reads, and the routines that nothing calls."""
+        if self.has_unread_lines:
+            return
         own_lines = self.top.count_lines()
         called = {call.statement.names[0] for call in self.calls}
         for routine in self.routines.values():
@@ -223,10 +241,22 @@ class _FileBuilder:
         stack[-1].target.extend(self._runs(rows, first, len(op)))
         while len(stack) > 1:  # What is inside still counts: it may switch the laser off.
             open_ = stack[-1]
-            word = self._node(rows, open_.row).name if open_.form == BROKEN else open_.form.upper()
-            self.job.report(rules.MISSING_END, int(rows.line[open_.row]), word=word)
+            line = int(rows.line[open_.row])
+            # The END may be a line whose statement is not known.
+            if self.text.unclear_lines.stop <= line and not self._is_guessed(rows, open_):
+                word = self._node(rows, open_.row).name if open_.form == BROKEN else open_.form.upper()
+                self.job.report(rules.MISSING_END, line, word=word)
             self._close_block(rows, stack, int(rows.line[-1]) + 1)
         return tuple(stack[0].items)
+
+    def _is_guessed(self, rows: Rows, block: _OpenBlock) -> bool:
+        """Whether a block's first word is misspelt: it may not begin one."""
+        return block.form == BROKEN and GUESSED in self._node(rows, block.row).options
+
+    def _report_unmatched(self, line: int, word: str, begins: str) -> None:
+        """Report an END or ELSE without a block, unless a line whose statement is not known may begin it."""
+        if not 0 < self.text.unclear_lines.start < line - self.base:
+            self.job.report(rules.UNMATCHED_END, line, word=word, begins=begins)
 
     def _node(self, rows: Rows, at: int) -> Statement:
         """The statement of a row that is a node."""
@@ -266,13 +296,16 @@ class _FileBuilder:
                 self.depth = max(self.depth, len(stack) + depth)
                 stack[-1].target.append(IncludedFile(body=block, line=line))
             case "else":
+                if stack[-1].form == BROKEN and self._node(rows, stack[-1].row).name == "IF":
+                    stack[-1].target.append(unread_run(line, UNCLEAR))
+                    return
                 if stack[-1].form != "if" or stack[-1].otherwise is not None:
-                    self.job.report(rules.UNMATCHED_END, line, word="ELSE", begins="IF")
+                    self._report_unmatched(line, "ELSE", "IF")
                 else:
                     stack[-1].otherwise = []
             case "end":
                 if len(stack) == 1:
-                    self.job.report(rules.UNMATCHED_END, line, word="END", begins=any_of(BLOCK_WORDS))
+                    self._report_unmatched(line, "END", any_of(BLOCK_WORDS))
                 else:
                     self._close_block(rows, stack, line)
             case _:
@@ -292,9 +325,10 @@ class _FileBuilder:
         done = stack.pop()
         at, line = done.row, int(rows.line[done.row])
         body, items = tuple(done.items), stack[-1].target
-        if done.form == BROKEN and self._node(rows, at).name == "DEF":
-            self.job.has_unread_routines = True
-        if len(stack) > MAX_NESTING or done.form == BROKEN:
+        if len(stack) > MAX_NESTING:
+            return
+        if done.form == BROKEN:
+            self._add_broken(self._node(rows, at).name, body, line, items)
             return
         if done.form == "frame":
             items.append(Frame(head=self._run(rows, at, at + 1), body=body, line=line))
@@ -313,6 +347,14 @@ class _FileBuilder:
             case _:
                 bounds = statement.arguments
                 items.append(Loop(statement=statement, bounds=bounds, constants=constants, body=body, line=line))
+
+    def _add_broken(self, word: str, body: Block, line: int, items: list[Item]) -> None:
+        """Add the body of a block whose head can't be parsed, once; what it leaves behind is not known."""
+        if word == "DEF":
+            self.job.has_unread_routines = True
+            return
+        before = [unread_run(line, FRAME_EFFECTS)] if word == "FRAME" else []
+        items.extend([*before, *body, unread_run(line, UNCLEAR)])
 
     def _add_routine(self, statement: Statement, body: Block, line: int) -> None:
         name, *parameters = statement.names

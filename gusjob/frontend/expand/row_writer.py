@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gusjob.frontend.expand.program import ComputedStatements, StatementRun
 from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.intent import effects_of
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.scan.rows import Rows, join_rows
 from gusjob.kinematics.arrays import Floats, Ints
@@ -81,9 +82,22 @@ class RowWriter:
         lane = np.arange(len(made.op)) if lane_is_place else np.repeat(np.arange(count), rows)
         if not len(without_value):
             return LaneRows(made, lane)
-        kept = np.ones(len(made.op), dtype=np.bool_)
-        kept[without_value] = False
-        return LaneRows(made.pick(kept), lane[kept])
+        return LaneRows(self._without_values(made, without_value), lane)
+
+    def _without_values(self, rows: Rows, at: Ints) -> Rows:
+        """The rows, those that lack a number as rows that can't be read."""
+        op, columns = rows.op.copy(), {column: values.copy() for column, values in rows.columns.items()}
+        value = columns.setdefault(Column.VALUE, np.full(len(op), np.nan))
+        for row in np.unique(at).tolist():
+            kind = RowOp(int(op[row]))
+            statement = self.setups[int(value[row])] if kind is RowOp.SETUP else None
+            effects = effects_of(kind, statement)
+            op[row] = RowOp.UNREAD
+            for column, values in columns.items():
+                if column < Column.NODE and column != Column.CHANNEL:
+                    values[row] = np.nan
+            value[row] = float(effects)
+        return Rows(op=op, line=rows.line, system=rows.system, columns=columns)
 
     def _with_numbers(self, rows: Rows, expanded: ExpandedRun, count: int) -> tuple[Rows, Ints]:
         """The rows with the numbers that expressions gave, and which rows lack one."""

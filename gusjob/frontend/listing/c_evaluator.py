@@ -46,7 +46,8 @@ from gusjob.frontend.listing.c_variables import (
 )
 from gusjob.frontend.listing.listing_diagnostics import control_flow
 from gusjob.frontend.parse.grammar import subtrees, tokens
-from gusjob.i18n.phrases import Phrase, did_you_mean, nearest
+from gusjob.i18n.phrases import Phrase, did_you_mean
+from gusjob.i18n.spelling import nearest
 
 _CONSTANTS = {"true": 1.0, "false": 0.0, "TRUE": 1.0, "FALSE": 0.0}
 _NOT_EVALUATED = re.compile(r"\w*(?:assert|debug|trace)\w*|DCHECK\w*", re.IGNORECASE)

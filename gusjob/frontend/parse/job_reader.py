@@ -10,10 +10,12 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.forms import Column
+from gusjob.frontend.parse.intent import LineIntent, intent_of
 from gusjob.frontend.parse.keyword_case import has_lower_case_keywords
 from gusjob.frontend.parse.statement import (
     BLOCK_WORDS,
     BROKEN,
+    GUESSED,
     RowOp,
     Statement,
     literals_in,
@@ -26,8 +28,8 @@ from gusjob.frontend.scan.scanner import MAX_DIAGNOSTICS, scan
 from gusjob.frontend.scan.shapes import ShapeTable
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase
+from gusjob.ir.effects import EVERYTHING, OF_LASER
 
-_LET = re.compile(r"^\s*LET\s+(\w+)", re.IGNORECASE)
 _DIGITS = re.compile(r"[0-9]+")
 _LEADING_ZERO = re.compile(rb"[A-Za-z_]0[0-9]")
 _EXACT_DIGITS = 15
@@ -46,7 +48,8 @@ class JobText:
         nodes: Statements with expressions, and control statements.
         diagnostics: What could not be parsed.
         diagnostics_not_listed: How many further lines were not parsed, since there were too many diagnostics.
-        unread_names: Names whose LET can't be parsed.
+        unread_names: Names that lines which can't be parsed may set.
+        unclear_lines: Lines whose statement is not known: it may begin or end a block, or define a routine.
         has_lower_case: Whether some keyword is not in upper case.
     """
 
@@ -57,6 +60,7 @@ class JobText:
     diagnostics: tuple[Diagnostic, ...]
     diagnostics_not_listed: int
     unread_names: frozenset[str] = frozenset()
+    unclear_lines: range = range(0)
     has_lower_case: bool = False
 
     @property
@@ -83,6 +87,7 @@ def read_job_text(source: Source) -> JobText:
         diagnostics=tuple(reader.diagnostics),
         diagnostics_not_listed=reader.not_listed,
         unread_names=frozenset(reader.unread_names),
+        unclear_lines=reader.unclear_lines,
         has_lower_case=reader.has_lower_case,
     )
 
@@ -96,7 +101,10 @@ class _JobReader:
     nodes: list[Statement] = field(default_factory=list)
     diagnostics: list[Diagnostic] = field(default_factory=list)
     not_listed: int = 0
+    unread_shapes: int = 0
+    """How many shapes can't be parsed."""
     unread_names: set[str] = field(default_factory=set)
+    unclear_lines: range = range(0)
     has_lower_case: bool = False
     lower_case: ShapeTable[bool] = field(
         default_factory=lambda: ShapeTable(lambda code: has_lower_case_keywords(code.decode()))
@@ -110,8 +118,11 @@ class _JobReader:
 
     def learn(self, line: str) -> Template | None:
         """The template of a path, modal or control statement; None for all others."""
+        if self.unread_shapes >= MAX_DIAGNOSTICS:
+            return None  # So many lines have diagnostics that further ones are only counted.
         statement, _ = parse_statement(line, 1)
         if statement is None:
+            self.unread_shapes += 1
             return None
         self.check_case(line)
         builder = TemplateBuilder.of_line(line)
@@ -145,6 +156,23 @@ class _JobReader:
             self.leading_zeros = _LEADING_ZERO.search(self.data) is not None
         return not self.leading_zeros and max(map(len, digits)) <= _EXACT_DIGITS
 
+    def add_unclear(self, line: int) -> None:
+        """Note that the statement of a line is not known."""
+        self.unclear_lines = range(self.unclear_lines.start or line, line + 1)
+
+    def unread(self, number: int, code: str) -> Sequence[Row]:
+        """The row of a line that can't be parsed: what it may change is not known behind it."""
+        intent = intent_of(code)
+        self.unread_names |= intent.names
+        if not intent.form:
+            self.add_unclear(number)
+        if (control := _broken(intent)) is not None:
+            return (Row(op=control.row_op, values={Column.NODE: self.add_node(control)}),)
+        values: dict[int, float] = {Column.VALUE: float(intent.effects)}
+        if intent.effects & OF_LASER:
+            values[Column.CHANNEL] = float(intent.channel)
+        return (Row(op=RowOp.UNREAD, values=values),)
+
     def add_node(self, statement: Statement) -> float:
         """Add a statement to `nodes`; returns its NODE."""
         self.nodes.append(statement)
@@ -154,17 +182,13 @@ class _JobReader:
         """Parse one line."""
         if len(self.diagnostics) >= MAX_DIAGNOSTICS:
             self.not_listed += 1
-            return ()
+            self.add_unclear(number)
+            return _NOT_PARSED
         statement, diagnostics = parse_statement(text, number)
         self.diagnostics += diagnostics
         if statement is None:
-            word = text.split(maxsplit=1)[0].upper() if diagnostics and text.strip() else ""
-            self.unread_names.update(_LET.findall(text))
-            if word not in BLOCK_WORDS:
-                return ()
-            statement = Statement(form=BROKEN, name=word)
-        else:
-            self.check_case(text)
+            return self.unread(number, strip_comment(text)) if diagnostics else ()
+        self.check_case(text)
         op = statement.row_op
         values: dict[int, float] = {Column.NODE: self.add_node(statement)} if statement.is_node else {}
         if op is RowOp.SETUP:
@@ -181,3 +205,14 @@ class _JobReader:
         for index, literal in enumerate(literals_in(statement)[:_MAX_CONSTANTS]):
             values[Column.CONSTANT + index] = literal.value
         return (Row(op=op, system=system, values=values),)
+
+
+_NOT_PARSED = (Row(op=RowOp.UNREAD, values={Column.VALUE: float(EVERYTHING), Column.CHANNEL: -1.0}),)
+
+
+def _broken(intent: LineIntent) -> Statement | None:
+    """The statement that stands for one that begins or ends a block and can't be parsed."""
+    name = intent.form.upper()
+    if name in BLOCK_WORDS:
+        return Statement(form=BROKEN, name=name, options=(GUESSED,) if intent.guessed else ())
+    return Statement(form=intent.form, name=name) if intent.form in ("else", "end") else None

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from gusjob.frontend.parse.grammar import parser
-from gusjob.i18n.phrases import Phrase, any_of, did_you_mean, nearest
+from gusjob.i18n.phrases import Phrase, any_of, did_you_mean
+from gusjob.i18n.spelling import nearest
 
 END_OF_LINE = Phrase("the end of the line")
 _LOGICAL = {"AND", "OR", "NOT"}

@@ -16,7 +16,9 @@ CONTROL_FORMS = {"let", "repeat", "for", "if", "else", "end", "def", "call", "fr
 BLOCK_WORDS = ("REPEAT", "FOR", "IF", "DEF", "FRAME")
 """First words of statements that begin a block."""
 BROKEN = "broken"
-"""Form of a line that can't be parsed but surely begins a block: its END is not another diagnostic."""
+"""Form of a line that can't be parsed but begins a block: its END is not another diagnostic."""
+GUESSED = "guessed"
+"""Option of such a line whose first word is misspelt, so that it may not begin a block after all."""
 
 
 class RowOp(IntEnum):
@@ -49,6 +51,8 @@ class RowOp(IntEnum):
     CALL = 22
     CONTROL = 23
     """LET, REPEAT, FOR, IF, ELSE, END, DEF, INCLUDE: its NODE is the index in JobText.nodes."""
+    UNREAD = 24
+    """A line that can't be read, or a statement without a value: its VALUE is its effects, bits of ir.effects."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,8 @@ from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NEGATE, Fu
 from gusjob.frontend.parse.statement import CONTROL_FORMS, Quantity, Statement
 from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND, syntax_error
 from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER
-from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, nearest, plural
+from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, plural
+from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
 
 POWER_KINDS = {QuantityKind.SHARE, QuantityKind.FREQUENCY, QuantityKind.VOLTAGE}
@@ -81,7 +82,9 @@ class _StatementParser:
         self.report(rule, start, start + len(token), **fields)
 
     def report_twice(self, token: Token) -> None:
-        """Add a diagnostic for a word that is given twice."""
+        """Add a diagnostic for a word that is given twice, the first one: another word may be missing between them."""
+        if any(diagnostic.rule is rules.DUPLICATE_WORD for diagnostic in self.diagnostics):
+            return
         self.report_at(rules.DUPLICATE_WORD, token, word=str(token))
 
     # Statements.

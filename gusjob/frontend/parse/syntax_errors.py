@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
+
 from lark import UnexpectedInput
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
+from gusjob.frontend.parse.foreign import foreign_of
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR
 from gusjob.frontend.parse.misread import END_OF_LINE, Misread, misread
 from gusjob.i18n.phrases import Phrase, any_of
 from gusjob.kinematics.units import UNITS, QuantityKind
 
+UNIT = re.compile("(?:" + "|".join(sorted(map(re.escape, UNITS), key=len, reverse=True)) + ")(?![A-Za-z0-9_])", re.I)
+"""A unit that no word begins with."""
 COMPARISON_HINT = Phrase("; write a comparison with ==")
 EXPECTED_KIND = {
     QuantityKind.LENGTH: Phrase("a length (um, mm, pulse)"),
@@ -41,7 +46,9 @@ def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     found = misread(error, JOB_GRAMMAR, text, _TERMINALS)
     span = Span(line=line, column=found.column, end_line=line, end_column=found.end_column)
     if not text[: found.column - 1].strip():
-        fields: dict[str, object] = {"found": found.found, "hint": found.hint}
+        foreign = foreign_of(text)
+        hint = Phrase("; write {meant}", meant=foreign.meant) if foreign else found.hint
+        fields: dict[str, object] = {"found": found.found, "hint": hint}
         return Diagnostic(rule=rules.UNKNOWN_STATEMENT, span=span, fields=fields)
     if found.found is END_OF_LINE and found.expected:
         missing = {"words": any_of(found.expected), "word": text.split()[-1][-40:], "found": found.found}
@@ -58,8 +65,13 @@ def _hint(text: str, misread: Misread) -> str:
     before = text[: misread.column - 1].split()
     if found == "=" and before and before[0].upper() == "IF":
         return COMPARISON_HINT
-    if found.lower() in UNITS and before and before[-1][-1:].isdigit():
-        return Phrase("; write the unit directly after its number: {glued}", glued=f"{before[-1]}{found}")
+    unit = UNIT.match(text, misread.column - 1)
+    if unit and before and before[-1][-1:].isdigit():
+        return Phrase("; write the unit directly after its number: {glued}", glued=f"{before[-1]}{unit[0]}")
+    if found == "#":
+        return Phrase("; a comment begins with ;")
+    if before and [word.upper() for word in before] == ["WAIT"] and found[:1].isdigit():
+        return Phrase("; write {meant}", meant=f"DWELL {text.split(maxsplit=1)[1].strip()[:40]}")
     if before and before[0].upper() in ("ELSE", "END"):
         return Phrase("; {word} must be alone on its line", word=before[0].upper())
     if "a number" in misread.expected and (found[:1].isalpha() or found[:1] == "_"):

@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.frontend.parse.forms import Column
-from gusjob.frontend.parse.statement import RowOp
+from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.resolve.columns import PATH_OP, ResolvedColumns
 from gusjob.frontend.resolve.frames import Frames, bent_arcs
 from gusjob.frontend.resolve.positions import positions
 from gusjob.frontend.resolve.speeds import velocity_and_acceleration
+from gusjob.frontend.resolve.unknown import States, unknown_states
 from gusjob.ir.path import Path, with_chords
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
@@ -38,30 +39,44 @@ class ResolvedPath:
         count: For each row of the job how many statements of the path there are up to it, (n,).
         first_row: Where arcs became lines: the path's row at which each of its statements begins.
         open_arcs: Arcs that do not close.
+        unknown_before: State before each row of the job, bits of ir.effects, (n,).
+        unknown: The state after each row.
     """
 
     path: Path
     count: Indices
     first_row: Indices | None
     open_arcs: tuple[OpenArc, ...]
+    unknown_before: States
+    unknown: States
 
     def path_row(self, rows: Indices | int) -> Any:
         """How many rows of the path there are up to rows of the job."""
         return self.count[rows] if self.first_row is None else self.first_row[self.count[rows]]
 
 
-def resolve_path(columns: ResolvedColumns, frames: Frames | None) -> ResolvedPath:
-    """Resolve all path statements. `frames`: None if the job has none."""
+def resolve_path(columns: ResolvedColumns, frames: Frames | None, setups: tuple[Statement, ...]) -> ResolvedPath:
+    """Resolve all path statements.
+
+    Args:
+        columns: The rows.
+        frames: None if the job has none.
+        setups: The statements that SETUP rows point to.
+    """
     keep = columns.in_path
-    path = _path(columns, frames)
+    x, y = positions(columns, frames)
+    unknown = unknown_states(columns, setups, x, y)
+    path = _path(columns, frames, x, y, unknown)
     if frames is None or columns.machine.equal_axes:
-        return ResolvedPath(path, np.cumsum(keep), None, ())
+        return ResolvedPath(path, np.cumsum(keep), None, (), unknown[0], unknown[1])
     path, first_row, open_arcs = _with_chords(columns, path, frames)
-    return ResolvedPath(path, np.cumsum(keep), first_row, open_arcs)
+    return ResolvedPath(path, np.cumsum(keep), first_row, open_arcs, unknown[0], unknown[1])
 
 
-def _path(columns: ResolvedColumns, frames: Frames | None) -> Path:
-    """The path with every arc as it is."""
+def _path(
+    columns: ResolvedColumns, frames: Frames | None, x: Floats, y: Floats, unknown: tuple[States, States]
+) -> Path:
+    """The path with every arc as it is. x, y: position after each row; `unknown`: states before and after it."""
     op = columns.op
     keep = columns.in_path
     count = int(np.count_nonzero(keep))
@@ -81,7 +96,6 @@ def _path(columns: ResolvedColumns, frames: Frames | None) -> Path:
     never = np.broadcast_to(np.False_, len(op))
     has_arcs = bool(columns.is_arc.any())
     unequal = not columns.machine.equal_axes
-    x, y = positions(columns, frames)
     cx, cy, radius = _centres(columns, frames, x, y) if has_arcs else (nothing, nothing, nothing)
     velocity, acceleration = velocity_and_acceleration(columns)
     end, end_in_mm = columns.rate(Column.END, acceleration=False)
@@ -117,6 +131,8 @@ def _path(columns: ResolvedColumns, frames: Frames | None) -> Path:
         low_unit=cut(columns.power_unit(Column.LOW)),
         high_unit=cut(columns.power_unit(Column.HIGH)),
         provenance=cut(columns.provenance()),
+        unknown_before=cut(unknown[0]),
+        unknown=cut(unknown[1]),
     )
 
 

@@ -18,6 +18,7 @@ from gusjob.frontend.resolve.frames import frames_of
 from gusjob.frontend.resolve.path import ResolvedPath, resolve_path
 from gusjob.frontend.resolve.setups import resolve_setups
 from gusjob.frontend.resolve.speeds import written_speeds
+from gusjob.ir.effects import POSITION, is_known
 from gusjob.ir.job import Job
 from gusjob.kinematics.geometry import CLOSES_MM
 
@@ -26,7 +27,7 @@ def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnost
     """The job of expanded statements on a machine."""
     columns = ResolvedColumns(expanded.rows, machine)
     frames = frames_of(columns, expanded.frame_parent) if columns.has(Column.FRAME) else None
-    path = resolve_path(columns, frames)
+    path = resolve_path(columns, frames, expanded.setups)
     sources, lets = expanded.sources, expanded.lets
     job = Job(
         name=expanded.name,
@@ -41,6 +42,7 @@ def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnost
         included=tuple((source.name, source.data) for source in sources.sources[1:]),
         in_pulses=bool((columns.op == RowOp.UNITS_PULSE).any()),
         complete=expanded.complete,
+        unknown_at_end=int(path.unknown[-1]) if len(path.unknown) else 0,
         provenance=expanded.provenance,
         with_override_notes=None if expanded.override_notes is None else expanded.override_notes.add_to,
     )
@@ -59,7 +61,7 @@ def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list
     op, channel = columns.op, columns.channel()
     written = op == RowOp.CHANNEL
     if columns.has(Column.CHANNEL):
-        written = written | ~np.isnan(columns.raw(Column.CHANNEL))
+        written = written | (~np.isnan(columns.raw(Column.CHANNEL)) & (op != RowOp.UNREAD))
     bad = np.flatnonzero(written & ((CHANNEL.classify(channel) > 0) | ~CHANNEL.carries(channel)))
     for row, count in columns.first_of_lines(bad):
         word, value = "value" if op[row] == RowOp.CHANNEL else "CHANNEL", float(channel[row])
@@ -71,5 +73,7 @@ def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list
         for row, count in columns.first_of_lines(bad):
             report(rules.FRAME_SCALE, row, "SCALE", count, value=float(scale[row]))
     for arc in path.open_arcs:
+        if not is_known(int(path.unknown_before[arc.row] | path.unknown[arc.row]), POSITION):
+            continue
         report(rules.ARC_RADII_DIFFER, arc.row, "", 1, end=arc.end_mm, start=arc.start_mm, limit=CLOSES_MM)
     return found

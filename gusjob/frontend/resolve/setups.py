@@ -52,6 +52,7 @@ def resolve_setups(
                 channel=int(min(max(np.nan_to_num(channel[row]), 0), 1)),
                 word=_shown_name(statement),
                 provenance=int(provenance[row]),
+                unknown=int(path.unknown_before[row]),
             )
         )
     return tuple(found)

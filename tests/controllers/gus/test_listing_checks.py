@@ -83,7 +83,7 @@ INSIDE_AND_OUTSIDE = [
     ),
     (DUTY + POWER + mark(line(1000)) + START + WAIT + line(2000), OFF, "", "GJ405"),
     (DUTY + POWER + mark(line(1000)) + mark(line(2000)), line(2000), "", "GJ406"),
-    (DUTY + POWER + mark(line(1000)) + line(0) + mark(line(0, 1)), line(0, 1), line(1000), "GJ407"),
+    (DUTY + POWER + mark(line(1000)) + line(0) + mark(line(0, 1000)), line(0, 1000), line(1000), "GJ407"),
     (DUTY + POWER + mark(line(1000), line(2000)), line(2000), line(0), "GJ407"),
     (DUTY + POWER + mark(line(1000)) + mark(line(2000)), OFF + ON, ON, "GJ408"),
     (DUTY + POWER + mark(line(1000)), line(1000), line(1000) + line(1000), "GJ513"),
@@ -103,6 +103,13 @@ INSIDE_AND_OUTSIDE = [
         "GJ508",
     ),
     (DUTY + POWER + mark(line(1000)) + POWER.replace("30", "10") + POWER + mark(line(2000)), "1,10,", "1,11,", "GJ210"),
+    # sqrt(1000 pulse/ms2 * 203 pulse) = 450.6 pulse/ms, 90 % of 500; with 202 pulse it is 449.4.
+    (DUTY + POWER + mark(line(203)), "203,0", "202,0", "GJ516"),
+    # Its end velocity is not reached: that is reported by itself.
+    # It is sqrt(2 * 1000 pulse/ms2 * 100 pulse) = 447 pulse/ms.
+    (DUTY + POWER + mark(line(250)), "250,0,500,1000,0", "100,0,500,1000,499", None),
+    # Power that follows the velocity makes up for it.
+    (DUTY + "GT_BufLaserPrfFollow(1,0.1,10,60,0,0)\n" + mark(line(1000)), line(1000), line(10), None),
 ]
 
 
@@ -258,11 +265,12 @@ def test_the_listing_of_an_example_breaks_its_rule(code: str, kind: str) -> None
     assert isinstance(loaded, Checked)
     compiled = compile_calls(loaded)
     if isinstance(compiled, Compiled):
-        assert of_rules(read_back(compiled)) == NOT_IN_CALLS.get((code, kind), of_rules(loaded))
+        assert of_rules(read_back(compiled)) == NOT_IN_CALLS.get((code, kind), of_rules(examine(loaded)))
 
 
-ONLY_IN_CALLS = {"GJ407", "GJ513"}
-"""Passes of a single segment; arcs that rounding makes a line without length."""
+ONLY_IN_CALLS = {"GJ407", "GJ513", "GJ516"}
+"""Passes of a single segment; arcs that rounding makes a line without length; the velocity that the planner gives an
+arc of a mark, which is in calls a velocity as any other."""
 ONLY_IN_JOBS = {"GJ508", "GJ209", "GJ313", "GJ408"}
 """The planner slows arcs down, moves ends to whole pulses, and leaves out a second LASER ON under SKYWRITE."""
 

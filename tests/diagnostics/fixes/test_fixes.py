@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import sys
 import unicodedata
 from collections import Counter
@@ -15,10 +16,11 @@ import pytest
 from click.testing import CliRunner, Result
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from support.faulty import BAD, bad_files
 from support.job_writer import Writer
 from support.tools import MARK, ROOT, stream_in
 
-from gusjob.cli import cli
+from gusjob.cli import cli, fixes
 from gusjob.controllers.gus.listing import listing
 from gusjob.diagnostics.fixes import FIXES, FixResult, apply, apply_fixes
 from gusjob.diagnostics.fixes.characters import normalized
@@ -739,3 +741,42 @@ def test_a_line_too_long_is_left_alone() -> None:
     text = "wait ;" + "c" * MAX_LINE + "\nwait\n"
     done = fix(text)
     assert done.data.decode() == text.replace("\nwait", "\nWAIT")
+
+
+# The number of fixes in the summary of a check without --fix.
+
+
+@pytest.mark.parametrize("name", [path.name for path in bad_files() if path.suffix == ".job"])
+def test_the_summary_says_how_many_fixes_there_are(tmp_path: Path, name: str) -> None:
+    """As many as --fix makes then."""
+    folder = tmp_path / "bad"
+    shutil.copytree(BAD, folder)
+    profile = (folder / name).with_suffix(".machine.toml")
+    machine = ["--machine", profile] if profile.exists() else []
+    before = gusjob(*machine, folder / name).stderr.splitlines()[-1]
+    promised = re.search(r"; (\d+) can be corrected with --fix$", before)
+    after = gusjob(*machine, "--fix", folder / name).stderr.splitlines()[-1]
+    assert after.endswith(f"; {promised[1] if promised else 0} fixed")
+
+
+def test_some_of_the_bad_files_can_be_fixed(tmp_path: Path) -> None:
+    text = "laser mode duty carrier 10 kHz\n" + LIT.partition("\n")[2] + "LASER DELAY ON 60 OFF 50\nLINE X 1\nQQ\n"
+    path = put(tmp_path, "a.job", text)
+    assert gusjob(path).stderr.endswith("; 3 can be corrected with --fix\n")
+    assert gusjob("--ignore", "GJ143", path).stderr.endswith("; 2 can be corrected with --fix\n")
+    assert gusjob("--select", "GJ102", path).stderr.endswith("\n")
+    assert "--fix" not in gusjob("--select", "GJ102", path).stderr
+
+
+def test_a_clean_or_large_file_is_checked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Path] = []
+
+    def counted(path: Path, *_: object, **__: object) -> FileResult:
+        asked.append(path)
+        raise AssertionError
+
+    monkeypatch.setattr(fixes, "load", counted)
+    assert gusjob(put(tmp_path, "a.job", DONE)).stderr == "1 file: clean\n"
+    large = gusjob(put(tmp_path, "b.job", LEFT + "; why\n" * 50_000))
+    assert large.stderr == "1 file: 1 error; --fix may correct some\n"
+    assert not asked
