@@ -30,6 +30,7 @@ def too_long(report: Report | None) -> str:
 
 def html_page(result: FileResult, report: Report | None, *, watched: str = "") -> Iterator[bytes]:
     """Yield the page in pieces. For a job that was not simulated, or is too long, it has the diagnostics only."""
+    from gusjob.report.answer import answer_of
     from gusjob.view.page.content import page_of, page_without_run
     from gusjob.view.page.render import render
     from gusjob.view.strokes import strokes_of
@@ -38,7 +39,8 @@ def html_page(result: FileResult, report: Report | None, *, watched: str = "") -
     reason = too_long(report)
     if not isinstance(result, Simulated) or report is None or reason:
         return render(page_without_run(result.path.name, diagnostics, watched, reason, result.overrides))
-    return render(page_of(report, strokes_of(result.trace, result.machine), result.machine, diagnostics, watched))
+    answer, strokes = answer_of(report, result.diagnostics), strokes_of(result.trace, result.machine)
+    return render(page_of(report, strokes, result.machine, diagnostics, watched, answer))
 
 
 def _with_source(result: FileResult, diagnostic: Diagnostic) -> dict[str, Any]:

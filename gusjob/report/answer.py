@@ -17,6 +17,8 @@ from gusjob.report.quantities import duration, energy, length, percent, power_ti
 from gusjob.report.rows import Report
 from gusjob.simulate.kinds import SegmentKind
 
+LEFT_ON = Phrase("LEFT ON")
+"""Name of the finding that a laser is still on at the end."""
 _SLOW = 0.9
 """Share of the usual velocity of marks below which the slowest mark is named."""
 _HOT = 1.05
@@ -151,7 +153,7 @@ def _channels(report: Report) -> Iterator[Finding]:
     channels = report.totals["channels"]
     for number in dict.fromkeys(entry["channel"] for entry in channels if entry["lit_at_end"]):
         yield Finding(
-            name=Phrase("LEFT ON"),
+            name=LEFT_ON,
             text=Phrase("the laser of channel {channel} is still on at the end", channel=number),
         )
     emitting = [entry for entry in channels if entry["emission_ms"] > 0]

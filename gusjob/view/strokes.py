@@ -1,8 +1,9 @@
 """The path as strokes: straight pieces, each with its emission, power and velocity.
 
 Strokes are contiguous, from the first motion to the last. They are cut where a segment ends and where emission begins
-or ends. A run of at most FINE_STROKES is also cut between acceleration, constant velocity and deceleration, and at the
-controller's ticks where power follows velocity or distance or the beam lags. Arcs are cut into chords.
+or ends. A run of at most FINE_STROKES is also cut between acceleration, constant velocity and deceleration, where
+energy per mm changes, and at the controller's ticks where power follows velocity or distance or the beam lags. Arcs are
+cut into chords.
 """
 
 from __future__ import annotations
@@ -25,12 +26,19 @@ from gusjob.simulate.intervals import Intervals
 from gusjob.simulate.lengths import mm_per_pulse
 from gusjob.simulate.outputs.output_time import output_time_of
 from gusjob.simulate.outputs.steps import ticks_in
+from gusjob.simulate.quality.energy_bins import NO_BINS, EnergyBins, energy_bins_of
 
 FINE_STROKES = 300_000
 """Runs of more strokes are cut at segments and at changes of emission only."""
 
 _CHORD_RAD = 0.05
 _COARSE_CHORD_RAD = 0.3
+_ENERGY_STEPS = 6
+"""Energy per mm is constant in a stroke up to a step, of which there are so many in a factor of two."""
+_ENERGY_OFFSET = 0.3819
+"""Keeps the ends of the steps away from round values, at which rounding errors would cut each bin."""
+_ONE_BIN = 1.0 + 1e-6
+"""A stroke that is not longer has the value of the bin of its middle."""
 _SAME_MS = 1e-9
 """Times that differ by less are equal but for rounding."""
 
@@ -58,6 +66,9 @@ class EmissionStrokes:
         channel: The channel.
         on: Whether the laser emits, (n,).
         power: Mean power during emission, else 0, in the mode's unit, (n,).
+        per_mm: Energy per mm: mean of the report's bins along the stroke, unit*ms/mm, (n,); NaN without emission, and
+            in marks that do not move. Fine strokes are cut where it changes, and at the ends of each mark's peak.
+        peak_per_mm: Highest energy per mm of all bins, by unit, (units,); NaN if there is none.
         units: Units of the channel's modes.
         unit: Index of the power's unit in `units`, (n,).
         joules_per_unit_ms: Factor from power * ms to joules, (n,); NaN if the rated power is unknown.
@@ -66,6 +77,8 @@ class EmissionStrokes:
     channel: int
     on: Bools
     power: Floats
+    per_mm: Floats
+    peak_per_mm: Floats
     units: tuple[str, ...]
     unit: npt.NDArray[np.uint8]
     joules_per_unit_ms: Floats
@@ -102,26 +115,20 @@ class Strokes:
         """The beam's path; without a scanner the commanded path."""
         return self.path if self.beam is None else self.beam
 
-    def per_mm(self, emission: EmissionStrokes) -> Floats:
-        """Compute the power integral per mm of the beam's path, unit*ms/mm; NaN without emission or motion."""
-        length = self.actual.length_mm
-        found = np.full(len(length), np.nan)
-        np.divide(emission.power * self.duration_ms, length, out=found, where=emission.on & (length > 0))
-        return found
 
-
-def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES) -> Strokes:
-    """Cut the path of a run into strokes."""
+def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES, *, energy: bool = True) -> Strokes:
+    """Cut the path of a run into strokes. `energy`: compute energy per mm too, and cut where it changes."""
     schedule = trace.schedule
-    cuts, exact = _cuts(trace, machine, fine_strokes)
-    row, start = _stroke_starts(schedule, cuts)
+    bins = [energy_bins_of(trace, machine, channel) if energy else NO_BINS for channel in trace.channels]
+    cuts = _cuts(trace, machine, bins, fine_strokes)
+    row, start = _stroke_starts(schedule, cuts.times)
     end = np.append(start[1:], schedule.times_ms[-1:])
     continues = np.append(row[1:] == row[:-1], False) if len(row) else np.zeros(0, dtype=np.bool_)
     end = np.where(continues, end, schedule.times_ms[1:][row])
     stage = schedule.stage[row]
     px, py = machine.pulses_per_mm
     scale = mm_per_pulse(trace.segments, machine)[row] * MS_PER_S
-    if exact:
+    if cuts.exact:
         vel0, vel1 = trace.motion.velocity(row, start) * scale, trace.motion.velocity(row, end) * scale
     else:
         vel0 = vel1 = (
@@ -142,13 +149,24 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES)
         vel1=vel1,
         path=Line(x0=x0 / px, y0=y0 / py, x1=x1 / px, y1=y1 / py),
         beam=beam,
-        emissions=tuple(_emission_strokes(trace, machine, channel, spans) for channel in trace.channels),
-        exact=exact,
+        emissions=tuple(
+            _emission_strokes(trace, machine, channel, spans, of)
+            for channel, of in zip(trace.channels, bins, strict=True)
+        ),
+        exact=cuts.exact,
     )
 
 
-def _cuts(trace: Trace, machine: Machine, fine_strokes: int) -> tuple[list[tuple[Indices, Floats]], bool]:
-    """Return the cuts after each segment's start as (timed call, ms), and whether they are fine."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cuts:
+    """Cuts after each segment's start as (timed call, ms). `exact`: whether they are fine."""
+
+    times: list[tuple[Indices, Floats]]
+    exact: bool
+
+
+def _cuts(trace: Trace, machine: Machine, bins: list[EnergyBins], fine_strokes: int) -> _Cuts:
+    """Return the finest cuts that make no more than so many strokes."""
     schedule = trace.schedule
     cuts = [_switch_times(schedule, channel) for channel in trace.channels]
     index = np.arange(len(trace))
@@ -160,9 +178,11 @@ def _cuts(trace: Trace, machine: Machine, fine_strokes: int) -> tuple[list[tuple
         (index, fall_start),
         *_tick_times(trace, machine, fine_strokes),
     ]
-    if sum(len(call) for call, _ in fine) + len(index) <= fine_strokes:
-        return fine, True
-    return [*cuts, _chord_times(trace, _COARSE_CHORD_RAD)], False
+    finest = [*fine, *(_energy_times(trace, channel, of) for channel, of in zip(trace.channels, bins, strict=True))]
+    for times in (finest, fine):
+        if sum(len(call) for call, _ in times) + len(index) <= fine_strokes:
+            return _Cuts(times=times, exact=True)
+    return _Cuts(times=[*cuts, _chord_times(trace, _COARSE_CHORD_RAD)], exact=False)
 
 
 def _switch_times(schedule: Schedule, channel: ChannelTrace) -> tuple[Indices, Floats]:
@@ -181,6 +201,28 @@ def _chord_times(trace: Trace, step_rad: float) -> tuple[Indices, Floats]:
     arc, part = counted(count)
     call = segments.arc_at[arc]
     return call, schedule.times_ms[call] + schedule.duration_ms[call] * ((part + 1) / (count[arc] + 1))
+
+
+def _energy_times(trace: Trace, channel: ChannelTrace, bins: EnergyBins) -> tuple[Indices, Floats]:
+    """Return the times at which energy per mm passes from step to step of a geometric scale, and the peak's ends."""
+    with np.errstate(divide="ignore"):
+        step = np.floor(np.log2(bins.per_mm) * _ENERGY_STEPS + _ENERGY_OFFSET)
+    mark, peak = bins.mark, _peak_bins(bins)
+    changes = np.flatnonzero(step[1:] != step[:-1]) + 1
+    cuts = np.unique(np.concatenate([changes, peak, peak[peak + 1 < len(mark)] + 1]))
+    cuts = cuts[(cuts > 0) & (mark[cuts] == mark[cuts - 1])]
+    schedule, stage, time = trace.schedule, channel.emission.stage[mark[cuts]], bins.start_ms[cuts]
+    inside = (time >= schedule.stage_start()[stage]) & (time < schedule.stage_end()[stage])
+    return schedule.segment_at(stage[inside], time[inside]), time[inside]
+
+
+def _peak_bins(bins: EnergyBins) -> Indices:
+    """Return the first of the highest bins of each mark."""
+    if not len(bins.per_mm):
+        return np.zeros(0, dtype=np.intp)
+    mark, highest = bins.mark, np.maximum.reduceat(bins.per_mm, bins.first[:-1])
+    at = np.flatnonzero(bins.per_mm == highest[mark])
+    return np.asarray(at[np.unique(mark[at], return_index=True)[1]])
 
 
 def _tick_times(trace: Trace, machine: Machine, most: int) -> list[tuple[Indices, Floats]]:
@@ -217,7 +259,43 @@ def _stroke_starts(schedule: Schedule, cuts: list[tuple[Indices, Floats]]) -> tu
     return call[distinct], time[distinct]
 
 
-def _emission_strokes(trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals) -> EmissionStrokes:
+def _mean_per_mm(bins: EnergyBins, shift_ms: Floats, ends_ms: Floats, start_ms: Floats, end_ms: Floats) -> Floats:
+    """Return the mean energy per mm of strokes over the bins' length.
+
+    Args:
+        bins: The bins.
+        shift_ms: Shift of each bin to output time.
+        ends_ms: End of each mark in output time.
+        start_ms: Start of each stroke in output time.
+        end_ms: End of each.
+    """
+    value = bins.per_mm
+    if not len(value) or not len(start_ms):
+        return np.full(len(start_ms), np.nan)
+    begin = bins.start_ms + shift_ms
+    end = np.append(begin[1:], ends_ms[-1:])
+    end[bins.first[1:] - 1] = ends_ms
+    upto = np.concatenate([[0.0], np.cumsum(np.where(np.isnan(value), 0.0, value))])
+    middle = np.maximum(np.searchsorted(begin, (start_ms + end_ms) / 2, side="right") - 1, 0)
+
+    def places(time: Floats) -> tuple[Floats, Floats]:
+        """Return the length up to a time, in bins, and the integral up to there."""
+        at = np.maximum(np.searchsorted(begin, time, side="right") - 1, 0)
+        long = end[at] - begin[at]
+        share = np.divide(time - begin[at], long, out=np.zeros_like(time), where=long > 0)
+        share = np.clip(share, 0.0, 1.0)
+        return at + share, upto[at] + share * (upto[at + 1] - upto[at])
+
+    (first, low), (last, high) = places(start_ms), places(end_ms)
+    found = value[middle].copy()
+    several = last - first > _ONE_BIN
+    np.divide(high - low, last - first, out=found, where=several & ~np.isnan(found))
+    return np.asarray(found)
+
+
+def _emission_strokes(
+    trace: Trace, machine: Machine, channel: ChannelTrace, spans: Intervals, bins: EnergyBins
+) -> EmissionStrokes:
     """Return a channel's emission in strokes; emission begins or ends inside none of them."""
     intervals, shift = channel.emission, output_time_of(trace).shift_ms
     starts = intervals.start_ms + shift[intervals.stage]
@@ -226,17 +304,35 @@ def _emission_strokes(trace: Trace, machine: Machine, channel: ChannelTrace, spa
     ends = np.append(intervals.end_ms + shift[intervals.stage], -np.inf)
     on = (middles < ends[index]) & (np.append(intervals.stage, -1)[index] == spans.stage)
     emitting = np.flatnonzero(on & (spans.end_ms > spans.start_ms))
-    power = np.zeros(len(on))
+    power, per_mm = np.zeros(len(on)), np.full(len(on), np.nan)
     part = Intervals(stage=spans.stage[emitting], start_ms=spans.start_ms[emitting], end_ms=spans.end_ms[emitting])
     power[emitting] = channel.power.integral(part) / (part.end_ms - part.start_ms)
+    per_mm[emitting] = _mean_per_mm(
+        bins,
+        shift_ms=shift[intervals.stage][bins.mark],
+        ends_ms=intervals.end_ms + shift[intervals.stage],
+        start_ms=part.start_ms + shift[part.stage],
+        end_ms=part.end_ms + shift[part.stage],
+    )
     return EmissionStrokes(
         channel=channel.channel,
         on=on,
         power=power,
+        per_mm=per_mm,
+        peak_per_mm=_peaks(channel, bins),
         units=channel.units,
         unit=channel.unit_at(spans.stage),
         joules_per_unit_ms=channel.watts_per_unit(spans.stage, machine) / MS_PER_S,
     )
+
+
+def _peaks(channel: ChannelTrace, bins: EnergyBins) -> Floats:
+    """Return the highest energy per mm of each unit."""
+    unit = channel.unit_at(channel.emission.stage)[bins.mark]
+    peaks = np.full(len(channel.units), -np.inf)
+    known = ~np.isnan(bins.per_mm)
+    np.maximum.at(peaks, unit[known], bins.per_mm[known])
+    return np.where(np.isinf(peaks), np.nan, peaks)
 
 
 _SAME = 1e-6
@@ -252,7 +348,7 @@ def undrawn_emission(report: Report, strokes: Strokes, emission: EmissionStrokes
         undrawn = entry["power_ms"] + entry["before_motion_power_ms"] - drawn
         if undrawn > _SAME * entry["power_ms"]:
             yield Phrase(
-                "Emission while standing still is not drawn (channel {channel}: {power} {unit}*ms).",
+                "Emission while standing still is not drawn (channel {channel}: {power} {unit}·ms).",
                 power=figure(undrawn, 4),
                 unit=entry["unit"],
                 channel=emission.channel,

@@ -13,7 +13,7 @@ from support.pictures import BEAM_VIEWS, CORNER, HEAT, LAG_US, PICTURES, ROW, SK
 from support.tools import ROOT
 
 from gusjob.report.rows import make_report
-from gusjob.simulate.quality.marks import BIN_MM
+from gusjob.simulate.quality.energy_bins import BIN_MM
 
 SVG = "{http://www.w3.org/2000/svg}"
 PULSE_MM = 1.5e-3

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.diagnostics.model import Severity
+from gusjob.i18n.phrases import Phrase
+from gusjob.report.answer import LEFT_ON, Answer, Finding
 from gusjob.simulate.quality.marks import MARKING_WORDS
 from gusjob.view.page.encode import Encoded, decode, encode
 from gusjob.view.page.render import MAX_BYTES, Page, render
@@ -63,7 +67,9 @@ def columns_of(steps: list[dict[str, Any]], channels: int = 1, *, beam: bool = F
                 add(strokes, beam_x_mm=x - 0.3, beam_y_mm=y)
             for c in range(channels):
                 p = s.get(f"p{c}")
-                add(strokes, **{f"ch{c}_on": float(p is not None), f"ch{c}_power": p or 0.0})
+                mm = length / len(way)
+                per_mm = p * ms / len(way) / mm if p is not None and mm else NAN
+                add(strokes, **{f"ch{c}_on": float(p is not None), f"ch{c}_power": p or 0.0, f"ch{c}_per_mm": per_mm})
         at, start = end, start + ms
     kinds = {"line": np.int32, "kind": np.int8, "stage": np.int32, "file": np.int16, "row": np.int32}
 
@@ -101,7 +107,9 @@ def page_of(tables: dict[str, Columns], *, units: Iterable[str] = ("%",), **more
         },
         "notes": {"scanner": None, "readings": []}, "field_mm": {"x": [-150, 150], "y": [-150, 150]},
         "start_mm": [0.0, 0.0], "kinds": KINDS, "exact": True,
-        "channels": [{"channel": n, "unit": u, "watts_per_unit": None} for n, u in enumerate(units)],
+        "channels": [
+            {"channel": n, "unit": u, "watts_per_unit": None, "peak_per_mm": [None]} for n, u in enumerate(units)
+        ],
     }  # fmt: skip
     facts.update(more.pop("facts", {}))
     return Page(
@@ -153,6 +161,7 @@ def field_of_marks(count: int) -> dict[str, Columns]:
     strokes = {
         "row": number.astype(np.int32), "duration_ms": ms, "x_mm": x, "y_mm": y, "vel0": velocity * 1.01,
         "vel1": velocity * 1.01, "ch0_on": on, "ch0_power": np.where(mark, power, 0.0),
+        "ch0_per_mm": power * ms / length,
     }  # fmt: skip
     return {"rows": rows, "strokes": strokes}
 
@@ -224,6 +233,20 @@ def diagnostics() -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
+def answer_of(text: str = "1474 %·ms/mm at its peak") -> Answer:
+    """An answer with a mark, a segment, and what is neither."""
+    return Answer(
+        worst=Severity.WARNING,
+        headline=("1 warning", "624 ms", text),
+        setting=("no profile", text),
+        findings=(
+            Finding(name=LEFT_ON, text=Phrase("the laser of channel {channel} is still on at the end", channel=1)),
+            Finding(name=Phrase("hottest"), text=text, line=12, mark=3),
+            Finding(name=Phrase("slowest"), text=text, line=3, file="ring.job", segment=25),
+        ),
+    )
+
+
 def rich_page() -> Page:
     tables = columns_of(rich_steps(), 2, beam=True)
     tables["marks"] = marks_columns(tables["rows"])
@@ -232,6 +255,7 @@ def rich_page() -> Page:
         units=("%", "V"),
         diagnostics=diagnostics(),
         marking=marking_of(tables["marks"]),
+        answer=answer_of(),
         facts={
             "job": "part.job",
             "notes": {
@@ -252,7 +276,7 @@ def rich_page() -> Page:
 
 def hostile_page() -> Page:
     """Every text of a job, as bad as it gets."""
-    page = rich_page()
+    page = replace(rich_page(), answer=answer_of(HOSTILE))
     page.facts["job"] = HOSTILE
     page.facts["notes"]["files"] = [HOSTILE, IMAGE]
     page.facts["notes"]["scanner"]["model"] = HOSTILE

@@ -20,8 +20,8 @@ from gusjob.config.machine import Machine, parse_scanner
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.simulate import Trace
 from gusjob.simulate.kinds import SegmentKind
+from gusjob.simulate.quality.energy_bins import BIN_MM
 from gusjob.simulate.quality.mark_ends import mark_ends_of
-from gusjob.simulate.quality.marks import BIN_MM
 
 Floats = npt.NDArray[np.float64]
 

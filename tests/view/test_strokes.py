@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import pi
+from itertools import pairwise
+from math import pi, sqrt
 
 import numpy as np
 import pytest
@@ -16,11 +17,14 @@ DUTY = "LOOKAHEAD OFF\nLASER MODE DUTY CARRIER 10\nVEL 100\nACC 10000\n"
 """100 mm/s at 10000 mm/s2: 10 ms and 0.5 mm to speed up, the same to slow down."""
 
 
-def strokes(text: str, machine: Machine | None = None, fine_strokes: int = 300_000) -> Strokes:
+BIN_MM = 0.05
+
+
+def strokes(text: str, machine: Machine | None = None, fine_strokes: int = 300_000, *, energy: bool = False) -> Strokes:
     machine = machine or Machine()
     trace, _ = simulate_stream(stream_of(text, machine), machine)
     assert trace is not None
-    return strokes_of(trace, machine, fine_strokes)
+    return strokes_of(trace, machine, fine_strokes, energy=energy)
 
 
 def test_cut_where_the_velocity_changes_its_law() -> None:
@@ -34,8 +38,36 @@ def test_cut_where_the_velocity_changes_its_law() -> None:
     emission = found.emissions[0]
     assert emission.on.all()
     assert emission.power == pytest.approx([40, 40, 40])
-    # 40 %: 400 %*ms on 0.5 mm, 3600 on 9 mm.
-    assert found.per_mm(emission) == pytest.approx([800, 400, 800])
+
+
+def ramp_ms(mm: float) -> float:
+    """Time from rest to a place at 10000 mm/s2."""
+    return sqrt(2 * mm / 0.01)
+
+
+def test_energy_per_mm_in_bins() -> None:
+    """In bin k of a ramp the beam is for ramp_ms(k + 1) - ramp_ms(k) bins; in between 40 % / (100 mm/s)."""
+    found = strokes(DUTY + "LASER POWER 40\nLASER ON\nLINE X 10\nLASER OFF\n", energy=True)
+    emission = found.emissions[0]
+    edges = np.array([ramp_ms(k * BIN_MM) for k in range(11)])
+    ramp = 40 * np.diff(edges) / BIN_MM
+    assert emission.peak_per_mm == pytest.approx(ramp[0])
+    for line, value in ((found.path.x1, emission.per_mm), (10 - found.path.x0[::-1], emission.per_mm[::-1])):
+        own = line < 0.5 - 1e-9
+        edge = np.rint(np.append(0.0, line[own]) / BIN_MM).astype(int)
+        means = [ramp[first:last].mean() for first, last in pairwise(edge)]
+        assert value[own] == pytest.approx(means)
+        assert 4 <= own.sum() <= 10, "cut where it changes"
+    between = (found.path.x0 > 0.5) & (found.path.x1 < 9.5 + 1e-6)
+    assert emission.per_mm[between] == pytest.approx(400) and between.sum() <= 2
+    coarse = strokes(DUTY + "LASER POWER 40\nLASER ON\nLINE X 10\nLASER OFF\n", fine_strokes=1, energy=True)
+    assert coarse.emissions[0].per_mm == pytest.approx([40 * 110 / 10]), "else the mean"
+    assert coarse.emissions[0].peak_per_mm == pytest.approx(ramp[0])
+
+
+def test_energy_per_mm_of_a_mark_that_does_not_move() -> None:
+    found = strokes(DUTY + "LASER POWER 40\nLASER ON\nDWELL 5\nLASER OFF\nJUMP X 5\n", energy=True)
+    assert np.isnan(found.emissions[0].per_mm).all() and np.isnan(found.emissions[0].peak_per_mm).all()
 
 
 def test_cut_where_emission_begins_and_ends() -> None:
@@ -49,15 +81,17 @@ def test_cut_where_emission_begins_and_ends() -> None:
     assert found.duration_ms[dwell] == pytest.approx([45, 15])
     assert emission.on[dwell].tolist() == [True, False]
     assert emission.power[dwell] == pytest.approx([10, 0])
-    assert np.isnan(found.per_mm(emission)[dwell]).all()
+    # The dwell is at the end of the last bin.
+    fine = strokes(text, energy=True)
+    assert fine.emissions[0].per_mm[fine.row == 1][0] == pytest.approx(10 * (ramp_ms(BIN_MM) + 45) / BIN_MM)
 
 
 def test_energy_per_mm_is_of_emission_only() -> None:
-    found = strokes(DUTY + "LASER POWER 40\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n")
+    found = strokes(DUTY + "LASER POWER 40\nJUMP X 5\nLASER ON\nLINE X 10\nLASER OFF\n", energy=True)
     emission = found.emissions[0]
     assert {row: bool(emission.on[found.row == row].all()) for row in (0, 1)} == {0: False, 1: True}
-    assert np.isnan(found.per_mm(emission)[found.row == 0]).all()
-    assert np.isfinite(found.per_mm(emission)[found.row == 1]).all()
+    assert np.isnan(emission.per_mm[found.row == 0]).all()
+    assert np.isfinite(emission.per_mm[found.row == 1]).all()
 
 
 def test_following_is_cut_at_the_ticks() -> None:

@@ -19,12 +19,10 @@ from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.intervals import Intervals
 from gusjob.simulate.quality.beam_path import BeamPath, beam_path_of
 from gusjob.simulate.quality.corners import Corners, corners_of, largest_misses
+from gusjob.simulate.quality.energy_bins import EnergyBins, energy_bins
 from gusjob.simulate.quality.mark_ends import MarkEnds, MarkPoints, mark_ends_of, mark_lines
 
 _MarkTable = dict[str, npt.NDArray[Any]]
-
-BIN_MM = 0.05
-"""Largest bin of the beam's path over which energy per mm is taken."""
 
 MARKING_WORDS = {
     "on_error_um": Phrase("on error"),
@@ -41,7 +39,6 @@ MARKING_WORDS = {
 
 _ROUNDING = 1e-6
 """In um and in %: smaller values are shown as 0."""
-_BLOCK_BINS = 1 << 17
 
 
 def marks_of(trace: Trace, machine: Machine) -> _MarkTable:
@@ -94,7 +91,7 @@ def _channel_marks(trace: Trace, machine: Machine, channel: ChannelTrace, corner
     path = beam_path_of(trace, machine, intervals)
     on_error, on_miss = _errors(trace, machine, intervals.stage, intervals.start_ms, ends.start)
     off_error, off_miss = _errors(trace, machine, intervals.stage, intervals.end_ms, ends.end)
-    mid, peak, rms = _per_mm(machine, channel, path, intervals)
+    mid, peak, rms = _per_mm(energy_bins(machine, channel, path, intervals))
     return {
         "line": mark_lines(trace, intervals.stage, ends.start_segment),
         "channel": np.full(len(intervals.stage), channel.channel, dtype=np.int8),
@@ -204,20 +201,11 @@ def _root(nodes: Floats) -> Floats:
 # Energy per mm.
 
 
-def _per_mm(
-    machine: Machine, channel: ChannelTrace, path: BeamPath, intervals: Intervals
-) -> tuple[Floats, Floats, Floats]:
+def _per_mm(bins: EnergyBins) -> tuple[Floats, Floats, Floats]:
     """Compute (middle, peak, RMS deviation from the middle in %) of the power integral per mm of the path, (k,)."""
-    length = path.mark_mm()
-    moves = length >= 1 / max(machine.pulses_per_mm)
-    count = np.where(moves, np.maximum(np.ceil(length / BIN_MM - 1e-9), 1), 1).astype(np.intp)
-    energy = _bins(channel, path, intervals, length, count)
-    mark = np.repeat(np.arange(len(count)), count)
-    begins = np.cumsum(count) - count
+    begins, count, mark, energy = bins.first[:-1], np.diff(bins.first), bins.mark, bins.per_mm
+    number, third = np.arange(len(mark)) - begins[mark], (count // 3)[mark]
     with np.errstate(divide="ignore", invalid="ignore"):
-        width = np.where(moves, length / count, np.nan)
-        energy /= width[mark]
-        number, third = np.arange(len(mark)) - begins[mark], (count // 3)[mark]
         middle = (number >= third) & (number < count[mark] - third)
         mid = np.bincount(mark, weights=np.where(middle, energy, 0.0), minlength=len(count)) / (
             count - 2 * (count // 3)
@@ -226,21 +214,3 @@ def _per_mm(
         square = np.bincount(mark, weights=(energy - mid[mark]) ** 2, minlength=len(count)) / count
         rms = np.where(mid > 0, np.sqrt(square) / mid * 100, np.nan)
     return mid, peak, _rounded(rms)
-
-
-def _bins(channel: ChannelTrace, path: BeamPath, intervals: Intervals, length: Floats, count: Indices) -> Floats:
-    """Power integral in `count` equal bins of each mark's length, all marks in a row."""
-    begins = np.cumsum(count) - count
-    total = int(count.sum())
-    energy = np.empty(total)
-    for first in range(0, total, _BLOCK_BINS):
-        bins = np.arange(first, min(first + _BLOCK_BINS, total) + 1)
-        mark = np.searchsorted(begins, np.minimum(bins, total - 1), side="right") - 1
-        number = bins - begins[mark]
-        edge = path.moment(mark, length[mark] * (number / count[mark]))
-        edge = np.where(number == 0, intervals.start_ms[mark], edge)
-        of = mark[:-1]
-        end = np.where(number[:-1] == count[of] - 1, intervals.end_ms[of], edge[1:])
-        part = Intervals(stage=intervals.stage[of], start_ms=edge[:-1], end_ms=np.maximum(end, edge[:-1]))
-        energy[first : first + _BLOCK_BINS] = channel.power.integral(part)
-    return energy

@@ -12,6 +12,7 @@ from gusjob.config.machine import Machine
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.kinematics.arrays import Floats
 from gusjob.kinematics.units import MS_PER_S
+from gusjob.report.answer import Answer
 from gusjob.report.rows import Report
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.version import __version__
@@ -26,7 +27,12 @@ Table = dict[str, npt.NDArray[Any]]
 
 
 def page_of(
-    report: Report, strokes: Strokes, machine: Machine, diagnostics: list[dict[str, Any]], watched: str = ""
+    report: Report,
+    strokes: Strokes,
+    machine: Machine,
+    diagnostics: list[dict[str, Any]],
+    watched: str = "",
+    answer: Answer | None = None,
 ) -> Page:
     """Make the page of a run. `diagnostics`: as in the JSON, each with the text of its line as `source`."""
     tables = {"rows": report.columns, "strokes": _strokes_table(strokes)}
@@ -51,7 +57,14 @@ def page_of(
         facts["overrides"] = dict(report.overrides)
     if strokes.beam is not None:
         facts["beam_start_mm"] = _start(strokes.beam.x0, strokes.beam.y0)
-    return Page(facts=facts, tables=tables, diagnostics=diagnostics, marking=report.totals["marking"], watched=watched)
+    return Page(
+        facts=facts,
+        tables=tables,
+        diagnostics=diagnostics,
+        marking=report.totals["marking"],
+        watched=watched,
+        answer=answer,
+    )
 
 
 def page_without_run(
@@ -93,7 +106,11 @@ def _strokes_table(strokes: Strokes) -> Table:
         table |= {"beam_x_mm": strokes.beam.x1, "beam_y_mm": strokes.beam.y1}
     for emission in strokes.emissions:
         name = f"ch{emission.channel}_"
-        table |= {f"{name}on": emission.on.astype(np.int8), f"{name}power": emission.power}
+        table |= {
+            f"{name}on": emission.on.astype(np.int8),
+            f"{name}power": emission.power,
+            f"{name}per_mm": emission.per_mm,
+        }
         if len(emission.units) > 1:
             table[f"{name}unit"] = emission.unit
     return table
@@ -104,6 +121,7 @@ def _channel_facts(emission: EmissionStrokes) -> dict[str, Any]:
     facts: dict[str, Any] = {
         "channel": emission.channel,
         "unit": emission.units[0],
+        "peak_per_mm": [None if np.isnan(peak) else peak for peak in emission.peak_per_mm.tolist()],
         "watts_per_unit": float(watts[0]) if len(watts) == 1 and not np.isnan(watts[0]) else None,
     }
     if len(emission.units) > 1:

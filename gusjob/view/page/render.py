@@ -18,11 +18,16 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from gusjob.diagnostics.model import Severity
-from gusjob.i18n.phrases import Phrase, all_of, figure, localized, plural, printable
+from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
 from gusjob.ir.overrides import overrides_text
+from gusjob.kinematics.units import MS_PER_S
+from gusjob.report.answer import LEFT_ON, Answer, Finding
+from gusjob.report.quantities import TABLE_DIGITS, short
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 from gusjob.view.page.encode import UNITS_PER_MM, Encoded, encode
+from gusjob.view.page.ranges import ranges_of
 from gusjob.view.page.texts import page_language, script_texts, template_text
+from gusjob.view.palette import DARK, LIGHT, Palette
 
 MAX_BYTES = 30_000_000
 """Size limit of a page: a browser opens it in seconds, and most mail servers accept it."""
@@ -56,6 +61,7 @@ class Page:
         diagnostics: As in the JSON but with localized messages, each with the text of its line as `source`.
         marking: As in the totals.
         watched: Path of the event stream that announces a new page; "" if there is none.
+        answer: What the page begins with; None without a run.
     """
 
     facts: dict[str, Any]
@@ -63,6 +69,7 @@ class Page:
     diagnostics: list[dict[str, Any]]
     marking: list[dict[str, Any]] | None
     watched: str = ""
+    answer: Answer | None = None
 
 
 def render(page: Page) -> Iterator[bytes]:
@@ -104,13 +111,14 @@ def _shell(page: Page, found: Encoded | None) -> str:
         overrides=printable(overrides_text(page.facts.get("overrides") or {})),
         version=str(page.facts.get("version", "")),
         policy=_policy(scripts, watched=bool(page.watched)),
-        styles=Markup("\n".join(map(_style, _STYLES if interactive else _STYLES[-1:]))),
+        styles=Markup("\n".join([*map(_style, _STYLES if interactive else _STYLES[-1:]), _colors()])),
         scripts=[Markup(script) for script in scripts],
         facts=_json(_facts(page, found)),
         columns=_COLUMNS,
         interactive=interactive,
         watched=bool(page.watched),
         has_marks="marks" in page.tables and bool(page.tables["marks"]),
+        answer=_answer(page) if page.answer else None,
         summary=_summary(page.facts, totals) if totals else [],
         channels=[_channel_summary(entry) for entry in totals["channels"]] if totals else [],
         readings=_readings(page.facts),
@@ -180,7 +188,71 @@ def _facts(page: Page, found: Encoded | None) -> dict[str, Any]:
         "watched": page.watched,
         "digits": found.digits if found else _DIGITS,
         "directory": found.directory if found else [],
+        "palette": {name: _scale(of) for name, of in (("light", LIGHT), ("dark", DARK))},
+        "ranges": ranges_of(page.facts, page.tables["strokes"]) if found else [],
     }
+
+
+# Colors.
+
+
+def _scale(palette: Palette) -> dict[str, Any]:
+    """Return the colors of the path's values."""
+    return {"scale": palette.scale, "under": palette.under, "over": palette.over, "single": palette.single}
+
+
+def _colors() -> str:
+    """Return the style of the other colors of the path and the curves, for both themes."""
+    names = {
+        "map": "ground",
+        "path-jump": "jump",
+        "path-run-in": "run_in",
+        "path-run-out": "run_out",
+        "path-other": "other",
+        "path-command": "command",
+        "path-switch": "ink",
+        "velocity": "velocity",
+    }
+    pairs = {name: (getattr(LIGHT, of), getattr(DARK, of)) for name, of in names.items()}
+    pairs |= {f"power{n}": pair for n, pair in enumerate(zip(LIGHT.power, DARK.power, strict=True))}
+    pairs |= {"value-under": (LIGHT.under, DARK.under), "value-over": (LIGHT.over, DARK.over)}
+    return ":root {" + "".join(f" --{name}: light-dark({a}, {b});" for name, (a, b) in pairs.items()) + " }"
+
+
+# The answer.
+
+
+def _answer(page: Page) -> dict[str, Any]:
+    """Return the texts of the answer; each finding with the fragment that selects its segment or mark."""
+    answer = page.answer
+    assert answer is not None
+    return {
+        "status": answer.worst.value if answer.worst else "ok",
+        "headline": [printable(localized(part)) for part in answer.headline],
+        "setting": [printable(localized(part)) for part in answer.setting],
+        "findings": [
+            {
+                "name": localized(finding.name),
+                "place": localized(finding.place),
+                "text": printable(localized(finding.text)),
+                "link": _fragment(page, finding),
+                "alarm": finding.name == LEFT_ON,
+            }
+            for finding in answer.findings
+        ],
+    }
+
+
+def _fragment(page: Page, finding: Finding) -> str:
+    """Return the fragment that selects a finding's mark or segment; "" if it has none."""
+    if not _interactive(page):
+        return ""
+    if finding.segment is not None:
+        return f"#s={finding.segment}"
+    marks = page.tables.get("marks")
+    if finding.mark is None or not marks:
+        return ""
+    return f"#m={finding.mark}"
 
 
 def _json(value: object) -> Markup:
@@ -206,9 +278,11 @@ def _plain(value: object) -> object:
 
 
 def _figure(head: Phrase, value: float | None) -> Figure:
-    """Return a figure from a head that ends with its unit."""
+    """Return a figure from a head that ends with its unit; a long time in s."""
     name, _, unit = localized(head).rpartition(" ")
-    return name, figure(value), unit
+    if unit == "ms" and value is not None and value >= MS_PER_S:
+        return name, short(value / MS_PER_S, TABLE_DIGITS), "s"
+    return name, short(value, TABLE_DIGITS), unit
 
 
 def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure]:
@@ -225,7 +299,7 @@ def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure
         found.append(_figure(Phrase("period us"), facts["period_us"]))
     scanner = (facts.get("notes") or {}).get("scanner")
     if scanner:
-        lag = figure(scanner.get("tracking_error_us"))
+        lag = short(scanner.get("tracking_error_us"))
         found.append((localized(Phrase("scanner")), printable(str(scanner.get("model", ""))), f"{lag} us"))
     return found
 
@@ -249,8 +323,8 @@ def _channel_summary(entry: Mapping[str, Any]) -> _ChannelSummary:
     unit = printable(str(entry["unit"]))
     found = [
         _figure(Phrase("on ms"), entry["emission_ms"]),
-        (localized(Phrase("energy")), figure(entry["power_ms"]), f"{unit}*ms"),
-        (localized(Phrase("highest power")), figure(entry["power_max"]), unit),
+        (localized(Phrase("energy")), *_power_time(entry["power_ms"], unit)),
+        (localized(Phrase("highest power")), short(entry["power_max"], TABLE_DIGITS), unit),
     ]
     if entry["joules"] is not None:
         found.append(_figure(Phrase("joules J"), entry["joules"]))
@@ -258,10 +332,15 @@ def _channel_summary(entry: Mapping[str, Any]) -> _ChannelSummary:
         found.append(_figure(Phrase("clamped ms"), entry["clamped_ms"]))
     if entry.get("before_motion_power_ms"):
         before = localized(Phrase("before the first motion"))
-        found.append((before, figure(entry["before_motion_power_ms"]), f"{unit}*ms"))
+        found.append((before, *_power_time(entry["before_motion_power_ms"], unit)))
     found += [_figure(_OFF_OUTPUT[name], value) for name, value in (entry["off_output"] or {}).items()]
     name = localized(Phrase("Channel {channel}", channel=entry["channel"]))
     return _ChannelSummary(name=name, figures=found, lit_at_end=bool(entry["lit_at_end"]))
+
+
+def _power_time(power_ms: float, unit: str) -> tuple[str, str]:
+    """Return value and unit of an integral of power."""
+    return short(power_ms / MS_PER_S, TABLE_DIGITS), f"{unit}·s"
 
 
 def _readings(facts: Mapping[str, Any]) -> list[str]:
@@ -305,8 +384,8 @@ def _marking(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
             "word": localized(word),
             "unit": printable(marking_unit(name, entry["unit"])),
             "marks": f"{entry['marks']:,}",
-            "worst": figure(entry["worst"][name]),
-            "typical": figure(entry["typical"][name]),
+            "worst": short(entry["worst"][name], TABLE_DIGITS),
+            "typical": short(entry["typical"][name], TABLE_DIGITS),
         }
         for entry in entries
         for name, word in MARKING_WORDS.items()

@@ -46,11 +46,15 @@ _SCRIPTS = {
         "channel": Phrase("channel {channel}, {unit}", channel="{channel}", unit="{unit}"),
         "no-emission": Phrase("no emission"),
         "everywhere": Phrase("{value} everywhere", value="{value}"),
+        "under": Phrase("< {value}, min {least}", value="{value}", least="{least}"),
+        "over": Phrase("> {value}, max {most}", value="{value}", most="{most}"),
         "zoom-in": Phrase("Zoom in"),
         "zoom-out": Phrase("Zoom out"),
     },
     "time": {
-        "range": Phrase("{low} to {high} ms of {end} ms", low="{low}", high="{high}", end="{end}"),
+        "range": Phrase(
+            "{low} to {high} {unit} of {end} {unit}", low="{low}", high="{high}", end="{end}", unit="{unit}"
+        ),
         "velocity": Phrase("velocity"),
         "power": Phrase("power of channel {channel}, {unit}", channel="{channel}", unit="{unit}"),
         "switch": Phrase("ch{channel} on", channel="{channel}"),
@@ -114,7 +118,7 @@ _HEADS_OF_CHANNEL = {
     "power_min": (Phrase("min {unit}", unit="{unit}"), Phrase("lowest power")),
     "power_mean": (Phrase("mean {unit}", unit="{unit}"), Phrase("mean power")),
     "power_max": (Phrase("max {unit}", unit="{unit}"), Phrase("highest power")),
-    "power_ms": (Phrase("{unit}*ms", unit="{unit}"), Phrase("power integral")),
+    "power_ms": (Phrase("{unit}·ms", unit="{unit}"), Phrase("power integral")),
     "joules": (Phrase("J"), Phrase("energy")),
     "clamped_ms": (Phrase("clamped ms"), Phrase("time for which a limit clamps the power")),
 }

@@ -8,6 +8,7 @@ import numpy as np
 
 from gusjob.i18n.phrases import figure as figure_text
 from gusjob.report.rows import Report
+from gusjob.view.color_range import label
 from gusjob.view.plot.color_scale import ColoredPath
 from gusjob.view.strokes import FINE_STROKES, Strokes, undrawn_emission
 
@@ -46,7 +47,8 @@ def notes(report: Report, strokes: Strokes, colored_paths: Sequence[ColoredPath]
     found = []
     if not colored_paths:
         found.append(f"No emission{'' if channel is None else f' of channel {channel}'} on this path.")
-    found += [text for colored in colored_paths for text in _values_above_range(colored)]
+    several = len(colored_paths) > 1
+    found += [text for colored in colored_paths for text in _values_out_of_range(colored, several=several)]
     drawn = {colored.channel for colored in colored_paths}
     for emission in strokes.emissions:
         if emission.channel in drawn:
@@ -56,13 +58,18 @@ def notes(report: Report, strokes: Strokes, colored_paths: Sequence[ColoredPath]
     return found
 
 
-def _values_above_range(colored: ColoredPath) -> Iterator[str]:
-    """Yield a note on values above the range of the color scale."""
-    if colored.exceeds_range and np.isfinite(colored.highest):
-        rest = "; where the beam stands still it has no value" if colored.at_rest.any() else ""
+def _values_out_of_range(colored: ColoredPath, *, several: bool) -> Iterator[str]:
+    """Yield notes on values out of the range of the color scale."""
+    ends, unit = colored.range, colored.unit
+    of = f"Channel {colored.channel}: " if several else ""
+    if ends.has_higher:
+        reported = f" ({colored.most_reported} in the report)" if colored.most_reported else ""
         yield (
-            f"99 % of the length has at most {figure_text(colored.high, 4)} {colored.unit}. Red is above: "
-            f"{colored.label} reaches {figure_text(colored.highest, 4)} {colored.unit}{rest}."
+            f"{of}Red-brown is above {label(ends.high)} {unit}; "
+            f"the highest {colored.label} is {label(ends.most)} {unit}{reported}."
         )
-    elif colored.exceeds_range:
-        yield f"The beam stands still during all emission: {colored.label} has no value."
+    if ends.has_lower:
+        low, least = label(ends.low), label(ends.least)
+        yield f"{of}Sky blue is below {low} {unit}; the lowest {colored.label} is {least} {unit}."
+    if np.isinf(colored.value).any():
+        yield f"{of}Where a mark does not move, {colored.label} has no value: red-brown."

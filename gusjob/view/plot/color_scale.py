@@ -10,12 +10,14 @@ import numpy.typing as npt
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import MS_PER_S
+from gusjob.view.color_range import ColorRange, color_range, for_people, label
+from gusjob.view.palette import BINS
 from gusjob.view.strokes import EmissionStrokes, Line, Strokes
 
-BINS = 64
-"""Number of colors."""
 OVER = BINS
 """Bin of values above the range."""
+UNDER = -1
+"""Bin of values below the range."""
 
 _PIECES = 8
 """Number of pieces of a stroke that accelerates from rest, if its value depends on the velocity."""
@@ -23,9 +25,7 @@ _MOST_PIECES = 1_000_000
 _REST_MM_S = 0.01
 """A beam that is slower is at rest."""
 _SAME = 1e-6
-"""Values with a smaller relative range are equal: numbers are shown with six digits."""
-_SHARE = 0.99
-"""Share of the length within the color range of energy per mm, which is unlimited where the beam is almost at rest."""
+"""Rounding errors of a value, relative to it."""
 _LONG_MS = 10_000.0
 _JOULES = -1
 _PER_MM = ((1.0, "J/mm"), (1e3, "mJ/mm"), (1e6, "uJ/mm"), (1e9, "nJ/mm"))
@@ -50,11 +50,10 @@ class ColoredPath:
         unit: Unit of the values.
         strokes: Strokes with the emission, (n,).
         line: The pieces in order, (k,), mm.
-        value: Values of the pieces, (k,); infinite for energy per mm where the beam is at rest.
+        value: Values of the pieces, (k,); infinite for energy per mm of a mark that does not move.
         at_rest: Whether the beam is at rest, (k,).
-        low: Low end of the color range.
-        high: High end; equal to `low` for a single value; both are NaN if there is no finite value.
-        highest: The highest finite value.
+        range: Range of the colors.
+        most_reported: The largest energy per mm in the units of the report; "" if that is the unit of the values.
     """
 
     channel: int
@@ -64,27 +63,21 @@ class ColoredPath:
     line: Line
     value: Floats
     at_rest: Bools
-    low: float
-    high: float
-    highest: float
-
-    @property
-    def is_constant(self) -> bool:
-        """Whether all values within the range are equal."""
-        return not self.high > self.low
-
-    @property
-    def exceeds_range(self) -> bool:
-        """Whether some values are above the range."""
-        return bool((self.bins() == OVER).any())
+    range: ColorRange
+    most_reported: str = ""
 
     def bins(self) -> npt.NDArray[np.int8]:
-        """Return the color of each piece, 0 to BINS - 1; OVER above the range."""
-        over = self.value > self.high + _SAME * abs(self.high) if self.high == self.high else np.isinf(self.value)
-        if self.is_constant:
-            return np.where(over, OVER, 0).astype(np.int8)
-        place = np.where(over, 0.0, (self.value - self.low) / (self.high - self.low) * BINS)
-        return np.where(over, OVER, np.clip(place, 0, BINS - 1)).astype(np.int8)
+        """Return the color of each piece, 0 to BINS - 1; OVER above the range, UNDER below it."""
+        ends, value = self.range, self.value
+        if ends.is_empty:
+            return np.where(np.isinf(value), OVER, 0).astype(np.int8)
+        over = value > ends.high + _SAME * abs(ends.high)
+        under = value < ends.low - _SAME * abs(ends.low)
+        place = np.zeros(len(value))
+        if not ends.is_single:
+            place = np.where(over | under, 0.0, (value - ends.low) / (ends.high - ends.low) * BINS)
+        found = np.clip(place, 0, BINS - 1)
+        return np.where(over, OVER, np.where(under, UNDER, found)).astype(np.int8)
 
 
 def color_paths(strokes: Strokes, by: ColorBy, channel: int | None = None) -> tuple[ColoredPath, ...]:
@@ -110,49 +103,48 @@ def _unit_groups(emission: EmissionStrokes, by: ColorBy) -> npt.NDArray[np.int16
 def _colored_path(strokes: Strokes, emission: EmissionStrokes, emitting: Bools, by: ColorBy, group: int) -> ColoredPath:
     """Return the colored path of one group of strokes."""
     joules, unit = group == _JOULES, emission.units[max(group, 0)]
-    at, line, start, duration, velocity = _pieces(strokes, np.flatnonzero(emitting), by)
+    at, line, start, velocity = _pieces(strokes, np.flatnonzero(emitting), by)
     length = line.length_mm
     at_rest = strokes.actual.length_mm[at] < _REST_MM_S / MS_PER_S * strokes.duration_ms[at]
-    label = "power"
+    name, peak, reported = "power", np.nan, ""
     match by:
         case ColorBy.POWER:
             value = emission.power[at]
         case ColorBy.ENERGY:
-            label = "energy per mm"
-            energy = emission.power[at] * duration * (emission.joules_per_unit_ms[at] if joules else 1.0)
-            value = np.divide(energy, length, out=np.full(len(at), np.inf), where=~at_rest & (length > 0))
-            unit = f"{unit}*ms/mm"
+            name = "energy per mm"
+            value = np.where(np.isnan(emission.per_mm[at]), np.inf, emission.per_mm[at])
             if joules:
+                value = value * emission.joules_per_unit_ms[at]
                 factor, unit = _prefix(value[np.isfinite(value)])
-                value = value * factor
+                value, peak, reported = value * factor, _peak_joules(emission) * factor, _most_reported(emission)
+            else:
+                peak, unit = float(emission.peak_per_mm[group]), for_people(f"{unit}*ms/mm")
         case ColorBy.VELOCITY:
-            label, unit = ("velocity" if strokes.beam is None else "velocity of the beam"), "mm/s"
+            name, unit = ("velocity" if strokes.beam is None else "velocity of the beam"), "mm/s"
             value = velocity
         case ColorBy.ORDER:
-            label, unit = "time", "ms"
+            name, unit = "time", "ms"
             value = start
             if value.max() >= _LONG_MS:
                 value, unit = value / MS_PER_S, "s"
-    low, high, highest = _range(value, length, by)
     return ColoredPath(
         channel=emission.channel,
-        label=label,
+        label=name,
         unit=unit,
         strokes=emitting,
         line=line,
         value=value,
         at_rest=at_rest,
-        low=low,
-        high=high,
-        highest=highest,
+        range=color_range(value, length, peak=peak, whole=by is ColorBy.ORDER),
+        most_reported=reported,
     )
 
 
-def _pieces(strokes: Strokes, at: Indices, by: ColorBy) -> tuple[Indices, Line, Floats, Floats, Floats]:
+def _pieces(strokes: Strokes, at: Indices, by: ColorBy) -> tuple[Indices, Line, Floats, Floats]:
     """Cut strokes into pieces, since the value may change along a stroke.
 
     Returns:
-        Index of the stroke, line, start in ms, duration in ms, and mean velocity in mm/s of each piece.
+        Index of the stroke, line, start in ms, and mean velocity in mm/s of each piece.
     """
     whole, duration = strokes.actual, strokes.duration_ms[at]
     x0, y0, x1, y1 = whole.x0[at], whole.y0[at], whole.x1[at], whole.y1[at]
@@ -183,7 +175,7 @@ def _pieces(strokes: Strokes, at: Indices, by: ColorBy) -> tuple[Indices, Line, 
         y1=y0[which] + dy * last,
     )
     start = strokes.start_ms[at][which] + duration[which] * begin
-    return at[which], line, start, (duration / count)[which], v0 + (v1 - v0) * (begin + end) / 2
+    return at[which], line, start, v0 + (v1 - v0) * (begin + end) / 2
 
 
 def _piece_counts(v0: Floats, v1: Floats, duration: Floats, by: ColorBy) -> Indices:
@@ -191,7 +183,7 @@ def _piece_counts(v0: Floats, v1: Floats, duration: Floats, by: ColorBy) -> Indi
     share = np.zeros(len(v0))
     if by is ColorBy.ORDER:
         share = duration / duration.sum() * (BINS / _PIECES)
-    elif by is not ColorBy.POWER:
+    elif by is ColorBy.VELOCITY:
         fastest = np.maximum(v0, v1)
         np.divide(np.abs(v1 - v0), fastest, out=share, where=fastest > 0)
     return np.maximum(np.ceil(share * _PIECES - _SAME), 1).astype(np.intp)
@@ -203,21 +195,16 @@ def _prefix(per_mm: Floats) -> tuple[float, str]:
     return next((entry for entry in _PER_MM if typical * entry[0] >= 1.0), _PER_MM[-1] if typical > 0 else _PER_MM[0])
 
 
-def _range(value: Floats, length: Floats, by: ColorBy) -> tuple[float, float, float]:
-    """Return low and high end of the color range, and the highest finite value."""
-    finite = np.isfinite(value)
-    if not finite.any():
-        return np.nan, np.nan, np.nan
-    value, length = value[finite], length[finite]
-    low, highest = float(value.min()), float(value.max())
-    high = highest
-    if by is ColorBy.ENERGY:
-        order = np.argsort(value, kind="stable")
-        upto = np.cumsum(length[order])
-        high = float(value[order[np.searchsorted(upto, _SHARE * upto[-1])]])
-    if high - low <= _SAME * max(abs(low), abs(high)):
-        low = high
-    return low, high, highest
+def _peak_joules(emission: EmissionStrokes) -> float:
+    """Return the highest energy per mm of all units in joules per mm; NaN if there is none."""
+    peaks = emission.peak_per_mm[emission.unit] * emission.joules_per_unit_ms
+    return float(np.nanmax(peaks[emission.on], initial=-np.inf)) if np.isfinite(peaks[emission.on]).any() else np.nan
+
+
+def _most_reported(emission: EmissionStrokes) -> str:
+    """Return the highest energy per mm as in the report."""
+    known = zip(emission.peak_per_mm.tolist(), emission.units, strict=True)
+    return ", ".join(f"{label(peak)} {for_people(unit)}·ms/mm" for peak, unit in known if peak == peak)
 
 
 def uncolored_strokes(strokes: Strokes, colored: ColoredPath | None) -> tuple[Bools, Bools]:

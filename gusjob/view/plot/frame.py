@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
 from gusjob.i18n.phrases import figure as figure_text
+from gusjob.view.color_range import label, labelled
 from gusjob.view.plot.color_scale import ColoredPath
 from gusjob.view.plot.lines import PT_PER_INCH, Viewport, color_map, norm
 from gusjob.view.plot.text import FAINT, INK, line_in, put_text, width_in
@@ -31,6 +33,8 @@ _EDGE, _GRID = "#8c959f", "#e6e8eb"
 _DISTINCT = 8
 """Up to so many values are labelled individually on a color bar."""
 _MAX_SAMPLES = 10_000
+_ARROW, _MOST_ARROW = 0.05, 0.2
+"""Height of the arrows of a color bar, as a share of it: a line of text, within these limits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,39 +195,53 @@ def _scale_bar(figure: Figure, panel: PanelBox, viewport: Viewport, factor: floa
 
 
 def color_bar(figure: Figure, panel: PanelBox, colored: ColoredPath, size_in: tuple[float, float]) -> None:
-    """Add a color bar with labelled ends; an arrow means that there are higher values."""
-    if colored.high != colored.high:
+    """Add a color bar with labelled ends; arrows mean that there are values beyond them."""
+    ends = colored.range
+    if ends.is_empty:
         return
     wide, high = size_in
     place = (panel.x_in + panel.width_in + 0.14, panel.y_in, 0.15, panel.height_in)
     axes = figure.add_axes((place[0] / wide, place[1] / high, place[2] / wide, place[3] / high), label="colours")
     mappable = ScalarMappable(norm(colored), color_map(colored))
-    bar = figure.colorbar(mappable, cax=axes, extend="max" if colored.exceeds_range else "neither", extendfrac=0.05)
+    extend: Literal["neither", "min", "max", "both"] = (
+        ("both" if ends.has_lower else "max") if ends.has_higher else "min" if ends.has_lower else "neither"
+    )
+    bar = figure.colorbar(
+        mappable, cax=axes, extend=extend, extendfrac=min(max(line_in(8) / panel.height_in, _ARROW), _MOST_ARROW)
+    )
     if bar.solids is not None:
         bar.solids.set_edgecolor("face")
         bar.solids.set_rasterized(False)
     bar.outline.set(edgecolor=_EDGE, linewidth=0.8)
     ticks = _bar_ticks(colored, panel.height_in)
     bar.ax.yaxis.set_major_locator(FixedLocator(ticks))
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: figure_text(value, 4)))
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: label(value)))
     bar.ax.minorticks_off()
     bar.ax.tick_params(color=_EDGE, labelcolor=FAINT, labelsize=8, length=3)
-    beside = place[0] + 0.15 + 0.18 + max(width_in(figure_text(tick, 4), 8) for tick in ticks)
-    label = f"{colored.label}, {colored.unit}"
-    if width_in(label, 8.5) > panel.height_in + _TICKS:
-        label = f"{colored.label},\n{colored.unit}"
+    up = panel.height_in
+    beyond = [
+        *[(f"> {label(ends.high)}", up - line_in(8) * 0.8), (f"max {label(ends.most)}", up + 0.05)] * ends.has_higher,
+        *[(f"< {label(ends.low)}", 0.0), (f"min {label(ends.least)}", -line_in(8) + 0.01)] * ends.has_lower,
+    ]
+    for text, at in beyond:
+        put_text(figure, place[0] + (0.15 + 0.06 if 0 <= at < up else 0.0), place[1] + at, text, 8)
+    wide_texts = [*(label(tick) for tick in ticks), *(text for text, _ in beyond[::2])]
+    beside = place[0] + 0.15 + 0.18 + max(width_in(text, 8) for text in wide_texts)
+    name = f"{colored.label}, {colored.unit}"
+    if width_in(name, 8.5) > panel.height_in + _TICKS:
+        name = f"{colored.label},\n{colored.unit}"
     middle = panel.y_in + panel.height_in / 2
-    put_text(figure, beside, middle, label, 8.5, color=INK, rotation=90, va="center", multialignment="center")
+    put_text(figure, beside, middle, name, 8.5, color=INK, rotation=90, va="center", multialignment="center")
 
 
 def _bar_ticks(colored: ColoredPath, height_in: float) -> list[float]:
     """Return the ticks of a color bar: both ends, and round values between them, or all values if they are few."""
-    if colored.is_constant:
-        return [colored.high]
-    room = (colored.high - colored.low) * 0.22 / height_in
+    ends = colored.range
+    if ends.is_single:
+        return [ends.high]
+    room = (ends.high - ends.low) * 0.22 / height_in
     values = np.unique(colored.value[:: max(len(colored.value) // _MAX_SAMPLES, 1)]).tolist()
     if len(values) > _DISTINCT or min(np.diff(values), default=0.0) < room:
         count = max(min(int(height_in / 0.5), 10), 2)
-        values = list(MaxNLocator(nbins=count, steps=[1, 2, 5, 10]).tick_values(colored.low, colored.high))
-    between = [v for v in values if colored.low + room < v < colored.high - room]
-    return [colored.low, *between, colored.high]
+        values = list(MaxNLocator(nbins=count, steps=[1, 2, 5, 10]).tick_values(ends.low, ends.high))
+    return labelled(ends.low, ends.high, (v for v in values if ends.low + room < v < ends.high - room))

@@ -6,39 +6,34 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.view.plot.color_scale import BINS, OVER, ColoredPath
+from gusjob.view.palette import LIGHT
+from gusjob.view.plot.color_scale import OVER, UNDER, ColoredPath
 from gusjob.view.strokes import Line
 
 PT_PER_INCH = 72.0
-OVER_COLOR = "#d7191c"
-"""Color of values above the range."""
-_MAP, _LAST = "viridis", 0.82
-"""The yellow end of the map is hardly visible on white paper."""
-_SINGLE = 0.3
 _JOINED_MM = 1e-9
 _CHUNK, _CHUNK_PT = 20_000, 100_000.0
 """Maximum number of strokes, and length, of one line: a rasterizer's memory is limited, and it sorts a path."""
 
 LINE_STYLES: dict[str, dict[str, Any]] = {
-    "jump": {"color": "#8c959f", "linewidth": 0.7, "dashes": (5, 3)},
-    "run-in": {"color": "#c2571a", "linewidth": 1.0, "dashes": (1.5, 1.2)},
-    "run-out": {"color": "#8a2be2", "linewidth": 1.0, "dashes": (6, 1.5, 1.2, 1.5)},
-    "other emission": {"color": "#c4cad1", "linewidth": 1.0},
-    "commanded path": {"color": "#8c959f", "linewidth": 0.5},
+    "jump": {"color": LIGHT.jump, "linewidth": 0.7, "dashes": (5, 3)},
+    "run-in": {"color": LIGHT.run_in, "linewidth": 1.0, "dashes": (1.5, 1.2)},
+    "run-out": {"color": LIGHT.run_out, "linewidth": 1.0, "dashes": (6, 1.5, 1.2, 1.5)},
+    "other emission": {"color": LIGHT.other, "linewidth": 1.0},
+    "commanded path": {"color": LIGHT.command, "linewidth": 0.5},
 }
 """Styles of strokes that are not colored."""
 MARKERS: dict[str, dict[str, Any]] = {
     "laser on": {"marker": "o", "markersize": 5.5, "markerfacecolor": "none", "markeredgewidth": 0.8},
     "laser off": {"marker": "x", "markersize": 4.5, "markeredgewidth": 0.8},
 }
-INK = "#1f2328"
+INK = LIGHT.ink
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,18 +67,18 @@ def selected_lines(line: Line, at: Indices | slice) -> Line:
 
 
 def color_map(colored: ColoredPath) -> ListedColormap:
-    """Return the color map: a color for each bin, and one for values above the range."""
-    full = matplotlib.colormaps[_MAP]
-    places = [_SINGLE] if colored.is_constant else (np.arange(BINS) + 0.5) / BINS * _LAST
-    return ListedColormap([full(place) for place in places], over=OVER_COLOR)
+    """Return the color map: a color for each bin, and for values below and above the range."""
+    tones = [LIGHT.single] if colored.range.is_single else list(LIGHT.scale)
+    return ListedColormap(tones, under=LIGHT.under, over=LIGHT.over)
 
 
 def norm(colored: ColoredPath) -> Normalize:
     """Return the normalization of values for the color map."""
-    if colored.is_constant:
-        around = abs(colored.high) or 1.0
-        return Normalize(colored.high - around, colored.high + around)
-    return Normalize(colored.low, colored.high)
+    ends = colored.range
+    if ends.is_single:
+        around = abs(ends.high) or 1.0
+        return Normalize(ends.high - around, ends.high + around)
+    return Normalize(ends.low, ends.high)
 
 
 # Lines.
@@ -134,7 +129,7 @@ def draw_colored(
     bins, tones = colored.bins(), color_map(colored)
     for kind, zorder in ((seen & ~colored.at_rest, 3.0), (seen & colored.at_rest, 3.5)):
         for number in np.unique(bins[kind]):
-            colour = OVER_COLOR if number == OVER else tones(int(number))
+            colour = {OVER: LIGHT.over, UNDER: LIGHT.under}.get(int(number)) or tones(int(number))
             at = np.flatnonzero(kind & (bins == number))
             if zorder == 3.0:
                 line = selected_lines(colored.line, at)

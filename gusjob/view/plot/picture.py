@@ -19,6 +19,7 @@ from gusjob.config.machine import Machine
 from gusjob.ir.overrides import overrides_text
 from gusjob.report.rows import Report, make_report
 from gusjob.simulate import Trace
+from gusjob.view.palette import LIGHT
 from gusjob.view.plot.captions import channel_totals, head, notes
 from gusjob.view.plot.color_scale import ColorBy, ColoredPath, color_paths
 from gusjob.view.plot.frame import Layout
@@ -37,7 +38,6 @@ SIZE_IN = (297 / 25.4, 210 / 25.4)
 DPI = 200
 _MARGIN = 0.05
 _SMALL_MM = 1e-3
-_DOT = "#2a788e"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ def figure_of(
         size_in: Width and height, inches.
         dpi: Pixels per inch, also of rasterized parts.
     """
-    strokes = strokes_of(trace, machine)
+    strokes = strokes_of(trace, machine, energy=by is ColorBy.ENERGY)
     report = make_report(trace, machine, marking=False)
     colored_paths = color_paths(strokes, by, channel)
     box = _area_box(strokes, colored_paths, machine, area, jumps=jumps)
@@ -183,7 +183,7 @@ def _legend_sample(figure: Figure, word: str, x_in: float, y_in: float) -> Line2
     """Return the line or marker of an entry of the legend."""
     line_style: dict[str, Any] = {"linestyle": "none", "markeredgecolor": INK, **MARKERS.get(word, {})}
     if word == "emission at rest":
-        line_style = {"linestyle": "none", "marker": "o", "color": _DOT, "markersize": 7, "markeredgewidth": 0}
+        line_style = {"linestyle": "none", "marker": "o", "color": LIGHT.single, "markersize": 7, "markeredgewidth": 0}
     elif word not in MARKERS:
         line_style = (
             {"color": INK, "linewidth": 0.8, "dashes": FIELD_DASHES[1]} if word == "field" else dict(LINE_STYLES[word])

@@ -12,8 +12,9 @@ from matplotlib.font_manager import FontProperties, fontManager, get_font
 from matplotlib.textpath import text_to_path
 
 from gusjob.i18n.phrases import printable
+from gusjob.view.palette import LIGHT
 
-INK, FAINT = "#1f2328", "#57606a"
+INK, FAINT = LIGHT.ink, "#57606a"
 LINE_SPACING = 1.35
 _FAMILY = "DejaVu Sans"
 _OTHERS = (

@@ -27,7 +27,8 @@ from gusjob.report.rows import Report, make_report
 from gusjob.report.table import report_text
 from gusjob.simulate.intervals import Intervals
 from gusjob.simulate.kinds import SegmentKind
-from gusjob.simulate.quality.marks import BIN_MM, MARKING_WORDS, _root
+from gusjob.simulate.quality.energy_bins import BIN_MM
+from gusjob.simulate.quality.marks import MARKING_WORDS, _root
 
 HEAD = "GT_LaserPowerMode(0,100,0,0)\nGT_LaserOutFrq(10,0)\nGT_BufLaserPrfCmd(1,50,0,0)\n"
 ON, OFF, START = "GT_BufLaserOn(1,0,0)\n", "GT_BufLaserOff(1,0,0)\n", "GT_CrdStart(1,0)\n"

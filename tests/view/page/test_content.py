@@ -58,5 +58,5 @@ def test_emission_that_is_not_drawn_is_noted() -> None:
     """30 ms of off delay at 40 % behind the motion."""
     text = "LASER MODE DUTY CARRIER 20\nLASER DELAY ON 0 OFF 30ms\nVEL 500\nACC 50000\nLASER POWER 40\nLASER ON\n"
     found = page(text + "LINE X 1\nLASER OFF\n")
-    assert found.facts["remarks"] == ["Emission while standing still is not drawn (channel 0: 1200 %*ms)."]
+    assert found.facts["remarks"] == ["Emission while standing still is not drawn (channel 0: 1200 %·ms)."]
     assert page(text.replace("OFF 30ms", "OFF 0") + "LINE X 1\nLASER OFF\n").facts["remarks"] == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ from gusjob.cli.page import too_long
 from gusjob.cli.serve import PageServer
 from gusjob.i18n.language import set_language
 from gusjob.i18n.phrases import Phrase, localized
+from gusjob.report.answer import LEFT_ON
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.view.page import texts as page_texts
 from gusjob.view.page.render import Page
@@ -60,7 +62,7 @@ def _chinese() -> Iterator[None]:
 # What is left of English.
 
 KNOWN = {
-    "units, and what makes them": ("mm/s", "ms/mm", "mm", "um", "us", "ms", "kHz", "V", "J", "nm"),
+    "units, and what makes them": ("mm/s", "ms/mm", "mm", "um", "us", "ms", "s", "kHz", "V", "J", "nm"),
     "coordinates": ("x", "y"),
     "a channel, as in the files that programs read": ("ch0", "ch1"),
     "files": ("part.job", "ring.job", "square.job", "a.job", "long.job"),
@@ -121,7 +123,10 @@ def rich() -> Page:
         diagnostic["message"] = "此处有误"
         for note in diagnostic.get("notes", ()):
             note["message"] = "在此处赋值"
-    return page
+    assert page.answer is not None
+    findings = tuple(replace(f, text=f.text if f.name == LEFT_ON else "此处最热") for f in page.answer.findings)
+    answer = replace(page.answer, headline=("1 个警告", "624 ms"), setting=("无配置文件",), findings=findings)
+    return replace(page, answer=answer)
 
 
 @pytest.fixture(scope="module")
@@ -149,9 +154,10 @@ def test_english_words_are_seen() -> None:
 def test_no_english_word_is_left(tab: Tab) -> None:
     page = tab.page
     assert page.get_attribute("html", "lang") == "zh-CN"
+    page.click("#totals summary")
     check(tab, "part.job - gusjob 报告", "功率报告", "振镜模型", "关光时：维持脉冲", "1 个警告、1 个提示", "3 次",
           "作业结束时，通道 1 的激光未关闭。", "第 4 行：GT_GetHSIOOpt 在通道 0 读得 1。", "未选中任何段", "标刻质量",
-          "显示 27 行，共 27 行", "0 至 623.691 ms，全长 623.691 ms", "ch1 开", "通道 1 的功率，V",
+          "显示 27 行，共 27 行", "0 至 623.7 ms，全长 623.7 ms", "ch1 开", "通道 1 的功率，V",
           "输出功率，通道 0，%", "放大", "缩小", "浅色", "本页不从别处加载任何内容。")  # fmt: skip
     click_path(tab, -15, 0)
     hover_path(tab, -15, 0)
@@ -159,7 +165,7 @@ def test_no_english_word_is_left(tab: Tab) -> None:
         tab, "part.job 第 12 行：标刻（第 3 段）", "800 mm/s，ch0 10 %", "第 3 段（共 27 段）：标刻，part.job 第 12 行"
     )
     click_time(tab, 500)
-    check(tab, "ring.job 第 3 行：标刻（第 26 段）", "400 mm/s，ch0 35 %、ch1 4.5 V")
+    check(tab, "ring.job 第 3 行：标刻（第 26 段）", "400 mm/s，ch0 35 % (87.5 %·ms/mm)、ch1 4.5 V (11.25 V·ms/mm)")
     click_time(tab, 5)
     check(tab, "2000 mm/s，不出光")
     page.fill("#line", "5")
@@ -262,13 +268,17 @@ def test_no_english_word_is_left_in_other_pages(
     changing = columns_of(square())
     changing["strokes"]["ch0_unit"] = (changing["strokes"]["row"] >= 3).astype(np.uint8)
     changing["rows"]["ch0_unit"] = (np.arange(7) >= 3).astype(np.int8)
-    units = {"channels": [{"channel": 0, "unit": "%", "units": ["%", "V"], "watts_per_unit": None}]}
+    units = {
+        "channels": [
+            {"channel": 0, "unit": "%", "units": ["%", "V"], "watts_per_unit": None, "peak_per_mm": [None] * 2}
+        ]
+    }
     none = {"job": "a.job", "version": "1"}
     error = diagnostics()[0] | {"severity": "error", "message": "此处有误", "notes": []}
     remarks = [
         Phrase("Channel {channel} is left ON.", channel=0),
         Phrase(
-            "Emission while standing still is not drawn (channel {channel}: {power} {unit}*ms).",
+            "Emission while standing still is not drawn (channel {channel}: {power} {unit}·ms).",
             power="3",
             unit="%",
             channel=1,

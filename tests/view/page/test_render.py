@@ -95,12 +95,12 @@ def test_the_fault_is_marked_in_its_line() -> None:
 
 
 def test_figures_of_the_header() -> None:
-    text = re.sub(r"<[^>]*>", " ", html(rich_page()).split("<main")[1].split('id="diagnostics"')[0])
+    text = re.sub(r"<[^>]*>", " ", html(rich_page()).split('id="totals"')[1].split("</details>")[0])
     words = " ".join(text.split())
     for said in (
         "segments 27",
-        "duration 623.691 ms",
-        "marks 274.243 mm",
+        "duration 623.7 ms",
+        "marks 274.2 mm",
         "scanner first-order 250 us",
         "joules 12.5 J",
         "clamped 3 ms",

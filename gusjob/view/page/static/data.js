@@ -217,6 +217,11 @@
     return short.toFixed(Math.min(100, 5 - Math.floor(Math.log10(Math.abs(short))))).replace(/0+$/, "");
   }
 
+  // A figure whose digits before the point are all there, as in the report.
+  function short(value, digits) {
+    return Number.isFinite(value) && Math.abs(value) >= 10 ** digits ? value.toFixed(0) : figure(value, digits);
+  }
+
   // As in the other formats of the report: control characters (such as bidi controls) become U+FFFD.
   function printable(text) {
     return String(text).replace(/\t/g, " ").replace(/\p{C}|(?! )\p{Z}/gu, "\ufffd");
@@ -288,7 +293,13 @@
   function shown(column, i) {
     const value = column.get(i);
     if (column.words) return (column.shown || column.words)[value] || "?";
-    return column.whole ? String(value) : figure(value);
+    return column.whole ? String(value) : cellText(column, value);
+  }
+
+  // Places and starts keep all their digits; measured values have four.
+  const EXACT = ["x_mm", "y_mm", "start_ms"];
+  function cellText(column, value) {
+    return EXACT.includes(column.name) ? figure(value) : short(value, Math.min(4, gusjob.facts.digits || 6));
   }
 
   // Keys that sort as unsigned integers like the values; NaN comes last in both directions.
@@ -334,7 +345,7 @@
   function sameFigure(column, value, target) {
     if (column.whole) return value === target;
     if (Math.abs(value - target) > 1e-2 * Math.abs(target)) return false;
-    return figure(value) === figure(target);
+    return cellText(column, value) === cellText(column, target);
   }
 
   function numberTest(column, one) {
@@ -420,7 +431,7 @@
   }
 
   Object.assign(gusjob, {
-    UNITS_PER_MM, yieldToBrowser, load, figure, printable, kindOf, kindWord, fileOf, placeOf, headOf, columnsOf, shown, chosen,
+    UNITS_PER_MM, yieldToBrowser, load, figure, short, printable, kindOf, kindWord, fileOf, placeOf, headOf, columnsOf, shown, chosen,
     csvOf, element, isEmitting, localized,
   });
 })();

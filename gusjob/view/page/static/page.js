@@ -16,6 +16,7 @@
     } catch (_) { /* Then nothing is stored. */ }
     return null;
   }
+  gusjob.kept = kept;
   const local = () => window.localStorage, session = () => window.sessionStorage;
 
   function setTheme(name) {
@@ -47,13 +48,20 @@
 
   /* Selection. */
 
+  // Head and value; a long time is in s.
+  function entryOf(column, row) {
+    const value = column.words ? NaN : column.get(row);
+    if (value < 1000 || !/ ms$/.test(column.head)) return [column.head, gusjob.shown(column, row)];
+    return [column.head.replace(/ ms$/, " s"), gusjob.figure(value / 1000, 4)];
+  }
+
   function detailsOf(row) {
     const list = element("dl");
     for (const column of gusjob.columnsShown) {
       if (["segment", "line", "file", "kind"].includes(column.name)) continue;
-      const text = gusjob.shown(column, row);
+      const [head, text] = entryOf(column, row);
       if (text === "-" || (/^ch\d/.test(column.name) && text === "0")) continue;
-      list.append(element("div", {}, element("dt", { title: column.title }, column.head), element("dd", {}, text)));
+      list.append(element("div", {}, element("dt", { title: column.title }, head), element("dd", {}, text)));
     }
     return list;
   }
@@ -63,6 +71,7 @@
     // Not `disabled`, since a disabled button loses the keyboard focus at the last segment.
     byId("previous").setAttribute("aria-disabled", String(row === 0));
     byId("next").setAttribute("aria-disabled", String(row === gusjob.count - 1));
+    byId("details-hint").hidden = row !== null;
     if (row === null) {
       title.textContent = localized("page", "none-selected");
       body.replaceChildren();
@@ -91,9 +100,18 @@
     }
   }
 
+  // #s=12 selects a segment, #m=3 a mark.
   function fromHash() {
-    const found = /^#s=(\d{1,9})$/.exec(location.hash);
-    if (found) select(Number(found[1]), "hash");
+    const [, table, number] = /^#([sm])=(\d{1,9})$/.exec(location.hash) || [];
+    if (table === "s") select(Number(number), "hash");
+    if (table === "m") selectMark(Number(number));
+  }
+
+  function selectMark(mark) {
+    const rows = gusjob.tables.marks && gusjob.tables.marks.row;
+    if (!rows || mark >= rows.values.length) return;
+    gusjob.table.showMark(mark);
+    select(rows.values[mark], "marks");
   }
 
   // Selects the first segment of a line, else of the next line that has one. In a loop: the next one after the selected.
@@ -121,7 +139,10 @@
     byId("next").addEventListener("click", () => step(1));
     byId("go").addEventListener("click", toLine);
     byId("line").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); toLine(); } });
-    window.addEventListener("hashchange", fromHash);
+    window.addEventListener("hashchange", () => {
+      fromHash();
+      byId("map").scrollIntoView({ block: "nearest" });
+    });
     showDetails(null);
   }
 
@@ -173,6 +194,7 @@
     status.textContent = localized("page", "drawing");
     await gusjob.yieldToBrowser();
     byId("views").hidden = false;
+    if (byId("findings")) byId("beside").prepend(byId("findings"));
     gusjob.columnsShown = gusjob.columnsOf("rows");
     await gusjob.path.start();
     await gusjob.yieldToBrowser();

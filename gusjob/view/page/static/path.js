@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const { element, figure, localized } = gusjob;
+  const { element, figure, localized, short } = gusjob;
   const TILE = 256;
   const STEP = 4; // zoom levels for a factor of two
   const MAX_TURN_MS = 24; // drawing time before the page responds to events
@@ -56,14 +56,14 @@
   function recolor() {
     const emission = view.emissions[view.emissionNumber] || null;
     Object.assign(view, gusjob.colors.binsOf(view.strokes, view.emissions, emission, view.by));
-    drawLegend();
+    retheme();
   }
 
   const rgbOf = (name) => (gusjob.colors.resolved(name).match(/[\d.]+/g) || [128, 128, 128]).slice(0, 3).map(Number);
 
   function retheme() {
-    view.palette = gusjob.colors.palette(gusjob.colors.isDark());
-    const names = { mark: "--path-dark", dwell: "--path-dark", jump: "--path-jump", run_in: "--path-run-in", run_out: "--path-run-out",
+    view.palette = gusjob.colors.palette(view.range && view.range.single);
+    const names = { jump: "--path-jump", run_in: "--path-run-in", run_out: "--path-run-out",
       other: "--path-other", command: "--path-command", switches: "--path-switch" };
     for (const [key, name] of Object.entries(names)) view.ink[key] = rgbOf(name);
     drawLegend();
@@ -180,14 +180,19 @@
     return best;
   }
 
+  function perMmText(emission, i) {
+    const value = view.strokes.values(`ch${emission.channel}_per_mm`)[i];
+    return Number.isNaN(value) ? "" : ` (${short(value, 4)} ${gusjob.printable(emission.unit)}\u00b7ms/mm)`;
+  }
+
   // Description of a stroke for the tooltips of both views.
   function describeStroke(i) {
     const { strokes } = view;
     const row = strokes.row[i];
-    const v0 = figure(strokes.vel0[i]), v1 = figure(strokes.vel1[i]);
+    const v0 = figure(strokes.vel0[i], 4), v1 = figure(strokes.vel1[i], 4);
     const velocity = v0 === v1 ? v0 : localized("path", "from-to", { low: v0, high: v1 });
     const emitted = gusjob.emissions.filter((emission) => gusjob.isEmitting(emission, i))
-      .map((emission) => `ch${emission.channel} ${figure(emission.power[i])} ${gusjob.printable(emission.unit)}`);
+      .map((emission) => `ch${emission.channel} ${figure(emission.power[i], 4)} ${gusjob.printable(emission.unit)}${perMmText(emission, i)}`);
     const emission = emitted.length && emitted.reduce((first, second) => localized("data", "and", { first, second }));
     return [
       localized("path", "place", { place: gusjob.placeOf(row), kind: gusjob.kindWord(gusjob.kindOf(row)), segment: row + 1 }),
@@ -252,20 +257,33 @@
   function drawLegend() {
     const bar = document.getElementById("legend-bar");
     if (!bar || !view.palette) return;
-    const { css, scaleAt, isDark } = gusjob.colors;
-    const stops = Array.from({ length: 13 }, (_, i) => css(scaleAt(i / 12, isDark())));
-    const { range, measure } = view;
-    const one = !range || range.high === range.low;
-    bar.style.background = one ? stops[12] : `linear-gradient(to right, ${stops.join(", ")})`;
+    const { range, measure, palette } = view;
+    const { css } = gusjob.colors;
+    const stops = palette.slice(1, -1).filter((_, n, all) => n % 9 === 0 || n === all.length - 1).map(css);
+    bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
+    bar.hidden = !range;
     const emission = view.emissions && view.emissions[view.emissionNumber];
-    const unit = measure ? gusjob.printable(measure.unit) : "";
-    const tell = (id, text) => { document.getElementById(id).textContent = text; };
+    const [k, unit] = measure ? unitOf(measure) : [1, ""];
+    const tell = (id, text) => {
+      const node = document.getElementById(id);
+      node.textContent = text;
+      node.closest(".beyond, .number").hidden = !text;
+    };
     const ofChannel = emission && view.emissions.length > 1 && (view.by === "power" || view.by === "energy");
-    const about = range && { what: measure.word, unit, channel: emission.channel };
-    tell("legend-name", range ? localized("path", ofChannel ? "legend-channel" : "legend", about) : localized("path", "no-emission"));
-    tell("legend-low", range && !one ? figure(range.low) : "");
-    const high = range ? `${range.cut ? "\u2265 " : ""}${figure(range.high)}` : "";
-    tell("legend-high", range && one ? localized("path", "everywhere", { value: high }) : high);
+    const about = range && { what: measure.word, unit: gusjob.printable(unit), channel: emission.channel };
+    document.getElementById("legend-name").textContent =
+      range ? localized("path", ofChannel ? "legend-channel" : "legend", about) : localized("path", "no-emission");
+    const text = (value) => figure(value * k, 4), whole = (value) => short(value * k, 4);
+    tell("legend-low", range && !range.single ? text(range.low) : "");
+    tell("legend-high", range ? (range.least === range.most ? localized("path", "everywhere", { value: text(range.high) }) : text(range.high)) : "");
+    const under = range && range.least < range.low, over = range && range.most > range.high;
+    tell("legend-under", under ? localized("path", "under", { value: text(range.low), least: whole(range.least) }) : "");
+    tell("legend-over", over ? localized("path", "over", { value: text(range.high), most: whole(range.most) }) : "");
+  }
+
+  // Factor and unit of a quantity: times above a second are in s.
+  function unitOf(measure) {
+    return measure.unit === "ms" && view.range && view.range.most >= 1000 ? [1e-3, "s"] : [1, measure.unit];
   }
 
   function drawScale() {
@@ -285,7 +303,7 @@
       const box = document.getElementById(id);
       box.closest("label").hidden = !there;
       box.checked = view.show[name];
-      box.addEventListener("change", () => { view.show[name] = box.checked; view.layer.redraw(); });
+      box.addEventListener("change", () => { view.show[name] = box.checked; keys(); view.layer.redraw(); keep(); });
     };
     const has = (...words) => { // whether there are segments of these kinds
       const numbers = words.map((word) => view.kinds.indexOf(word));
@@ -295,9 +313,19 @@
     bind("show-runs", "runs", has("run_in", "run_out"));
     bind("show-switches", "switches", view.emissions.length > 0);
     bind("show-command", "command", !!view.strokes.beam);
-    for (const [id, words] of [["key-run-in", ["run_in"]], ["key-run-out", ["run_out"]]]) document.getElementById(id).hidden = !has(...words);
-    document.getElementById("key-command").hidden = !view.strokes.beam;
-    document.getElementById("key-other").hidden = new Set(view.emissions.map((l) => l.channel)).size < 2;
+    keys();
+  }
+
+  // The legend names only what is drawn.
+  function keys() {
+    const has = (word) => view.kind.includes(view.kinds.indexOf(word));
+    const { jumps, runs, switches, command } = view.show;
+    const several = new Set(view.emissions.map((emission) => emission.channel)).size > 1;
+    const shown = {
+      jump: jumps, "run-in": runs && has("run_in"), "run-out": runs && has("run_out"), command: command && !!view.strokes.beam,
+      other: several, switches,
+    };
+    for (const [name, there] of Object.entries(shown)) document.getElementById(`key-${name}`).hidden = !there;
   }
 
   function selects() {
@@ -309,7 +337,7 @@
       view.by = by.value;
       view.emissionNumber = Number(channel.value || 0);
       recolor();
-      view.layer.redraw();
+      keep();
     };
     by.addEventListener("change", changed);
     channel.addEventListener("change", changed);
@@ -318,7 +346,7 @@
   async function start() {
     takeData();
     await gusjob.yieldToBrowser();
-    retheme();
+    view.widths = gusjob.tiles.spacingOf(view);
     recolor();
     toggles();
     makeMap(document.getElementById("map"));
@@ -327,15 +355,25 @@
     const fit = document.getElementById("fit-field");
     fit.hidden = !gusjob.facts.field_mm;
     fit.addEventListener("click", wholeField);
+    chooseAgain();
   }
 
   function state() {
     const at = view.map.getCenter();
-    return { at: [at.lat, at.lng], zoom: view.map.getZoom(), show: view.show, by: view.by, emission: view.emissionNumber };
+    return { at: [at.lat, at.lng], zoom: view.map.getZoom(), ...choices() };
   }
 
   function restore(kept) {
     view.map.setView(kept.at, kept.zoom, { animate: false });
+    choose(kept);
+  }
+
+  // What is shown and how it is colored stays when the page is loaded again.
+  const KEPT = `gusjob-path:${location.pathname}`;
+  const choices = () => ({ show: view.show, by: view.by, emission: view.emissionNumber });
+  const keep = () => gusjob.kept(() => window.sessionStorage, KEPT, JSON.stringify(choices()));
+
+  function choose(kept) {
     const set = (id, value) => {
       const node = document.getElementById(id);
       if (node.type === "checkbox") node.checked = value;
@@ -345,6 +383,13 @@
     for (const [id, name] of [["show-jumps", "jumps"], ["show-runs", "runs"], ["show-switches", "switches"], ["show-command", "command"]]) set(id, kept.show[name]);
     set("color-by", kept.by);
     if (kept.emission < view.emissions.length) set("color-channel", String(kept.emission));
+  }
+
+  function chooseAgain() {
+    try {
+      const text = gusjob.kept(() => window.sessionStorage, KEPT);
+      if (text) choose(JSON.parse(text));
+    } catch (_) { /* The choices are of another version of the page: start with the defaults. */ }
   }
 
   gusjob.path = { start, show, retheme, describeStroke, state, restore, view, pick, isIdle: () => !working };

@@ -19,12 +19,14 @@
     theme = theme || window.agGrid.themeQuartz.withParams({
       browserColorScheme: "inherit", backgroundColor: "var(--panel)", foregroundColor: "var(--ink)", accentColor: "var(--accent)",
       borderColor: "var(--line)", chromeBackgroundColor: "var(--raised)", headerTextColor: "var(--soft)", fontFamily: "inherit",
-      fontSize: 13, spacing: 4, rowHeight: 27, headerHeight: 30, cellHorizontalPadding: 9, wrapperBorderRadius: 4,
+      fontSize: 13, spacing: 4, rowHeight: ROW, headerHeight: 30, cellHorizontalPadding: 9, wrapperBorderRadius: 4,
       selectedRowBackgroundColor: "var(--chosen)", rowHoverColor: "var(--hover)", headerFontWeight: 600,
       inputBackgroundColor: "var(--panel)", menuBackgroundColor: "var(--panel)", iconColor: "var(--soft)",
     });
     return theme;
   }
+
+  const ROW = 27, HEADS = 88, LEAST = 190; // px
 
   const NARROW = { segment: 112, line: 104, kind: 110, stage: 96, channel: 90 };
 
@@ -54,7 +56,8 @@
         const rows = Array.from(grid.order.subarray(request.startRow, request.endRow), (row) => ({ row }));
         request.successCallback(rows, grid.order.length);
         // These rows get their data later; with a new order the selected row has moved.
-        if (grid.targetRow !== null) setTimeout(() => (fresh ? show(grid.targetRow, "order") : markChosen(grid)), 0);
+        if (grid.targetRow === null) return;
+        setTimeout(() => (fresh && grid.name === "segments" ? show(grid.targetRow, "order") : markChosen(grid)), 0);
       },
     };
   }
@@ -92,6 +95,8 @@
     const first = Object.values(gusjob.tables[table])[0];
     const grid = { name, columns, count: first ? first.values.length : 0, order: null, targetRow: null, moving: false };
     grids[name] = grid;
+    const high = HEADS + grid.count * ROW; // Few rows need less room.
+    if (high < host.clientHeight) host.style.height = `${Math.max(high, LEAST)}px`;
     grid.api = window.agGrid.createGrid(host, optionsOf(grid, focused));
     document.getElementById(`${name}-csv`).addEventListener("click", () => save(grid));
     document.getElementById(`${name}-clear`).addEventListener("click", () => {
@@ -131,6 +136,18 @@
       grid.moving = false;
     }
     markChosen(grid);
+  }
+
+  // Selects a mark in its table.
+  function showMark(mark) {
+    showTab("marks");
+    const { api, order } = grids.marks;
+    const place = order ? order.indexOf(mark) : mark;
+    grids.marks.targetRow = mark;
+    if (place < 0) return;
+    api.ensureIndexVisible(place, "middle");
+    api.deselectAll();
+    markChosen(grids.marks);
   }
 
   function showTab(name) {
@@ -183,5 +200,5 @@
     }
   }
 
-  gusjob.table = { start, show, showTab, state, restore, grids };
+  gusjob.table = { start, show, showMark, showTab, state, restore, grids };
 })();

@@ -2,9 +2,9 @@
 (function () {
   "use strict";
   const gusjob = window.gusjob;
-  const FEW = 5000; // strokes per tile that a canvas draws in about 10 ms
+  const FEW = 8000; // strokes per tile that a canvas draws in about 20 ms
   const PAD = 10; // px: margin for line widths and switch points of neighbouring tiles
-  const DASHES = { jump: [5, 4], run_in: [8, 3, 2, 3], run_out: [2, 3], mark: [], dwell: [] };
+  const DASHES = { jump: [5, 4], run_in: [2, 2], run_out: [8, 2, 2, 2] };
   const SWITCHES = 3000; // more would hide the path
 
   // Part of a line that is inside of a box; null: none (Liang and Barsky).
@@ -39,10 +39,74 @@
     return view.index.search(x0, y0, x1, y1);
   }
 
-  const offKind = (view, i) => view.kinds[view.kind[view.strokes.row[i]]];
+  // How a stroke without emission is drawn: run-ins and run-outs in their own ways, all others as jumps.
+  function offKind(view, i) {
+    const kind = view.kinds[view.kind[view.strokes.row[i]]];
+    return kind === "run_in" || kind === "run_out" ? kind : "jump";
+  }
+
   function isShown(view, i) {
     if (view.bins[i]) return true;
     return offKind(view, i) === "jump" ? view.show.jumps : view.show.runs;
+  }
+
+  /* Widths: hatch lines must not merge into an area. */
+
+  const CELLS = 64;
+  const WIDEST = 2.2, THINNEST = 0.6; // px
+  const WIDTHS = [0.6, 0.7, 0.85, 1, 1.2, 1.45, 1.8, 2.2];
+  const MOST_SAMPLES = 256; // of a stroke
+
+  // Distance between the strokes with emission around each stroke, in units: the area of a cell by the length in it.
+  function spacingOf(view) {
+    const { actual, strokes, emissions } = view;
+    const [x0, y0, x1, y1] = view.bounds;
+    const side = Math.max(x1 - x0, y1 - y0, 1) / CELLS;
+    const lengths = new Float64Array((CELLS + 1) * (CELLS + 1));
+    const cellAt = (x, y) => Math.floor((y - y0) / side) * (CELLS + 1) + Math.floor((x - x0) / side);
+    for (let i = 0; i < strokes.count; i++) {
+      if (!emissions.some((emission) => gusjob.isEmitting(emission, i))) continue;
+      const dx = actual.x[i + 1] - actual.x[i], dy = actual.y[i + 1] - actual.y[i];
+      const long = Math.hypot(dx, dy);
+      const samples = Math.min(MOST_SAMPLES, Math.ceil((2 * long) / side));
+      for (let n = 0; n < samples; n++) {
+        const share = (n + 0.5) / samples;
+        lengths[cellAt(actual.x[i] + dx * share, actual.y[i] + dy * share)] += long / samples;
+      }
+    }
+    const spacing = new Float32Array(strokes.count);
+    const around = blurred(lengths);
+    for (let i = 0; i < strokes.count; i++) {
+      const cell = cellAt((actual.x[i] + actual.x[i + 1]) / 2, (actual.y[i] + actual.y[i + 1]) / 2);
+      spacing[i] = (side * side) / Math.max(around[cell], side / 16);
+    }
+    return spacing;
+  }
+
+  // Mean of each cell and its neighbours with emission: a single cell holds one line of a hatch or two by chance.
+  function blurred(lengths) {
+    const wide = CELLS + 1;
+    return lengths.map((_, cell) => {
+      let sum = 0, count = 0;
+      for (let dy = -1; dy <= 1; dy++) {
+        for (let dx = -1; dx <= 1; dx++) {
+          const column = (cell % wide) + dx, value = lengths[cell + dy * wide + dx];
+          if (column < 0 || column >= wide || !value) continue;
+          sum += value;
+          count++;
+        }
+      }
+      return count ? sum / count : 0;
+    });
+  }
+
+  // Number of a stroke's width: half the distance of its neighbours; if pixels can't show that, they touch.
+  function widthOf(view, frame, i) {
+    const px = (view.widths[i] * frame.k) / frame.ratio;
+    const width = Math.min(Math.max(px / 2, Math.min(1.5 * px, THINNEST)), WIDEST);
+    let number = WIDTHS.length - 1;
+    while (number > 0 && WIDTHS[number] > width * 1.05) number--;
+    return number;
   }
 
   /* As pixels: each has the highest level of the strokes over it, so that the highest value is never hidden. */
@@ -69,16 +133,17 @@
     }
   }
 
-  const LEVELS = { command: 1, mark: 2, dwell: 2, jump: 3, run_in: 4, run_out: 5, other: 6, emission: 7 };
+  const LEVELS = { command: 1, jump: 2, run_in: 3, run_out: 4, other: 5, emission: 6 };
 
   function levelsOf(view, frame, ids, count) {
     const { strokes, bins, actual } = view;
     const levels = new Uint8Array(frame.side * frame.side);
     const side = frame.side;
     const thick = frame.usual < THICK || frame.ratio >= 1.5;
+    const wide = (i) => frame.ratio >= 1.5 || WIDTHS[widthOf(view, frame, i)] >= 1.5;
     const plot = (nodes, i, level) => {
       const line = clipped(frame.x(nodes.x[i]), frame.y(nodes.y[i]), frame.x(nodes.x[i + 1]), frame.y(nodes.y[i + 1]), -1, side, side);
-      if (line) markLine(levels, side, level, line, thick && level >= LEVELS.emission);
+      if (line) markLine(levels, side, level, line, thick && level >= LEVELS.emission && wide(i));
     };
     const command = view.show.command && strokes.beam;
     for (let n = 0; n < count; n++) {
@@ -133,12 +198,13 @@
     context.fill();
   }
 
-  function grouped(view, ids) {
+  // Strokes of one look: those without emission by kind, the others by color and width.
+  function grouped(view, frame, ids) {
     const groups = new Map();
     for (const i of ids) {
       const bin = view.bins[i];
       if (!bin && !isShown(view, i)) continue;
-      const key = bin || offKind(view, i);
+      const key = bin ? bin * WIDTHS.length + widthOf(view, frame, i) : offKind(view, i);
       if (!groups.has(key)) groups.set(key, []);
       groups.get(key).push(i);
     }
@@ -147,21 +213,23 @@
 
   function drawLines(view, frame, context, ids) {
     const css = gusjob.colors.css;
-    const groups = grouped(view, ids);
+    const groups = grouped(view, frame, ids);
     context.lineCap = "butt";
-    for (const kind of ["dwell", "mark", "jump", "run_in", "run_out"]) {
-      const style = { width: 1, color: css(view.ink[kind]), dash: DASHES[kind] };
-      strokeGroup(frame, context, view.actual, groups.get(kind) || [], style);
+    for (const kind of ["jump", "run_in", "run_out"]) {
+      strokeGroup(frame, context, view.actual, groups.get(kind) || [], { width: 1, color: css(view.ink[kind]), dash: DASHES[kind] });
     }
     context.lineCap = "round";
-    strokeGroup(frame, context, view.actual, groups.get(255) || [], { width: 2, color: css(view.ink.other) });
     const still = (i) => view.actual.x[i] === view.actual.x[i + 1] && view.actual.y[i] === view.actual.y[i + 1];
-    for (let bin = 1; bin <= view.palette.length; bin++) {
-      const some = groups.get(bin);
-      if (!some) continue;
-      const color = css(view.palette[bin - 1]);
-      strokeGroup(frame, context, view.actual, some, { width: 2.2, color });
-      for (const i of some) if (still(i)) dot(frame, context, view.actual, i, 3, color);
+    // The highest value is drawn last.
+    for (const bin of [255, ...view.palette.keys()].map((place, n) => (n ? place + 1 : place))) {
+      const color = css(bin === 255 ? view.ink.other : view.palette[bin - 1]);
+      const outside = bin === 1 || bin === view.palette.length; // Short, since they are few: wider.
+      WIDTHS.forEach((width, number) => {
+        const some = groups.get(bin * WIDTHS.length + number);
+        if (!some) return;
+        strokeGroup(frame, context, view.actual, some, { width: outside ? 1.5 * width : width, color });
+        for (const i of some) if (bin !== 255 && still(i)) dot(frame, context, view.actual, i, Math.max(1, 1.4 * width), color);
+      });
     }
     if (view.show.command && view.strokes.beam) {
       strokeGroup(frame, context, view.strokes, ids, { width: 1, color: css(view.ink.command) });
@@ -226,5 +294,5 @@
     return count;
   }
 
-  gusjob.tiles = { drawTile, isShown };
+  gusjob.tiles = { drawTile, isShown, spacingOf };
 })();

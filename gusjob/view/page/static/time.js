@@ -9,6 +9,16 @@
   const CLICK = 4; // px: movement that still counts as a click
   const view = { plot: null, from: 0, to: 1, end: 1, bands: [], colors: {} };
 
+  // Factor and unit of times: s if the run takes longer than a second.
+  const scaleOf = () => (view.end >= 1000 ? [1e-3, "s"] : [1, "ms"]);
+
+  // A time with four digits of the span in which it is seen.
+  function timeText(ms, spanMs) {
+    const [k] = scaleOf();
+    const after = clamp(3 - Math.floor(Math.log10(spanMs * k)), 0, 9);
+    return String(Number((ms * k).toFixed(after)));
+  }
+
   const clamp = (v, low, high) => Math.max(low, Math.min(high, v));
 
   // Last stroke that starts at a time or before it.
@@ -106,7 +116,8 @@
     });
     refreshing = false;
     placeMarker();
-    const range = { low: figure(view.from), high: figure(view.to), end: figure(view.end) };
+    const [span, unit] = [view.to - view.from, scaleOf()[1]];
+    const range = { low: timeText(view.from, span), high: timeText(view.to, span), end: timeText(view.end, view.end), unit };
     document.getElementById("time-range").textContent = localized("time", "range", range);
   }
 
@@ -152,9 +163,9 @@
     const line = { stroke: () => view.colors.grid, width: 1, filter };
     const narrow = window.innerWidth < 560; // Then only the key names the units.
     return {
-      scale, label: narrow && scale !== "x" ? undefined : label, labelFont: FONT, font: FONT, labelSize: 18, size: narrow ? 40 : 52,
+      scale, label: narrow && scale !== "x" ? undefined : label, labelFont: FONT, font: FONT, labelSize: 18, size: narrow ? 48 : 52,
       stroke: () => view.colors[color], grid: line, ticks: line, space: scale === "x" ? 60 : 24, filter,
-      values: (_, splits) => splits.map((v) => (v === null ? "" : figure(v))), ...rest,
+      values: (_, splits) => splits.map((v) => (v === null ? "" : scale === "x" ? timeText(v, view.to - view.from) : figure(v, 4))), ...rest,
     };
   }
 
@@ -163,7 +174,7 @@
     const units = [...new Set(emissions.map((emission) => emission.unit))];
     const fastest = Math.max(most(strokes.vel0), most(strokes.vel1));
     const scales = { x: { time: false, auto: false }, v: { auto: false, range: rangeOf(lanes().velocity, fastest) } };
-    const axes = [axis("x", "ms", "ink", Infinity, { size: 34 }), axis("v", "mm/s", "velocity", fastest)];
+    const axes = [axis("x", scaleOf()[1], "ink", Infinity, { size: 34 }), axis("v", "mm/s", "velocity", fastest)];
     units.forEach((unit, n) => {
       const highest = Math.max(...emissions.filter((emission) => emission.unit === unit).map((emission) => most(emission.power)));
       scales[`p${n}`] = { auto: false, range: rangeOf(lanes().power, highest) };
@@ -206,7 +217,7 @@
       }
       ctx.globalAlpha = 1;
       ctx.fillStyle = view.colors.ink;
-      ctx.font = `${10 * ratio}px system-ui, sans-serif`;
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       ctx.textAlign = "right";
       ctx.textBaseline = "middle";
       ctx.fillText(localized("time", "switch", { channel: emission.channel }), bbox.left - 4 * ratio, top + (BAND / 2) * ratio);
@@ -222,7 +233,7 @@
       return;
     }
     const time = plot.posToVal(left, "x");
-    out.textContent = `${figure(time)} ms \u2014 ${gusjob.path.describeStroke(strokeAt(time)).join(" \u2014 ")}`;
+    out.textContent = `${timeText(time, view.to - view.from)} ${scaleOf()[1]} \u2014 ${gusjob.path.describeStroke(strokeAt(time)).join(" \u2014 ")}`;
   }
 
   /* Selection: a band over the plot with a minimum width. */
