@@ -14,6 +14,8 @@ _SHARES = 0.02, 0.98
 """Shares of the length below the low and the high end of the range."""
 _NEAR = 1.0
 """An end moves to the extreme value if that widens the range by no more than this share."""
+_SIMILAR = 0.1
+"""Values that differ by no more than this share of the largest are similar."""
 _DIGITS = 4
 _FAITHFUL = 0.01
 """A label may be off by this share of the range."""
@@ -52,7 +54,8 @@ class ColorRange:
 def color_range(value: Floats, length: Floats, *, peak: float = np.nan, whole: bool = False) -> ColorRange:
     """Return the range for values along a path: a few extreme values do not flatten the colours of the others.
 
-    If the others are all shown as the same number, there is nothing to flatten: all values are in the range.
+    If the others are all shown as the same number, there is nothing to flatten, and if all values are similar, none is
+    extreme: then all of them are in the range.
 
     Args:
         value: Values, (n,); those that are not finite have no colour.
@@ -68,7 +71,8 @@ def color_range(value: Floats, length: Floats, *, peak: float = np.nan, whole: b
     least, most = float(value[0]), float(np.fmax(value[-1], peak))
     upto = np.cumsum(length if length.sum() > 0 else np.ones(len(length)))
     low, high = (float(value[np.searchsorted(upto, share * upto[-1])]) for share in _SHARES)
-    near = np.inf if whole or label(low) == label(high) else _NEAR * (high - low)
+    similar = most - least <= _SIMILAR * max(abs(least), abs(most))
+    near = np.inf if whole or similar or label(low) == label(high) else _NEAR * (high - low)
     if low - least <= near:
         low = least
     if most - high <= near:

@@ -21,6 +21,7 @@ ONES = np.ones(1000)
         ),  # One hot spot of 0.1 % does not flatten the others.
         (np.append(np.arange(2000.0, 2999.0), 3.0), ONES, (2018, 2998, 3, 2998)),
         (np.append(np.arange(999.0), 2e6), np.append(np.ones(999), 500.0), (0, 2e6, 0, 2e6)),  # A third of the length.
+        (np.append(np.linspace(100, 101, 999), 109.0), ONES, (100, 109, 100, 109)),  # All are similar: none is extreme.
         (np.append(np.full(999, 7.0), 1e6), ONES, (7, 1e6, 7, 1e6)),  # The others are equal: nothing is flattened.
         (np.array([np.inf, 5.0, np.nan]), np.ones(3), (5, 5, 5, 5)),
         (np.array([5.0, 6.0]), np.zeros(2), (5, 6, 5, 6)),  # At rest.

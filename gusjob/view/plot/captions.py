@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gusjob.i18n.phrases import figure as figure_text
+from gusjob.report.quantities import duration, energy, length, short
 from gusjob.report.rows import Report
 from gusjob.view.color_range import label
 from gusjob.view.plot.color_scale import ColoredPath
@@ -18,12 +18,10 @@ _LENGTHS = (("mark_mm", "marks"), ("jump_mm", "jumps"), ("run_in_mm", "run-ins")
 def head(report: Report, colored_paths: Sequence[ColoredPath]) -> list[str]:
     """Return the totals; with several panels those of a channel are the title of its panel instead."""
     totals, scanner = report.totals, report.notes["scanner"]
-    lengths = ", ".join(
-        f"{name} {figure_text(totals[key])} mm" for key, name in _LENGTHS if totals[key] or name == "marks"
-    )
-    beam = f"; scanner {scanner['model']} {figure_text(scanner['tracking_error_us'])} us" if scanner else ""
+    lengths = ", ".join(f"{name} {length(totals[key])}" for key, name in _LENGTHS if totals[key] or name == "marks")
+    beam = f"; scanner {scanner['model']} {short(scanner['tracking_error_us'])} us" if scanner else ""
     count = totals["segments"]
-    segments = f"{count:,} segment{'s' if count != 1 else ''}, {figure_text(totals['duration_ms'])} ms"
+    segments = f"{count:,} segment{'s' if count != 1 else ''}, {duration(totals['duration_ms'])}"
     channels = [channel_totals(report, colored) for colored in colored_paths] if len(colored_paths) == 1 else []
     return [f"{segments}; {lengths}{beam}", *channels]
 
@@ -33,10 +31,8 @@ def channel_totals(report: Report, colored: ColoredPath) -> str:
     parts = []
     for entry in report.totals["channels"]:
         if entry["channel"] == colored.channel and entry["power_max"] is not None:
-            part = (
-                f"highest {figure_text(entry['power_max'])} {entry['unit']}, on {figure_text(entry['emission_ms'])} ms"
-            )
-            parts.append(part if entry["joules"] is None else f"{part}, {figure_text(entry['joules'])} J")
+            part = f"highest {short(entry['power_max'])} {entry['unit']}, on {duration(entry['emission_ms'])}"
+            parts.append(part if entry["joules"] is None else f"{part}, {energy(entry['joules'])}")
     return f"channel {colored.channel}: {'; '.join(parts)}"
 
 
