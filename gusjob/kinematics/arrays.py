@@ -65,11 +65,14 @@ def running_sum(values: Floats) -> Floats:
         values: The values, (n,).
 
     Returns:
-        The sums, (n+1,), each exact to one rounding.
+        The sums, (n+1,), each exact to one rounding. With a value that is not finite, plain sums.
     """
     top = float(np.max(np.abs(values), initial=0.0)) * max(len(values), 1)
     sums = np.zeros(len(values) + 1)
     if top == 0.0:
+        return sums
+    if not np.isfinite(top):
+        np.cumsum(values, out=sums[1:])
         return sums
     step = 2.0 ** (np.ceil(np.log2(top)) - 61)
     whole = np.rint(values / step)

@@ -56,7 +56,8 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
     # the last digits only.
     gained = (end - start) * (end + start) / 2
     top2 = acc * length + (start * start + end * end) / 2
-    with np.errstate(divide="ignore", invalid="ignore"):
+    # Velocity or acceleration may be so small that a time is infinite.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         tip = (top2 < vel * vel) & (start <= vel)
         peak = np.maximum(np.where(tip, np.sqrt(top2), vel), end)
         up = np.where(tip, acc * length + gained, np.abs(peak - start) * (peak + start))

@@ -46,7 +46,7 @@ def simulate(
     motion = motion_of(events)
     diagnostics = motion_diagnostics(events, motion.schedule)
     ticks = float(motion.schedule.times_ms[-1]) * US_PER_MS / machine.period_us
-    if ticks > MAX_TICKS:
+    if not ticks <= MAX_TICKS:
         return None, [*diagnostics, _too_long(events, motion, ticks)]
     if is_listing:
         diagnostics += path_diagnostics(events, motion, machine)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from support.tools import MARK, run_job, run_listing
+from support.tools import MACHINE, MARK, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.model import simulate_stream
 
 
 def test_a_start_above_the_velocity_slows_down_first() -> None:
@@ -28,3 +29,12 @@ def test_length_of_an_arc_on_unequal_axes_is_an_ellipse() -> None:
     # Half axes 10 mm and 20 mm: 96.884482205477 mm (complete elliptic integral, tables).
     ran = run_listing("GT_ArcXYC(1,0,0,10000,0,1,50,2,0,0)\nGT_CrdStart(1,0)\n", Machine(pulses_per_mm=(1000, 500)))
     assert ran.column("length_mm") == pytest.approx([96.88448220547674], rel=1e-12)
+
+
+@pytest.mark.parametrize("setting", ["VEL 1e-320", "ACC 1e-320", "VEL 1e-30\nSKYWRITE MODE 2 TIMELAG 250us"])
+def test_a_run_that_never_ends_is_too_long(setting: str) -> None:
+    """Its time may be more than a float holds."""
+    job = MARK + setting + "\nLASER POWER 10\nJUMP X 2\nLASER ON\nLINE X 9\nLASER OFF\n"
+    trace, diagnostics = simulate_stream(stream_of(job), MACHINE)
+    assert trace is None
+    assert diagnostics[-1].rule.code == "GJ713"

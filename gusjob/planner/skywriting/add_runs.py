@@ -18,7 +18,7 @@ from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.ir.job import Job
 from gusjob.ir.modal import modal_state
 from gusjob.kinematics.arrays import Indices
-from gusjob.planner.plan import NO_SKY_WRITING, QuantizedPath, rearranged
+from gusjob.planner.plan import NO_SKY_WRITING, QuantizedPath, StagedPath, rearranged
 from gusjob.planner.quantize import quantize
 
 
@@ -36,15 +36,22 @@ def add_runs(quantized: QuantizedPath) -> QuantizedPath:
     marks = find_marks(quantized, number, settings)
     if not marks.is_mark.any():
         return quantized
-    spare = redundant_switches(quantized.job)
-    if len(spare):
-        kept = np.flatnonzero(~np.isin(quantized.origin, spare))
+    # Elsewhere nothing is moved, and a stage must not lose all its rows.
+    with_marks = np.isin(stage_of_rows(quantized), quantized.stage_of_timed[marks.is_mark])
+    spare = with_marks & np.isin(quantized.origin, redundant_switches(quantized.job))
+    if spare.any():
+        kept = np.flatnonzero(~spare)
         quantized = quantize(rearranged(quantized, kept, {}), NO_SKY_WRITING)
         marks = find_marks(quantized, number, settings)
     rows = AddedRows(quantized=quantized, marks=marks)
     run_out_ends = add_run_rows(quantized, marks, rows)
     add_switch_rows(quantized, marks, rows, run_out_ends)
     return quantize(*rows.build())
+
+
+def stage_of_rows(staged: StagedPath) -> Indices:
+    """Number of the stage of each row, (n,)."""
+    return np.searchsorted([stage.first for stage in staged.stages], np.arange(len(staged.path)), side="right") - 1
 
 
 def redundant_switches(job: Job) -> Indices:

@@ -26,6 +26,8 @@ _MOMENT_MS = 1e-4
 """Half the time over which a velocity is measured."""
 _COARSE_PULSE = 3.0
 """Largest error of the beam's position at a switch without a warning."""
+_MOST_STEPS = 2.0**53
+"""Largest number of steps that is shown: at a velocity of almost 0 there are more than an integer holds."""
 _AT_SPEED = 0.02
 """Share by which a mark may miss its speed at its ends: rounding of small circles makes as much."""
 
@@ -153,7 +155,8 @@ def _report_coarse(planned: PlannedPath, schedule: Schedule, events: PlannedEven
         for word, beyond_us in (("NPREV", -from_start_us), ("NPOST", from_end_us)):
             which = (events.op == op) & coarse & (beyond_us > 0)
             columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "word": word, "error": error_um}
-            columns |= {"least": np.ceil(beyond_us / RUN_STEP_US).astype(np.intp)}
+            steps = np.ceil(np.clip(beyond_us / RUN_STEP_US, 0.0, _MOST_STEPS))
+            columns |= {"least": steps.astype(np.intp)}
             _report(planned, collector, rules.SKY_COARSE, events, which, **columns)
 
 

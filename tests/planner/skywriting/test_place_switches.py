@@ -122,3 +122,9 @@ def test_a_laser_off_before_the_first_laser_on_stays() -> None:
         HEAD_MM + "SKYWRITE MODE 2 TIMELAG 250us\nLASER POWER 40\nLASER OFF\nJUMP X 2\nLASER ON\nLINE X 8\nLASER OFF\n"
     )
     assert sum("BufLaserOff" in call for call in calls_of(job)) == 2
+
+
+def test_a_stage_of_switches_alone_keeps_them() -> None:
+    """A LASER OFF for a laser that is off, behind a WAIT: nothing is moved there, and the stage is not empty."""
+    job = HEAD_MM + "SKYWRITE MODE 2 TIMELAG 250us\nLASER ON\nLINE X 10\nLASER OFF\nWAIT\nLASER OFF\n"
+    assert calls_of(job)[-3:] == ["GT_CrdClear(1,0)", "GT_BufLaserOff(1,0,0)", "GT_CrdStart(1,0)"]
