@@ -65,7 +65,9 @@ def _prefixes(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 )  # fmt: skip
 @output_option
 @click.option("--strict", is_flag=True, help="Exit with 1 on warnings, too.")
-@click.option("--exit-zero", is_flag=True, help="Exit with 0 also if there are errors.")
+@click.option(
+    "--exit-zero", is_flag=True, help="Exit with 0 even if there are errors; still 2 if a file can't be read."
+)
 @click.option(
     "--select", multiple=True, callback=_prefixes, metavar="CODES", shell_complete=complete_codes,
     help="Report only these rules, such as GJ4,GJ201.",
@@ -89,7 +91,7 @@ def command(
 
     A FOLDER means all .job and .gts files in it; without arguments, those in the current folder. A GLOB ("**/*.job")
     works even if the shell does not expand it. - reads standard input. Exit status: 0 clean, 1 errors (with --strict
-    also warnings), 2 a file that can't be read. Rules that are not selected, here or in the profile's [check], are not
+    also warnings; with --exit-zero 0 instead), 2 wrong usage or a file that can't be read. Rules that are not selected, here or in the profile's [check], are not
     counted.
 
     With --fix the exit status is that of the corrected files; with --diff it is 1 if there is something to correct.

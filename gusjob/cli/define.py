@@ -39,7 +39,7 @@ define_option = click.option(
     multiple=True,
     callback=_overrides,
     metavar="NAME=VALUE",
-    help="Give a name this value, in place of that of its first LET in the job; repeatable.",
+    help="Replace the value of the first LET of NAME in the job; repeatable.",
 )
 
 

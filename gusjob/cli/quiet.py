@@ -17,7 +17,7 @@ quiet_option = click.option(
     is_flag=True,
     expose_value=False,
     callback=_set,
-    help="Print no notes, summaries and progress, only the result, errors and warnings.",
+    help="Print only the result, errors and warnings: no notes, summaries or progress.",
 )
 
 

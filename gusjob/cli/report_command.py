@@ -86,7 +86,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     help="Default: by the output file's extension, else text. html: one self-contained page for a browser.",
 )
 @click.option(
-    "--summary", is_flag=True, help="Totals only, no segments and marks; for the text the same as without --table."
+    "--summary", is_flag=True, help="Leave out segments and marks. text: leave out all tables, also with --table."
 )
 @click.option(
     "--marks/--no-marks",
@@ -130,7 +130,7 @@ def command(
     tables: bool,
     output: Path | None,
 ) -> None:
-    """Report the time, speed and laser power of a run, and what stands out.
+    """Report the time, velocity and laser power of a run, and what stands out.
 
     The text begins with the answer; --table adds the tables of all segments and marks. The calls are simulated tick by
     tick. A job with errors is not simulated: JSON, markdown and html then have the diagnostics only, other formats are

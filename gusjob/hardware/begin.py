@@ -60,7 +60,8 @@ def _other_overrides(recorded: Overrides) -> Phrase:
         return Phrase("this is the journal of a run without -D: leave out -D")
     given = printable(overrides_text(recorded))
     return Phrase(
-        "this is the journal of a run with -D {overrides}: leave out -D, it is taken from there", overrides=given
+        "this is the journal of a run with -D {overrides}: leave out -D; the values are taken from the journal",
+        overrides=given,
     )
 
 

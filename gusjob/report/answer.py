@@ -210,10 +210,10 @@ def _hottest(report: Report) -> Iterator[Finding]:
         text = Phrase("{value} at its peak", value=value)
         if usual > 0 and peaks[at] > _HOT * usual:
             text = Phrase(
-                "{value} at its peak, {times} times the usual {usual}",
+                "{value} at its peak, {times} times the typical {typical}",
                 value=value,
                 times=short(float(peaks[at]) / usual, 2),
-                usual=_per_mm(usual, entry),
+                typical=_per_mm(usual, entry),
             )
         yield _of_mark(report, Phrase("hottest"), text, at)
 
@@ -252,7 +252,7 @@ def _slowest(report: Report) -> Iterator[Finding]:
     usual, slow = _weighted_median(velocity, length_mm), int(np.argmin(velocity))
     if velocity[slow] < _SLOW * usual:
         text = Phrase(
-            "{value} mm/s on average, usual {usual} mm/s", value=short(float(velocity[slow])), usual=short(usual)
+            "{value} mm/s on average, typical {typical} mm/s", value=short(float(velocity[slow])), typical=short(usual)
         )
         yield _of_segment(report, Phrase("slowest"), text, int(at[slow]))
 
@@ -301,8 +301,8 @@ def _worst_ends(report: Report) -> Iterator[Finding]:
         miss, error = report.marks[f"{side}_miss_um"], report.marks[f"{side}_error_um"]
         at = int(np.argmax(np.nan_to_num(miss, nan=0.0)))
         if miss[at] > 0:
-            late = Phrase("{value} um off, late", value=short(float(miss[at])))
-            early = Phrase("{value} um off, early", value=short(float(miss[at])))
+            late = Phrase("{value} um from the intended point, late", value=short(float(miss[at])))
+            early = Phrase("{value} um from the intended point, early", value=short(float(miss[at])))
             yield _of_mark(report, name, late if error[at] >= 0 else early, at)
 
 

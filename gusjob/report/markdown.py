@@ -51,7 +51,7 @@ _CHANNEL_TOTAL_HEADS = (
     Phrase("unit·ms"),
     Phrase("highest"),
     "J",
-    Phrase("clamped ms"),
+    Phrase("limited ms"),
     Phrase("while off"),
 )
 _MARKING_HEADS = (

@@ -47,14 +47,14 @@ _CHANNEL_HEADS = {
     "power_mean": Phrase("mean"),
     "power_max": Phrase("max"),
     "joules": "J",
-    "clamped_ms": Phrase("held ms"),
+    "clamped_ms": Phrase("limited ms"),
     "unit": Phrase("unit"),
 }
 _IN_SECONDS = {
     "start_ms": Phrase("start s"),
     "duration_ms": "s",
     "emission_ms": Phrase("on s"),
-    "clamped_ms": Phrase("held s"),
+    "clamped_ms": Phrase("limited s"),
 }
 """Heads of columns whose usual value is more than a second."""
 _MARK_HEADS = {
@@ -199,7 +199,7 @@ def _overall(report: Report) -> Phrase:
 def _channel(entry: dict[str, Any]) -> Phrase:
     """Describe the emission of a channel in one power unit."""
     joules = Phrase(", {energy}", energy=energy(entry["joules"])) if entry["joules"] is not None else ""
-    held = Phrase(", held by a limit for {time}", time=duration(entry["clamped_ms"])) if entry["clamped_ms"] else ""
+    held = Phrase(", limited for {time}", time=duration(entry["clamped_ms"])) if entry["clamped_ms"] else ""
     off = while_off(entry["off_output"])
     return Phrase(
         "channel {channel}: on {time}, {power}, highest {highest} {unit}{joules}{held}{rest}",

@@ -55,7 +55,7 @@ class Objective:
         shorter = Phrase("the shorter emission") if self.cost == "emission_ms" else Phrase("the shorter run")
         tolerance = figure(self.tolerance_um, _DIGITS)
         then = Phrase(
-            "of distances that differ by no more than {tolerance} um: {shorter}", tolerance=tolerance, shorter=shorter
+            "if distances differ by no more than {tolerance} um, {shorter} is better", tolerance=tolerance, shorter=shorter
         )
         if not self.replaces:
             then = Phrase(
@@ -64,7 +64,8 @@ class Objective:
                 tolerance=tolerance,
             )
         return [
-            Phrase("objective: the beam is at the intended start of a mark when its emission starts, and at its end"),
+            Phrase("objective: the beam is at the intended start of a mark when the emission starts, and at the intended "
+                "end when it ends"),
             Phrase(
                 "measured by: the RMS distance over all starts and ends of the marks of channel {channel} ({marks})",
                 marks=marks,
@@ -190,7 +191,7 @@ class Verdict:
                     tolerance=tolerance, old=old, new=new,
                 )  # fmt: skip
             case Reason.EQUAL:
-                return Phrase("the RMS distance is {new} um with these values, too", new=new)
+                return Phrase("the RMS distance is {new} um with the job's own values, too", new=new)
 
 
 def judge(before: TuneRun, tuned: TuneResult, objective: Objective) -> Verdict:

@@ -519,7 +519,7 @@ OVERRIDE_UNKNOWN = rule(
     ERROR,
     title="-D sets no LET",
     text="-D {name}: the job does not set {name} with LET{names}{hint}",
-    why="A misspelled name would leave the job as it is, without any message. -D gives another value to the first LET "
+    why="A misspelt name would have no effect, without any message. -D gives another value to the first LET "
     "of a name in the job's own file.",
 )
 OVERRIDE_IN_INCLUDE = variant(

@@ -78,7 +78,7 @@ def _gcode(words: list[tuple[str, str]]) -> Foreign | None:
     letter, code = codes[0]
     if letter == "M":
         return _m_code(code, values)
-    return _OTHER_G.get(code) or Foreign(forms=("",), meant=Phrase("the statements of this language"))
+    return _OTHER_G.get(code) or Foreign(forms=("",), meant=Phrase("a statement of the job language"))
 
 
 def _without_code(values: dict[str, str]) -> Foreign | None:
@@ -194,10 +194,17 @@ def _with_rest(statement: str, form: str) -> Callable[[str], Foreign]:
     return lambda rest: Foreign(forms=(form,), meant=f"{statement} {rest.strip()}".strip()[:60])
 
 
+def _while(_rest: str) -> Foreign:
+    return Foreign(
+        forms=("repeat",),
+        meant=Phrase("REPEAT with a number of iterations: there are no loops with a condition"),
+    )
+
+
 def _move_or_mark(rest: str) -> Foreign:
     values = _axes(rest)
     line, jump = _move("LINE", values) if values else "LINE", _jump(values).strip()
-    meant = Phrase("{jump} (laser off) or {line} (laser as it is)", jump=jump, line=line)
+    meant = Phrase("{jump} (laser off) or {line} (laser unchanged)", jump=jump, line=line)
     return Foreign(forms=("line",), meant=meant)
 
 
@@ -208,7 +215,7 @@ def _axes(rest: str) -> dict[str, str]:
 def _circle(rest: str) -> Foreign:
     values = _axes(rest)
     if not {"X", "Y", "R"} <= values.keys():
-        meant: str = Phrase("JUMP to a point of it, then ARC CW I i J j with its centre relative to that point")
+        meant: str = Phrase("JUMP to a point of the circle, LASER ON, ARC CCW I i J j (its centre relative to that point), LASER OFF")
         return Foreign(forms=("arc",), meant=meant)
     x, y, r = (float(values[letter]) for letter in "XYR")
     jump, arc = f"JUMP X {number(x + r)} Y {number(y)}", f"ARC CCW I {number(-r)} J 0"
@@ -218,7 +225,9 @@ def _circle(rest: str) -> Foreign:
 def _rectangle(rest: str) -> Foreign:
     values = _axes(rest)
     if not {"X", "Y", "W", "H"} <= values.keys():
-        meant: str = Phrase("JUMP to a corner, LASER ON, a LINE to each other corner and back, and LASER OFF")
+        meant: str = Phrase(
+            "JUMP to a corner, LASER ON, a LINE to each of the other corners and back to the first, and LASER OFF"
+        )
         return Foreign(forms=("line",), meant=meant)
     x, y, w, h = (float(values[letter]) for letter in "XYWH")
     jump = f"JUMP X {number(x)} Y {number(y)}"
@@ -251,7 +260,8 @@ _WORDS: dict[str, Callable[[str], Foreign]] = {
     "CIRCLE": _circle,
     **dict.fromkeys(("RECT", "RECTANGLE", "SQUARE"), _rectangle),
     **dict.fromkeys(("POLYLINE", "POLYGON"), _polyline),
-    **dict.fromkeys(("LOOP", "WHILE"), _with_rest("REPEAT", "repeat")),
+    "LOOP": _with_rest("REPEAT", "repeat"),
+    "WHILE": _while,
     **dict.fromkeys(("NEXT", "ENDIF", "ENDFOR", "ENDREPEAT", "ENDLOOP", "ENDWHILE", "WEND", "ENDDEF"), _end),
     **dict.fromkeys(("SUB", "PROC", "FUNCTION"), _with_rest("DEF", "def")),
 }

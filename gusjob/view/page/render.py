@@ -329,7 +329,7 @@ def _channel_summary(entry: Mapping[str, Any]) -> _ChannelSummary:
     if entry["joules"] is not None:
         found.append(_figure(Phrase("joules J"), entry["joules"]))
     if entry["clamped_ms"]:
-        found.append(_figure(Phrase("clamped ms"), entry["clamped_ms"]))
+        found.append(_figure(Phrase("limited ms"), entry["clamped_ms"]))
     if entry.get("before_motion_power_ms"):
         before = localized(Phrase("before the first motion"))
         found.append((before, *_power_time(entry["before_motion_power_ms"], unit)))

@@ -120,7 +120,7 @@ _HEADS_OF_CHANNEL = {
     "power_max": (Phrase("max {unit}", unit="{unit}"), Phrase("highest power")),
     "power_ms": (Phrase("{unit}·ms", unit="{unit}"), Phrase("power integral")),
     "joules": (Phrase("J"), Phrase("energy")),
-    "clamped_ms": (Phrase("clamped ms"), Phrase("time for which a limit clamps the power")),
+    "clamped_ms": (Phrase("limited ms"), Phrase("time for which a limit clamps the power")),
 }
 _CHANNEL = (
     Phrase("ch{channel} {what}", channel="{channel}", what="{what}"),
