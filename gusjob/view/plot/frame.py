@@ -34,7 +34,7 @@ _DISTINCT = 8
 """Up to so many values are labelled individually on a color bar."""
 _MAX_SAMPLES = 10_000
 _ARROW, _MOST_ARROW = 0.05, 0.2
-"""Height of the arrows of a color bar, as a share of it: a line of text, within these limits."""
+"""Height of the arrows of a color bar, as a share of it: with a line of text above the tick's, within these limits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,7 +207,7 @@ def color_bar(figure: Figure, panel: PanelBox, colored: ColoredPath, size_in: tu
         ("both" if ends.has_lower else "max") if ends.has_higher else "min" if ends.has_lower else "neither"
     )
     bar = figure.colorbar(
-        mappable, cax=axes, extend=extend, extendfrac=min(max(line_in(8) / panel.height_in, _ARROW), _MOST_ARROW)
+        mappable, cax=axes, extend=extend, extendfrac=min(max(1.7 * line_in(8) / panel.height_in, _ARROW), _MOST_ARROW)
     )
     if bar.solids is not None:
         bar.solids.set_edgecolor("face")
