@@ -96,16 +96,16 @@ def test_what_stands_out_names_its_line() -> None:
     job += "JUMP X 50\nLASER ON\nLINE X 50.1\nLASER OFF\nJUMP X 60\n"
     found = named(run_job(job))
     assert found["slowest"].line == 17
-    assert found["slowest"].text == "15.8 mm/s on average, usual 90.9 mm/s"
+    assert found["slowest"].text == "15.8 mm/s on average, typical 90.9 mm/s"
     assert found["in jumps"].text == "emission for 0.18 ms, at most 0.06 ms in one jump"
-    assert found["worst end"].text.endswith("um off, late")
-    assert "times the usual 500 %·ms/mm" in found["hottest"].text
+    assert found["worst end"].text.endswith("um from the intended point, late")
+    assert "times the typical 500 %·ms/mm" in found["hottest"].text
 
 
 def test_energy_per_mm_of_a_steady_mark() -> None:
     """Half of 30 W at 100 mm/s: 150 mJ/mm between the ends, which are hotter."""
     ran = run_job(MARK + "LASER POWER 50\nLASER ON\nLINE X 100\nLASER OFF\n", RATED)
-    assert named(ran)["hottest"].text.endswith("times the usual 150 mJ/mm")
+    assert named(ran)["hottest"].text.endswith("times the typical 150 mJ/mm")
 
 
 def test_a_limit_and_a_laser_that_stays_on() -> None:
