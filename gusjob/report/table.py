@@ -211,6 +211,10 @@ def _channel(entry: dict[str, Any]) -> Phrase:
     joules = Phrase(", {energy}", energy=energy(entry["joules"])) if entry["joules"] is not None else ""
     held = Phrase(", held by a limit for {time}", time=duration(entry["clamped_ms"])) if entry["clamped_ms"] else ""
     off = while_off(entry["off_output"])
+    if not (entry["emission_ms"] or entry["power_ms"]):
+        never = Phrase("channel {channel}: laser never on", channel=entry["channel"])
+        dark = Phrase("channel {channel}: laser never on; while off {output}", channel=entry["channel"], output=off)
+        return dark if off else never
     return Phrase(
         "channel {channel}: on {time}, {power}, highest {highest} {unit}{joules}{held}{rest}",
         channel=entry["channel"],

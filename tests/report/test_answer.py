@@ -163,6 +163,12 @@ def test_the_text_fits_a_terminal(columns: int) -> None:
     assert "not shown" not in wide
 
 
+def test_the_totals_of_a_channel_that_never_emits() -> None:
+    ran = run_job(MARK + "JUMP X 1\n")
+    lines = report_text(ran.report, answer(ran), tables=True).splitlines()
+    assert "channel 0: laser never on" in lines
+
+
 def test_times_over_a_second_are_in_seconds() -> None:
     ran = run_job(MARK + "LASER POWER 50\nLASER ON\nLINE X 120\nLINE X 0\nLASER OFF\n")
     text = report_text(ran.report, answer(ran), tables=True)
