@@ -86,7 +86,7 @@ def _tolerance_pct(_context: click.Context, _parameter: click.Parameter, text: s
     help="Default: by the output file's extension, else text. html: one self-contained page for a browser.",
 )
 @click.option(
-    "--summary", is_flag=True, help="Leave out segments and marks. text: leave out all tables, also with --table."
+    "--summary", is_flag=True, help="Totals only, no segments and marks. The text has these only with --table."
 )
 @click.option(
     "--marks/--no-marks",
@@ -138,7 +138,7 @@ def command(
     effect.
     """
     form = output_format(form, output, _ENDINGS)
-    _refuse(form, marking=bool(marking), summary=summary)
+    _refuse(form, marking=bool(marking), summary=summary, tables=tables)
     if form in _EXTRAS:
         need(*_EXTRAS[form], to=Phrase("write {form}", form=form))
         refuse_terminal(form, output)
@@ -184,13 +184,17 @@ def _refuse_only_changes(form: str, earlier_path: Path | None, *, only_changes: 
         raise click.UsageError(localized(Phrase("--only-changes needs --format text or markdown")))
 
 
-def _refuse(form: str, *, marking: bool, summary: bool) -> None:
+def _refuse(form: str, *, marking: bool, summary: bool, tables: bool) -> None:
     """Refuse options that a format does not support."""
     if marking and form in ("csv", "parquet"):
         wrong = Phrase("--marks can't be used with {form}, which has segments only", form=form)
         raise click.UsageError(localized(wrong))
     if summary and form in ("html", "parquet"):
         raise click.UsageError(localized(Phrase("--summary needs --format text, json, csv or markdown")))
+    if tables and form != "text":
+        raise click.UsageError(localized(Phrase("--table needs --format text; other formats have all rows")))
+    if tables and summary:
+        raise click.UsageError(localized(Phrase("--table and --summary exclude each other")))
 
 
 def _report(result: Simulated, marking: bool | None) -> Report:

@@ -129,7 +129,7 @@ def _text(before: TuneRun, tuned: TuneResult, verdict: Verdict, machine: Machine
 
 def _how(tuned: TuneResult, machine: Machine) -> str:
     how = Phrase("found by {how}, for the scanner {scanner}", how=tuned.how, scanner=machine.scanner)
-    return localized(Phrase("{how}: {range}", how=how, range=tuned.searched))
+    return localized(Phrase("{how}: {range}", how=how, range=tuned.searched) if tuned.searched else how)
 
 
 def _compared(one: dict[str, Any] | None, other: dict[str, Any] | None) -> Iterator[str]:

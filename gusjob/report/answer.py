@@ -23,6 +23,8 @@ _SLOW = 0.9
 """Share of the usual velocity of marks below which the slowest mark is named."""
 _HOT = 1.05
 """Multiple of the usual energy per mm above which the hottest mark is compared with it."""
+_LEAST_MISS_UM = 0.1
+"""An end that is nearer to its intended point is not named: controllers have whole units of about 1 um."""
 _LEAST_SHARE = 0.005
 """A kind of segments that takes less of the time is not named."""
 
@@ -300,7 +302,7 @@ def _worst_ends(report: Report) -> Iterator[Finding]:
             return
         miss, error = report.marks[f"{side}_miss_um"], report.marks[f"{side}_error_um"]
         at = int(np.argmax(np.nan_to_num(miss, nan=0.0)))
-        if miss[at] > 0:
+        if miss[at] >= _LEAST_MISS_UM:
             late = Phrase("{value} um from the intended point, late", value=short(float(miss[at])))
             early = Phrase("{value} um from the intended point, early", value=short(float(miss[at])))
             yield _of_mark(report, name, late if error[at] >= 0 else early, at)

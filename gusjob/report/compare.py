@@ -13,10 +13,12 @@ from gusjob.ir.overrides import Overrides
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.report.earlier import ANY_UNIT, CHANNELS, COUNTS, FIGURES, POWERS, Columns, EarlierReport, Key, flat_totals
 from gusjob.report.match import matched_rows
-from gusjob.report.rows import Report
+from gusjob.report.rows import OFF_OUTPUT, Report
 
 _ROUNDING = 1e-9
 """Smaller relative differences come from the order of summation."""
+_OUTPUT = {"emission_ms", "power_ms", "before_motion_power_ms", "lit_at_end", *OFF_OUTPUT}
+"""Totals of a channel that has any output."""
 _SMALLEST_CHANGE = 1e-6
 """Smaller absolute differences are ignored: 1 ns, 1 nm, a millionth of a unit of power, 1 nJ."""
 
@@ -118,6 +120,7 @@ def compare(report: Report, earlier: EarlierReport, tolerance_pct: float) -> Com
     tolerance = tolerance_pct / 100 + _ROUNDING
     old = earlier.totals
     new = flat_totals(report.totals) | {("period_us", None, None): report.period_us}
+    old, new = _without_dark(old, new), _without_dark(new, old)
     totals: list[TotalChange] = []
     skipped: set[str] = set()
     for channel in CHANNELS:
@@ -143,6 +146,13 @@ def _changed_overrides(old: Overrides, new: Overrides) -> tuple[OverrideChange, 
     names = [*new, *(name for name in old if name not in new)]
     changes = (OverrideChange(name=name, old=old.get(name), new=new.get(name)) for name in names)
     return tuple(change for change in changes if change.old != change.new)
+
+
+def _without_dark(totals: dict[Key, float], others: dict[Key, float]) -> dict[Key, float]:
+    """Leave out the channels that the other report lacks and that have no output here: a mode alone is no change."""
+    lit = {channel for (name, channel, _), value in totals.items() if name in _OUTPUT and value > 0}
+    known = {channel for _, channel, _ in others}
+    return {key: value for key, value in totals.items() if key[1] in lit | known}
 
 
 def _power_units(totals: dict[Key, float], channel: int) -> str | None:

@@ -24,7 +24,7 @@ def short(value: float | None, digits: int = HEADLINE_DIGITS) -> str:
 def duration(time_ms: float) -> str:
     """Format a time: 634 ms, 33.6 s, 12 min 34 s, 3 h 05 min."""
     seconds = time_ms / MS_PER_S
-    if seconds < 1:
+    if round(time_ms) < MS_PER_S:
         return f"{short(time_ms)} ms"
     if seconds < _LONG_S:
         return f"{short(seconds)} s"

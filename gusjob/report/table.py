@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -28,6 +29,8 @@ MAX_ROWS = 40
 UNLIMITED = 400
 """Width of a text that is not for a terminal: wide enough for two channels, so that no number is cut."""
 _LEAST_WIDTH = 40
+_LEAST_TEXT_WIDTH = 16
+"""Narrower texts of findings go on lines of their own, below name and place."""
 _BETWEEN = " · "
 _STYLES = {None: "bold green", Severity.WARNING: "bold yellow", Severity.ERROR: "bold red"}
 _HEADS = {
@@ -119,7 +122,7 @@ def report_text(
     console.print(_headline(answer, width), soft_wrap=True)
     console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"), soft_wrap=True)
     if answer.findings:
-        console.print(_findings(answer.findings))
+        _print_findings(console, answer.findings, width)
     if tables:
         console.print()
         console.print(_totals(report))
@@ -149,15 +152,22 @@ def _joined(parts: Iterable[str], width: int, indent: str) -> str:
     return "\n".join(lines)
 
 
-def _findings(findings: Iterable[Finding]) -> Table:
-    """Lay out what stands out: name, line, text."""
+def _print_findings(console: Console, findings: Iterable[Finding], width: int) -> None:
+    """Print what stands out: name, line, text. Names and lines stay whole."""
+    rows = [("  " + localized(f.name), localized(f.place), localized(f.text)) for f in findings]
+    before_text = sum(max(map(columns_of, cells)) + 2 for cells in [*zip(*rows, strict=True)][:2])
+    if width - before_text < _LEAST_TEXT_WIDTH:
+        for name, place, text in rows:
+            console.print(Text(f"{name}  {place}".rstrip()), soft_wrap=True)
+            console.print(Padding(Text(text, overflow="fold"), (0, 0, 0, 4)))
+        return
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
     table.add_column(no_wrap=True)
-    table.add_column()
-    for finding in findings:
-        table.add_row("  " + localized(finding.name), localized(finding.place), localized(finding.text))
-    return table
+    table.add_column(overflow="fold")  # Text without blanks is broken, not cut.
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
 
 
 def _totals(report: Report) -> Text:
@@ -201,6 +211,10 @@ def _channel(entry: dict[str, Any]) -> Phrase:
     joules = Phrase(", {energy}", energy=energy(entry["joules"])) if entry["joules"] is not None else ""
     held = Phrase(", limited for {time}", time=duration(entry["clamped_ms"])) if entry["clamped_ms"] else ""
     off = while_off(entry["off_output"])
+    if not (entry["emission_ms"] or entry["power_ms"]):
+        never = Phrase("channel {channel}: laser never on", channel=entry["channel"])
+        dark = Phrase("channel {channel}: laser never on; while off {output}", channel=entry["channel"], output=off)
+        return dark if off else never
     return Phrase(
         "channel {channel}: on {time}, {power}, highest {highest} {unit}{joules}{held}{rest}",
         channel=entry["channel"],

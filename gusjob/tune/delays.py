@@ -53,9 +53,14 @@ def tune_delays(run: TuneRun, machine: Machine, channel: int) -> TuneResult | st
         on = off = Band(first_us=round(lag_us), last_us=round(lag_us), miss_mm=0)
         how = CLOSED_FORM
     on_us, off_us = _choose_delays(_as_delays(on, gap_us), _as_delays(off, late_us), lag_us - gap_us, lag_us - late_us)
-    return try_statement(
+    tuned = try_statement(
         run, machine, LaserDelay, channel, _delay_statement(run, channel, on_us, off_us), how, searched
     )
+    if isinstance(tuned, TuneResult) and tuned.run.trace is not None and not (run.ends or tuned.run.ends):
+        return Phrase(
+            "no mark of channel {channel} has a length: delays change only how long it burns", channel=channel
+        )
+    return tuned
 
 
 def _without_delays(run: TuneRun, machine: Machine, channel: int) -> TuneRun | str:

@@ -55,7 +55,9 @@ class Objective:
         shorter = Phrase("the shorter emission") if self.cost == "emission_ms" else Phrase("the shorter run")
         tolerance = figure(self.tolerance_um, _DIGITS)
         then = Phrase(
-            "if distances differ by no more than {tolerance} um, {shorter} is better", tolerance=tolerance, shorter=shorter
+            "if distances differ by no more than {tolerance} um, {shorter} is better",
+            tolerance=tolerance,
+            shorter=shorter,
         )
         if not self.replaces:
             then = Phrase(
@@ -64,8 +66,10 @@ class Objective:
                 tolerance=tolerance,
             )
         return [
-            Phrase("objective: the beam is at the intended start of a mark when the emission starts, and at the intended "
-                "end when it ends"),
+            Phrase(
+                "objective: the beam is at the intended start of a mark when the emission starts, and at the intended "
+                "end when it ends"
+            ),
             Phrase(
                 "measured by: the RMS distance over all starts and ends of the marks of channel {channel} ({marks})",
                 marks=marks,

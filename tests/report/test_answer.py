@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from support.tools import MACHINE, MARK, Ran, run_job, run_listing
 
@@ -35,7 +36,7 @@ def named(ran: Ran) -> dict[str, Finding]:
         (short(20139.4), "20139"), (short(999.6), "1000"), (short(0.00012345), "0.000123"),
         (short(1234.5678, 4), "1235"), (short(123.45678, 4), "123.5"),
         (duration(0.0), "0 ms"), (duration(0.0625), "0.0625 ms"), (duration(999.4), "999 ms"),
-        (duration(1000.0), "1 s"),
+        (duration(999.7), "1 s"), (duration(1000.0), "1 s"),
         (duration(33_640.0), "33.6 s"), (duration(599_000.0), "599 s"), (duration(754_400.0), "12 min 34 s"),
         (duration(3_599_700.0), "1 h 00 min"), (duration(11_100_000.0), "3 h 05 min"),
         (length(0.0), "0 mm"), (length(0.045), "45 um"), (length(198.49), "198 mm"), (length(10_176.0), "10.2 m"),
@@ -90,15 +91,15 @@ def test_the_status(severities: list[Severity], status: str, worst: Severity | N
 
 def test_what_stands_out_names_its_line() -> None:
     """Two long marks at 100 mm/s; one of 0.1 mm, which takes 2*sqrt(L/a) = 6.32 ms: 15.8 mm/s on average."""
-    job = OFF + "LASER DELAY ON 0 OFF 60us\nLASER POWER 50\n"
+    job = OFF + "LASER DELAY ON 0 OFF 600us\nLASER POWER 50\n"
     for x in (20, 40):
         job += f"JUMP X {x - 10}\nLASER ON\nLINE X {x}\nLASER OFF\n"
     job += "JUMP X 50\nLASER ON\nLINE X 50.1\nLASER OFF\nJUMP X 60\n"
     found = named(run_job(job))
     assert found["slowest"].line == 17
     assert found["slowest"].text == "15.8 mm/s on average, typical 90.9 mm/s"
-    assert found["in jumps"].text == "emission for 0.18 ms, at most 0.06 ms in one jump"
-    assert found["worst end"].text.endswith("um from the intended point, late")
+    assert found["in jumps"].text == "emission for 1.8 ms, at most 0.6 ms in one jump"
+    assert found["worst end"].text == "1.8 um from the intended point, late"  # a*t^2/2
     assert "times the typical 500 %·ms/mm" in found["hottest"].text
 
 
@@ -119,6 +120,33 @@ def test_a_limit_and_a_laser_that_stays_on() -> None:
     assert found["LEFT ON"].text == "the laser of channel 0 is still on at the end"
 
 
+@pytest.mark.parametrize(("miss_um", "named_ends"), [(0.0, []), (0.01, []), (0.25, ["worst start", "worst end"])])
+def test_only_ends_that_are_off_by_more_than_a_fraction_of_a_unit_are_named(
+    miss_um: float, named_ends: list[str]
+) -> None:
+    """The controller's units are 1 um; rounding of sums leaves misses far below."""
+    ran = run_job(MARK + "LASER POWER 50\nLASER ON\nLINE X 10\nLASER OFF\n")
+    miss = dict.fromkeys(("on_miss_um", "off_miss_um"), np.array([miss_um]))
+    report = replace(ran.report, marks={**(ran.report.marks or {}), **miss})
+    names = [str(finding.name) for finding in answer_of(report, ran.diagnostics).findings]
+    assert [name for name in names if name.startswith("worst")] == named_ends
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_findings_are_never_cut(columns: int) -> None:
+    """A long path stays whole, and so do texts without blanks, as Chinese has them."""
+    ran = run_job(MARK + "JUMP X 1\n")
+    path, text = "folder/" * 12 + "part.job", "最热" * 60
+    for finding in (
+        Finding(name="hottest", text="1179 %·ms/mm at its peak", line=8, file=path),
+        Finding(name="hottest", text=text, line=8),
+    ):
+        shown = report_text(ran.report, replace(answer(ran), findings=(finding,)), width=columns)
+        assert "…" not in shown
+        assert finding.place in shown
+        assert finding.text.replace(" ", "") in "".join(shown.split())
+
+
 @pytest.mark.parametrize("columns", [40, 60, 80, 100, 120, 200])
 def test_the_text_fits_a_terminal(columns: int) -> None:
     two = MARK + "LASER MODE ANALOG CHANNEL 1\nLASER POWER 5 CHANNEL 1\nLASER POWER 40\nLASER ON\nLASER ON CHANNEL 1\n"
@@ -133,6 +161,12 @@ def test_the_text_fits_a_terminal(columns: int) -> None:
         assert "not shown at this width" in text
     wide = report_text(ran.report, answer(ran), tables=True)
     assert "not shown" not in wide
+
+
+def test_the_totals_of_a_channel_that_never_emits() -> None:
+    ran = run_job(MARK + "JUMP X 1\n")
+    lines = report_text(ran.report, answer(ran), tables=True).splitlines()
+    assert "channel 0: laser never on" in lines
 
 
 def test_times_over_a_second_are_in_seconds() -> None:

@@ -305,6 +305,16 @@ def test_a_channel_that_is_new(against: Any) -> None:
     assert changed_rows(there) == {"ch1_emission_ms": [1], "ch1_joules": [1]}
 
 
+def test_a_channel_without_output_that_one_report_lacks(against: Any) -> None:
+    """A journal has channel 1, too: the run switches it off."""
+    one = earlier_of(entry())
+    dark = {"channel": 1, "emission_ms": 0.0, "power_ms": 0.0, "power_max": None}
+    for new, old in ((one, earlier_of(entry(), entry(**dark))), (earlier_of(entry(), entry(**dark)), one)):
+        assert against(old, new).same
+    for output in ({"emission_ms": 1.0}, {"lit_at_end": True}, {"off_output": {"standby_pct": 2.0}}):
+        assert not against(one, earlier_of(entry(), entry(**{**dark, **output}))).same
+
+
 def test_totals_move(against: Any) -> None:
     now = earlier_of(entry(power_max=31.0, power_ms=905.0, joules=3.0))
     now["period_us"], now["totals"]["segments"], now["totals"]["mark_mm"] = 125.0, 1001, 3.02

@@ -132,6 +132,8 @@ def test_many_files_in_parquet(tmp_path: Path) -> None:
         (["--format", "parquet", "--marks"], "--marks can't be used with parquet"),
         (["--format", "parquet", "--summary"], "--summary needs --format"),
         (["--format", "html", "--summary"], "--summary needs --format"),
+        (["--format", "csv", "--table"], "--table needs --format text"),
+        (["--summary", "--table"], "--table and --summary exclude each other"),
     ],
 )
 def test_what_does_not_go_together(tmp_path: Path, arguments: list[str], message: str) -> None:

@@ -320,6 +320,7 @@ def test_a_run_in_that_finds_no_room_is_not_tried(model: str) -> None:
         (DUTY, False, "channel 0 has no mark"),
         (DUTY + SPEEDS + "JUMP X 5\n", True, "channel 0 has no mark"),
         (DUTY + SPEEDS + "LASER ON\nLINE X 0\nLASER OFF\n", False, "channel 0 has no mark"),
+        (DUTY + SPEEDS + "LASER ON\nDWELL 5\nLASER OFF\n", False, "no mark of channel 0 has a length"),
         (DUTY + SPEEDS + "LASER ON NOW\nDWELL 5\nLASER OFF NOW\n", False, "no mark of channel 0 is switched"),
         (DUTY + SPEEDS + "LASER ON\nLINE X 3\nWAIT\nLINE X 5\nLASER OFF\n", False, "no mark of channel 0 is switched"),
         (DUTY + "LASER DELAY ON 1 OFF 2\nLASER DELAY ON 1 OFF 3\n" + SPEEDS + FROM_REST, False, "in lines 2, 3"),
@@ -565,8 +566,8 @@ def test_json_has_everything_in_full(tune: Tune, tmp_path: Path) -> None:
 def test_each_unit_of_power_has_its_table(tune: Tune) -> None:
     other = b"LASER MODE ANALOG MAX 10\nLASER POWER 5\nLASER ON\nLINE X 9\nLASER OFF\n"
     output = tune(MODE + BODY + other).output
-    assert "%*ms/mm" in output
-    assert "V*ms/mm" in output
+    assert "%·ms/mm" in output
+    assert "V·ms/mm" in output
 
 
 def test_the_scanner_may_be_the_profiles(tune: Tune, tmp_path: Path) -> None:

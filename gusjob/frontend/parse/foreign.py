@@ -215,7 +215,9 @@ def _axes(rest: str) -> dict[str, str]:
 def _circle(rest: str) -> Foreign:
     values = _axes(rest)
     if not {"X", "Y", "R"} <= values.keys():
-        meant: str = Phrase("JUMP to a point of the circle, LASER ON, ARC CCW I i J j (its centre relative to that point), LASER OFF")
+        meant: str = Phrase(
+            "JUMP to a point of the circle, LASER ON, ARC CCW I i J j (its centre relative to that point), LASER OFF"
+        )
         return Foreign(forms=("arc",), meant=meant)
     x, y, r = (float(values[letter]) for letter in "XYR")
     jump, arc = f"JUMP X {number(x + r)} Y {number(y)}", f"ARC CCW I {number(-r)} J 0"
