@@ -91,8 +91,8 @@ def command(
 
     A FOLDER means all .job and .gts files in it; without arguments, those in the current folder. A GLOB ("**/*.job")
     works even if the shell does not expand it. - reads standard input. Exit status: 0 clean, 1 errors (with --strict
-    also warnings; with --exit-zero 0 instead), 2 wrong usage or a file that can't be read. Rules that are not selected, here or in the profile's [check], are not
-    counted.
+    also warnings; with --exit-zero 0 instead), 2 wrong usage or a file that can't be read. Rules that are not selected,
+    here or in the profile's [check], are not counted.
 
     With --fix the exit status is that of the corrected files; with --diff it is 1 if there is something to correct.
     --fix writes the corrected text of standard input to standard output.

@@ -109,8 +109,8 @@ def command(
     A job with errors is not run. With --backend gts it runs on hardware: library and ABI come from the options or the
     machine profile; the command describes the run and starts it when you confirm. Keys: p pauses and continues; q and
     Ctrl+C stop smoothly, pressed a second time at once. However a run ends, the laser is switched off first. All calls
-    are recorded in a journal; --resume continues the run of a journal; its -D values are taken from the journal. Options marked [gts] are for
-    hardware only.
+    are recorded in a journal; --resume continues the run of a journal; its -D values are taken from the journal.
+    Options marked [gts] are for hardware only.
     """
     if backend == "sim":
         given = {

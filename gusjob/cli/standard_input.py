@@ -62,8 +62,8 @@ stdin_filename_option = click.option(
     type=click.Path(),
     callback=_name,
     metavar="PATH",
-    help="Name of standard input (FILE is -) in messages. The profile and included files are searched for in its folder; "
-    "its extension decides whether it is a job or a listing.",
+    help="Name of standard input (FILE is -) in messages. The profile and included files are searched for in its "
+    "folder; its extension decides whether it is a job or a listing.",
 )
 
 

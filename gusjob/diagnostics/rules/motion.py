@@ -148,8 +148,8 @@ MARK_TOO_SHORT = rule(
     text="{what} reaches only {value} of {velocity} {speed}: {actual} {length} is too short for this acceleration; "
     "{least} {length} or {remedy} would be enough",
     why="The whole mark gets more energy per mm than its power and velocity set. With sky writing (SKYWRITE) every "
-    "mark has its full velocity from start to end. Not reported: marks that reach 90 % of their velocity somewhere, marks "
-    "that are as fast as their corners allow, and marks whose power follows the velocity (LASER FOLLOW).",
+    "mark has its full velocity from start to end. Not reported: marks that reach 90 % of their velocity somewhere, "
+    "marks that are as fast as their corners allow, and marks whose power follows the velocity (LASER FOLLOW).",
     bad="LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 400\nACC 30000\nLASER ON\nLINE X 0.5\nLASER OFF\n",
     good="LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 400\nACC 30000\nLASER ON\nLINE X 6\nLASER OFF\n",
 )
