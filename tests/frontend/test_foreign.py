@@ -131,6 +131,10 @@ def test_a_unit_is_written_directly_after_its_number(line: str, glued: str) -> N
     assert glued in fixed
 
 
+def test_a_unit_with_blanks_inside_is_the_whole_unit() -> None:
+    assert parse_statement("VEL 500 mm / s", 1)[1][0].message.endswith("directly after its number: 500mm/s")
+
+
 def checked(text: str) -> Checked:
     loaded = load(Path("a.job"), data=text.encode())
     assert isinstance(loaded, Checked)
