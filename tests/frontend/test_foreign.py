@@ -24,6 +24,7 @@ WRITTEN = [
     ("G2 X1 Y2 I0.5 J-1", "ARC CW X 1 Y 2 I 0.5 J -1"),
     ("G3 X1 Y2 R5 F60", "ARC CCW X 1 Y 2 R 5 VEL 1mm/s"),
     ("G4 S2", "DWELL 2s"),
+    ("G4 X2", "DWELL 2s"),
     ("G21", "UNITS MM"),
     ("G90", "COORDS ABS"),
     ("G91", "COORDS REL"),
@@ -58,6 +59,18 @@ SEVERAL = [
     ("RECT X 1 Y 2 W 10 H 5",
      "JUMP X 1 Y 2, LASER ON, LINE X 11, LINE Y 7, LINE X 1, LINE Y 2 and LASER OFF"),
     ("M30", "nothing: leave the line out"),
+    ("G91 G1 X5", "COORDS REL, then LINE X 5"),
+    ("G0 X1 Y2 M5", "LASER OFF, then JUMP X 1 Y 2"),
+    ("G1 X5 F600 S500 M3",
+     "LASER ON, then LINE X 5 VEL 10mm/s, and LASER POWER before it: the scale of S is not known"),
+    ("G17 G21 G90 G94", "UNITS MM, then COORDS ABS"),
+    ("G20 G1 X1 F60", "all numbers in mm: there are no inches (1 inch is 25.4 mm)"),
+    ("G2 X1 Y2 R5 S9", "ARC CW X 1 Y 2 R 5, and LASER POWER before it: the scale of S is not known"),
+    ("G1 S500", "LASER POWER with a unit, such as LASER POWER 50%: the scale of S is not known"),
+    ("M3 G1", "LASER ON"),
+    ("G4", "DWELL and a time, such as DWELL 5ms"),
+    ("G1 X1e3", ""),  # Not X 1.
+    ("G0 X\u0663", ""),
     ("G17", "nothing: leave the line out"),
 ]  # fmt: skip
 
@@ -116,6 +129,10 @@ def test_a_unit_is_written_directly_after_its_number(line: str, glued: str) -> N
     fixed = corrected(line)
     assert fixed is not None
     assert glued in fixed
+
+
+def test_a_unit_with_blanks_inside_is_the_whole_unit() -> None:
+    assert parse_statement("VEL 500 mm / s", 1)[1][0].message.endswith("directly after its number: 500mm/s")
 
 
 def checked(text: str) -> Checked:

@@ -15,13 +15,14 @@ from gusjob.i18n.phrases import Phrase, number
 _MAX_READ = 200
 """Characters of a line that are read."""
 _COMMENT = re.compile(r"#\s*(?P<text>.*)|\((?P<inner>[^()]*)\)|(?P<tape>%)")
-_LINE_NUMBER = re.compile(r"N\d+\s*(?=\S)", re.IGNORECASE)
+_LINE_NUMBER = re.compile(r"N\d+\s*(?=\S)", re.IGNORECASE | re.ASCII)
 _REMARK = re.compile(r"\([^()]*\)")
-_WORD = re.compile(r"([A-Z])\s*=?\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*", re.IGNORECASE)
-_GCODE = re.compile(f"(?:{_WORD.pattern})+", re.IGNORECASE)
+_WORD = re.compile(r"([A-Z])\s*=?\s*([-+]?(?:\d+\.?\d*|\.\d+))(?!E[-+]?\d)\s*", re.IGNORECASE | re.ASCII)
+"""No exponent: 1E3 is one number, not the two words X1 E3."""
+_GCODE = re.compile(f"(?:{_WORD.pattern})+", re.IGNORECASE | re.ASCII)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
-_AXIS = re.compile(rf"\b([XYRWHIJ])\s*=?\s*({_VALUE})", re.IGNORECASE)
-_QUANTITY = re.compile(rf"\s*=?\s*({_VALUE})\s*([a-zA-Z%][a-zA-Z/%0-9]*)?\s*$")
+_AXIS = re.compile(rf"\b([XYRWHIJ])\s*=?\s*({_VALUE})", re.IGNORECASE | re.ASCII)
+_QUANTITY = re.compile(rf"\s*=?\s*({_VALUE})\s*([a-zA-Z%][a-zA-Z/%0-9]*)?\s*$", re.ASCII)
 _ASSIGNMENT = re.compile(r"(?:(?:SET|VAR|CONST|DIM)\s+)?([A-Za-z_]\w*)\s*=\s*([^=].*)", re.IGNORECASE)
 
 
@@ -64,21 +65,42 @@ def foreign_of(code: str) -> Foreign | None:
 # G-code.
 
 _LEFT_OUT = Phrase("nothing: leave the line out")
+_NOTHING = Foreign(forms=("wait",), meant=_LEFT_OUT)
+_INCHES = ("G", 20.0)
 _SCALE = Phrase("LASER ON, and LASER POWER with a unit: the scale of S is not known")
 
 
 def _gcode(words: list[tuple[str, str]]) -> Foreign | None:
-    codes = [(letter, float(value)) for letter, value in words if letter in "GM"]
-    values = {letter: value for letter, value in words if letter not in "GM"}
+    codes = [(letter.upper(), float(value)) for letter, value in words if letter in "GM"]
+    # F0 is no velocity, and changes none.
+    values = {letter: value for letter, value in words if letter not in "GM" and (letter != "F" or float(value))}
     if not codes:
         return _without_code(values)
-    motion = next((g for letter, g in codes if letter == "G" and g in _MOTIONS), None)
-    if motion is not None:
-        return _MOTIONS[motion](values)
-    letter, code = codes[0]
+    if _INCHES in codes:
+        return _OTHER_G[20]  # No number of the line is one that can be written.
+    # What is said first is done last: controllers switch the laser and set modes before they move.
+    codes.sort(key=lambda code: (code[0] == "G", code[0] == "G" and code[1] in _MOTIONS))
+    moves = codes[-1][0] == "G" and codes[-1][1] in _MOTIONS
+    known = [_of_code(letter, code, values, moves=moves) for letter, code in codes]
+    some = [one for one in known if one is not None and one is not _NOTHING]
+    if not some:
+        return _NOTHING if _NOTHING in known else Foreign(forms=("",), meant=Phrase("a statement of the job language"))
+    return _in_order(some)
+
+
+def _in_order(several: list[Foreign]) -> Foreign:
+    """One after the other."""
+    meant = several[-1].meant
+    for before in reversed(several[:-1]):
+        meant = Phrase("{first}, then {then}", first=before.meant, then=meant)
+    return Foreign(forms=tuple(form for one in several for form in one.forms), meant=meant)
+
+
+def _of_code(letter: str, code: float, values: dict[str, str], *, moves: bool) -> Foreign | None:
+    """What one code is, None if that is not known. `moves`: there is a motion in its line, S belongs to that."""
     if letter == "M":
-        return _m_code(code, values)
-    return _OTHER_G.get(code) or Foreign(forms=("",), meant=Phrase("a statement of the job language"))
+        return _m_code(code, {} if moves else values)
+    return _MOTIONS[code](values) if code in _MOTIONS else _OTHER_G.get(code)
 
 
 def _without_code(values: dict[str, str]) -> Foreign | None:
@@ -87,10 +109,11 @@ def _without_code(values: dict[str, str]) -> Foreign | None:
     if set(values) == {"S"}:
         meant = Phrase("LASER POWER with a unit, such as LASER POWER 50%: the scale of S is not known")
         return Foreign(forms=("laser_power",), meant=meant)
+    if set(values) == {"F", "S"}:
+        return _in_order([one for letter in "FS" if (one := _without_code({letter: values[letter]}))])
     if {"X", "Y"} & values.keys():
-        return Foreign(
-            forms=("line",), meant=Phrase("{line} or {jump}", line=_move("LINE", values), jump=_jump(values))
-        )
+        meant = Phrase("{line} or {jump}", line=_move("LINE", values), jump=_jump(values))
+        return Foreign(forms=_mark_forms("line", values), meant=meant)
     return None
 
 
@@ -101,7 +124,7 @@ def _m_code(code: float, values: dict[str, str]) -> Foreign:
         return Foreign(forms=("laser_switch",), meant="LASER ON")
     if code == 5:
         return Foreign(forms=("laser_switch",), meant="LASER OFF")
-    return Foreign(forms=("wait",), meant=_LEFT_OUT)
+    return _NOTHING
 
 
 def _feed(per_min: str) -> str:
@@ -125,36 +148,41 @@ def _jump(values: dict[str, str]) -> str:
 
 def _rapid(values: dict[str, str]) -> Foreign:
     if not {"X", "Y"} & values.keys():
-        return Foreign(forms=("jump",), meant=_LEFT_OUT)
+        return _NOTHING
     return Foreign(forms=("jump",), meant=_jump(values))
 
 
 def _linear(values: dict[str, str]) -> Foreign:
-    forms: tuple[str, ...] = (
-        "line",
-        *(("VEL",) if "F" in values else ()),
-        *(("laser_power",) if "S" in values else ()),
-    )
     if not {"X", "Y"} & values.keys():
-        return Foreign(forms=forms, meant=_feed(values["F"]) if "F" in values else _LEFT_OUT)
-    line = _move("LINE", values)
-    if "S" in values:
-        line = Phrase("{line}, and LASER POWER before it: the scale of S is not known", line=line)
-    return Foreign(forms=forms, meant=line)
+        return _without_code({letter: values[letter] for letter in "FS" if letter in values}) or _NOTHING
+    return _mark("line", values, _move("LINE", values))
 
 
 def _arc(direction: str) -> Callable[[dict[str, str]], Foreign]:
     def arc(values: dict[str, str]) -> Foreign:
-        forms: tuple[str, ...] = ("arc", *(("VEL",) if "F" in values else ()))
-        return Foreign(forms=forms, meant=_move(f"ARC {direction}", values, "XYR" if "R" in values else "XYIJ"))
+        return _mark("arc", values, _move(f"ARC {direction}", values, "XYR" if "R" in values else "XYIJ"))
 
     return arc
 
 
-def _pause(values: dict[str, str]) -> Foreign:
+def _mark(form: str, values: dict[str, str], meant: str) -> Foreign:
+    """A motion that may have an F and an S."""
     if "S" in values:
-        return Foreign(forms=("dwell",), meant=f"DWELL {values['S']}s")
-    time = values.get("P", "1")
+        meant = Phrase("{line}, and LASER POWER before it: the scale of S is not known", line=meant)
+    return Foreign(forms=_mark_forms(form, values), meant=meant)
+
+
+def _mark_forms(form: str, values: dict[str, str]) -> tuple[str, ...]:
+    return (form, *(one for letter, one in (("F", "VEL"), ("S", "laser_power")) if letter in values))
+
+
+def _pause(values: dict[str, str]) -> Foreign:
+    seconds = next((values[letter] for letter in "SXU" if letter in values), None)
+    if seconds is not None:
+        return Foreign(forms=("dwell",), meant=f"DWELL {seconds}s")
+    time = values.get("P")
+    if time is None:
+        return Foreign(forms=("dwell",), meant=Phrase("DWELL and a time, such as DWELL 5ms"))
     meant = Phrase("DWELL {time}ms or DWELL {time}s: the unit of P depends on the controller", time=time)
     return Foreign(forms=("dwell",), meant=meant)
 
@@ -172,7 +200,7 @@ _OTHER_G: dict[float, Foreign] = {
     28: Foreign(forms=("jump",), meant="JUMP X 0 Y 0"),
     90: Foreign(forms=("coords",), meant="COORDS ABS"),
     91: Foreign(forms=("coords",), meant="COORDS REL"),
-    **dict.fromkeys((17, 40, 49, 50, 54, 61, 64, 80, 94), Foreign(forms=("wait",), meant=_LEFT_OUT)),
+    **dict.fromkeys((17, 40, 49, 50, 54, 61, 64, 80, 94), _NOTHING),
 }
 
 

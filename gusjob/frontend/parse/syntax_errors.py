@@ -16,6 +16,7 @@ from gusjob.kinematics.units import UNITS, QuantityKind
 
 UNIT = re.compile("(?:" + "|".join(sorted(map(re.escape, UNITS), key=len, reverse=True)) + ")(?![A-Za-z0-9_])", re.I)
 """A unit that no word begins with."""
+_AROUND_SLASH = re.compile(r"[ \t]*/[ \t]*")
 COMPARISON_HINT = Phrase("; write a comparison with ==")
 EXPECTED_KIND = {
     QuantityKind.LENGTH: Phrase("a length (um, mm, pulse)"),
@@ -65,7 +66,7 @@ def _hint(text: str, misread: Misread) -> str:
     before = text[: misread.column - 1].split()
     if found == "=" and before and before[0].upper() == "IF":
         return COMPARISON_HINT
-    unit = UNIT.match(text, misread.column - 1)
+    unit = UNIT.match(_AROUND_SLASH.sub("/", text[misread.column - 1 :]))  # Also `mm / s`.
     if unit and before and before[-1][-1:].isdigit():
         return Phrase("; write the unit directly after its number: {glued}", glued=f"{before[-1]}{unit[0]}")
     if found == "#":

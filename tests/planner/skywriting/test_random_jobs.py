@@ -7,7 +7,12 @@ from random import Random
 
 import pytest
 from oracles import skywriting as ref
-from support.skywriting import CHECKS, SEEDS, Case, Jobs, case_of
+from oracles.skywriting import Step
+from support.skywriting import CHECKS, SEEDS, Case, Jobs, case_of, compiled, ran
+from support.tools import MACHINE
+
+from gusjob.diagnostics.model import Severity
+from gusjob.report.rows import make_report
 
 
 def random_case(seed: int) -> Case | None:
@@ -42,3 +47,34 @@ def test_random_jobs(part: int) -> None:
             for holds in CHECKS:
                 holds(case)
     assert refused <= 1 + SEEDS // 50
+
+
+def with_spare_switches(steps: list[Step], rng: Random) -> list[Step]:
+    """The steps, with switches between them that change nothing."""
+    on, found = {0: False, 1: False}, []
+    for step in steps:
+        found.append(step)
+        if step.op in ("on", "off"):
+            on[step.channel] = step.op == "on"
+        channel = rng.randrange(2)
+        if rng.randrange(4) == 0:
+            found.append(Step(op="on" if on[channel] else "off", channel=channel))
+    return found
+
+
+@pytest.mark.parametrize("head", ["", "LASER DELAY ON 90us OFF 300us", "LASER FPK WIDTH 3 GAP 900 OFFDELAY 700"])
+def test_sky_writing_changes_no_mark(head: str) -> None:
+    """What is marked is as long as without sky writing, whole pulses apart, and the laser is off at the end."""
+    rng, compared = Random(head), 0
+    for _ in range(SEEDS // 10):
+        steps = with_spare_switches(Jobs(rng).job(), rng)
+        stream, found = compiled(ref.job_text(steps, head=head))
+        plain = compiled(ref.job_text([step for step in steps if step.op != "sky"], head=head))[0]
+        if any(f.severity is Severity.ERROR for f in found):
+            continue
+        compared += 1
+        sky = ran(stream)
+        assert not any(channel.emission.on_at_end for channel in sky.channels)
+        lengths = [make_report(trace, MACHINE).totals["mark_mm"] for trace in (sky, ran(plain))]
+        assert lengths[0] == pytest.approx(lengths[1], abs=2e-3 * len(steps))
+    assert compared > SEEDS // 30
