@@ -54,7 +54,7 @@ SEVERAL = [
     ("M3 S500", "LASER ON, and LASER POWER with a unit: the scale of S is not known"),
     ("G20", "all numbers in mm: there are no inches (1 inch is 25.4 mm)"),
     ("X10 Y5", "LINE X 10 Y 5 or JUMP X 10 Y 5"),
-    ("MOVE X 1 Y 2", "JUMP X 1 Y 2 (laser off) or LINE X 1 Y 2 (laser as it is)"),
+    ("MOVE X 1 Y 2", "JUMP X 1 Y 2 (laser off) or LINE X 1 Y 2 (laser unchanged)"),
     ("CIRCLE X 1 Y 2 R 3", "JUMP X 4 Y 2, LASER ON, ARC CCW I -3 J 0 and LASER OFF"),
     ("RECT X 1 Y 2 W 10 H 5",
      "JUMP X 1 Y 2, LASER ON, LINE X 11, LINE Y 7, LINE X 1, LINE Y 2 and LASER OFF"),
