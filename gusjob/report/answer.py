@@ -209,10 +209,10 @@ def _hottest(report: Report) -> Iterator[Finding]:
         at = int(np.argmax(peaks))
         usual = _known_median(marks["power_per_mm_mid"][mine])
         value = _per_mm(float(peaks[at]), entry)
-        text = Phrase("{value} at its peak", value=value)
+        text = value
         if usual > 0 and peaks[at] > _HOT * usual:
             text = Phrase(
-                "{value} at its peak, {times} times the typical {typical}",
+                "{value}, {times} times the typical {typical}",
                 value=value,
                 times=short(float(peaks[at]) / usual, 2),
                 typical=_per_mm(usual, entry),

@@ -233,7 +233,7 @@ def diagnostics() -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def answer_of(text: str = "1474 %·ms/mm at its peak") -> Answer:
+def answer_of(text: str = "1474 %·ms/mm") -> Answer:
     """An answer with a mark, a segment, and what is neither."""
     return Answer(
         worst=Severity.WARNING,
