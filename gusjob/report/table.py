@@ -277,13 +277,14 @@ def _print_table(console: Console, columns: dict[str, npt.NDArray[Any]], report:
     rows = range(count) if count <= MAX_ROWS else [*range(MAX_ROWS // 2), *range(count - MAX_ROWS // 2, count)]
     words = report.words | {"kind": tuple(map(kind_for_people, SegmentKind))}
     texts = {name: _texts(name, column, rows, words) for name, column in columns.items()}
-    kept = _fitting(texts, width)
+    more = localized(Phrase("{count} more", count=count - MAX_ROWS)) if count > MAX_ROWS else ""
+    kept = _fitting(texts, width, more)
     table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
     for name in kept:
         table.add_column(texts[name][0], justify="left" if name == "kind" else "right", no_wrap=True)
     for number in range(len(rows)):
-        if number == MAX_ROWS // 2 and count > MAX_ROWS:
-            table.add_row("...", localized(Phrase("{count} more", count=count - MAX_ROWS)))
+        if number == MAX_ROWS // 2 and more:
+            table.add_row("...", more)
         table.add_row(*(texts[name][number + 1] for name in kept))
     console.print(table)
     if left_out := [texts[name][0] for name in texts if name not in kept]:
@@ -315,12 +316,16 @@ def _head(name: str, *, seconds: bool = False) -> str:
     return localized(Phrase("ch{channel} {what}", channel=name[2], what=what))
 
 
-def _fitting(texts: dict[str, list[str]], width: int) -> list[str]:
-    """Choose the columns that fit a width: the least important ones are left out first."""
+def _fitting(texts: dict[str, list[str]], width: int, more: str) -> list[str]:
+    """Choose the columns that fit a width: the least important ones are left out first.
+
+    `more`: the count of the rows that are left out; it is written into the second column.
+    """
     widths = {name: max(map(columns_of, cells)) + 2 for name, cells in texts.items()}
     kept = list(texts)
     for measure in _FIRST_LEFT_OUT:
-        if sum(widths[name] for name in kept) - 2 <= width:
+        wider = max(0, columns_of(more) + 2 - widths[kept[1]])
+        if sum(widths[name] for name in kept) + wider - 2 <= width:
             break
         kept = [name for name in kept if name != measure and not (name.startswith("ch") and name[4:] == measure)]
     return kept

@@ -163,6 +163,18 @@ def test_the_text_fits_a_terminal(columns: int) -> None:
     assert "not shown" not in wide
 
 
+@pytest.mark.parametrize("columns", [40, 60, 68, 76, 80, 90, 100, 120])
+def test_no_cell_of_a_long_table_is_cut(columns: int) -> None:
+    """The count of the rows that are left out is wider than the column that it is in."""
+    laps = "REPEAT 1000\nLASER ON\nLINE X 1\nLASER OFF\nJUMP X 0\nEND\n"
+    ran = run_job(MARK + "LASER POWER 40\n" + laps)
+    text = report_text(ran.report, answer(ran), tables=True, width=columns)
+    assert "1960 more" in text  # 2000 segments, of which 40 are shown.
+    assert "960 more" in text
+    assert "…" not in text
+    assert max(map(columns_of, text.splitlines())) <= columns
+
+
 def test_the_totals_of_a_channel_that_never_emits() -> None:
     ran = run_job(MARK + "JUMP X 1\n")
     lines = report_text(ran.report, answer(ran), tables=True).splitlines()
