@@ -545,7 +545,7 @@ class Simulation:
         )
 
     def _repr_html_(self) -> str:
-        """Table of the totals, for notebooks."""
+        """The headline of the answer and a table of the totals, for notebooks."""
         names = ("segments", "duration_ms", "mark_mm", "jump_mm")
         rows = [(name, f"{self.totals[name]:.6g}") for name in names]
         for channel in self.totals["channels"]:
@@ -554,7 +554,10 @@ class Simulation:
                 (f"{prefix} {name}", "" if channel[name] is None else f"{channel[name]:.6g}")
                 for name in ("emission_ms", "power_ms", "power_max", "joules")
             ]
-        return _html_table(f"gusjob.Simulation {self._simulated.path}", ("total", "value"), rows)
+        from gusjob.report.answer import answer_of
+
+        headline = " · ".join(map(localized, answer_of(self._report, self._simulated.diagnostics).headline))
+        return _html_table(f"gusjob.Simulation {self._simulated.path}: {headline}", ("total", "value"), rows)
 
 
 def _overrides(values: Mapping[str, str | float] | None) -> Overrides:

@@ -233,4 +233,5 @@ def test_results_show_what_they_are(tmp_path: Path) -> None:
     run = gusjob.read(write(tmp_path, JOB)).simulate()
     assert repr(run).endswith("x.job: 2 segments, 220 ms, 10 mm marked, channel 0: 110 ms emission up to 40 %>")
     assert "<td>mark_mm</td><td>10</td>" in run._repr_html_()
-    assert run.answer.splitlines()[1].startswith("OK, ")
+    headline = run.answer.splitlines()[1]
+    assert headline.startswith("OK, ") and headline in run._repr_html_()

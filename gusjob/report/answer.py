@@ -308,12 +308,12 @@ def _worst_ends(report: Report) -> Iterator[Finding]:
             yield _of_mark(report, name, late if error[at] >= 0 else early, at)
 
 
-def _of_mark(report: Report, name: Phrase, text: Phrase, at: int) -> Finding:
+def _of_mark(report: Report, name: str, text: str, at: int) -> Finding:
     assert report.marks is not None
     return Finding(name=name, text=text, mark=at, **_place(report, report.marks, at))
 
 
-def _of_segment(report: Report, name: Phrase, text: Phrase, at: int) -> Finding:
+def _of_segment(report: Report, name: str, text: str, at: int) -> Finding:
     return Finding(name=name, text=text, segment=at, **_place(report, report.columns, at))
 
 
