@@ -951,4 +951,4 @@ printf("%g %ld %d\n", pos[0], left, on);
 """
     of_c(tmp_path, body)
     assert capfd.readouterr().out == "10000 4095 1\n"
-    assert "GT_GetHSIOOpt reads 1 on channel 0" in gusjob("report", tmp_path / "calls.gts").stdout
+    assert "GT_GetHSIOOpt reads 1 on channel 0" in gusjob("report", tmp_path / "calls.gts", "--table").stdout

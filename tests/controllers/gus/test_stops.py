@@ -283,4 +283,4 @@ def test_random_paths_with_stops_are_as_long_as_without(seed: int) -> None:
     assert sum(ran.column("length_mm")) == pytest.approx(sum(whole.column("length_mm")), rel=1e-9)
     assert (ran.column("x_mm")[-1], ran.column("y_mm")[-1]) == (whole.column("x_mm")[-1], whole.column("y_mm")[-1])
     assert sum(ran.column("ch0_emission_ms")) == pytest.approx(sum(ran.column("duration_ms")))
-    assert {d.rule.code for d in ran.diagnostics} <= {"GJ702", "GJ704", "GJ705", "GJ706", "GJ707", "GJ726"}
+    assert {d.rule.code for d in ran.diagnostics} <= {"GJ516", "GJ702", "GJ704", "GJ705", "GJ706", "GJ707", "GJ726"}

@@ -103,7 +103,7 @@ def test_figures_of_the_header() -> None:
         "marks 274.2 mm",
         "scanner first-order 250 us",
         "joules 12.5 J",
-        "clamped 3 ms",
+        "limited 3 ms",
         "Channel 1 is left ON",
         "while off: standby 5 kHz",
     ):
