@@ -407,7 +407,7 @@ class Simulation:
     def answer(self) -> str:
         """What `gusjob run` prints: one line about the run, then what stands out, each with its line."""
         from gusjob.report.answer import answer_of
-        from gusjob.report.table import report_text
+        from gusjob.report.text import report_text
 
         return report_text(self._report, answer_of(self._report, self._simulated.diagnostics))
 

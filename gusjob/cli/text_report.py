@@ -21,7 +21,7 @@ table_option = click.option(
 def text_of(result: FileResult, report: Report, *, tables: bool, color: bool = False) -> str:
     """Format a report for people, for the width of the terminal."""
     from gusjob.report.answer import answer_of
-    from gusjob.report.table import report_text
+    from gusjob.report.text import report_text
 
     answer = answer_of(report, result.diagnostics)
     return report_text(report, answer, tables=tables, width=text_width(), color=color)
@@ -29,7 +29,7 @@ def text_of(result: FileResult, report: Report, *, tables: bool, color: bool = F
 
 def text_width() -> int:
     """Return the width of the terminal, or that of COLUMNS; a text that goes elsewhere has no narrow limit."""
-    from gusjob.report.table import UNLIMITED
+    from gusjob.report.text import UNLIMITED
 
     if (sys.stdout is not None and sys.stdout.isatty()) or os.environ.get("COLUMNS", "").isdecimal():
         return shutil.get_terminal_size().columns

@@ -1,4 +1,4 @@
-"""A report as text for people: the answer first, then, if they are wanted, totals and tables."""
+"""Totals and tables of a report as text for people."""
 
 from __future__ import annotations
 
@@ -9,30 +9,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from gusjob.diagnostics.model import Severity
-from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
+from gusjob.i18n.phrases import Phrase, all_of, localized, plural
 from gusjob.i18n.width import width as columns_of
-from gusjob.ir.overrides import overrides_text
 from gusjob.kinematics.arrays import median
 from gusjob.kinematics.units import MS_PER_S
-from gusjob.report.answer import Answer, Finding
 from gusjob.report.quantities import TABLE_DIGITS, duration, energy, length, power_time, short
 from gusjob.report.rows import Report, kind_for_people, while_off
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.marks import MARKING_WORDS, marking_unit
 
 MAX_ROWS = 40
-UNLIMITED = 400
-"""Width of a text that is not for a terminal: wide enough for two channels, so that no number is cut."""
-_LEAST_WIDTH = 40
-_LEAST_TEXT_WIDTH = 16
-"""Narrower texts of findings go on lines of their own, below name and place."""
-_BETWEEN = " · "
-_STYLES = {None: "bold green", Severity.WARNING: "bold yellow", Severity.ERROR: "bold red"}
 _HEADS = {
     "line": Phrase("line"),
     "kind": Phrase("kind"),
@@ -91,20 +80,9 @@ _FIRST_LEFT_OUT = (
 """Columns of the tables that a narrow terminal does not show, the first one first."""
 
 
-def report_text(
-    report: Report, answer: Answer, *, tables: bool = False, width: int = UNLIMITED, color: bool = False
-) -> str:
-    """Format a report for people.
-
-    Args:
-        report: The report.
-        answer: Its answer.
-        tables: Add the totals and tables of segments and marks; of a long table the first and last rows.
-        width: Columns of the terminal.
-        color: Use colors and styles of a terminal.
-    """
+def tables_text(report: Report, *, width: int, color: bool) -> str:
+    """Format the totals and the tables of segments and marks; of a long table the first and last rows."""
     out = StringIO()
-    width = max(width, _LEAST_WIDTH)
     console = Console(
         file=out,
         width=width,
@@ -117,57 +95,12 @@ def report_text(
         emoji=False,
         legacy_windows=False,
     )
-    overrides = f"  -D {overrides_text(report.overrides)}" if report.overrides else ""
-    console.print(Text(printable(report.job) + overrides, style="bold"), soft_wrap=True)  # A path stays whole.
-    console.print(_headline(answer, width), soft_wrap=True)
-    console.print(Text(_joined(map(localized, answer.setting), width, indent="  "), style="dim"), soft_wrap=True)
-    if answer.findings:
-        _print_findings(console, answer.findings, width)
-    if tables:
-        console.print()
-        console.print(_totals(report))
-        _print_table(console, {n: report.columns[n] for n in _segment_columns(report)}, report, width)
-        if report.marks and len(report.marks["line"]):
-            console.print(Text("\n" + localized(Phrase("marks (+: late)"))))
-            _print_table(console, {n: report.marks[n] for n in _MARK_HEADS}, report, width)
+    console.print(_totals(report))
+    _print_table(console, {n: report.columns[n] for n in _segment_columns(report)}, report, width)
+    if report.marks and len(report.marks["line"]):
+        console.print(Text("\n" + localized(Phrase("marks (+: late)"))))
+        _print_table(console, {n: report.marks[n] for n in _MARK_HEADS}, report, width)
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
-
-
-def _headline(answer: Answer, width: int) -> Text:
-    status, *others = map(localized, answer.headline)
-    text = Text(_joined([status, *others], width, indent=""))
-    text.stylize(_STYLES[answer.worst], 0, len(status))
-    return text
-
-
-def _joined(parts: Iterable[str], width: int, indent: str) -> str:
-    """Join parts with dots; break lines between parts only."""
-    lines = [""]
-    for part in parts:
-        longer = f"{lines[-1]}{_BETWEEN}{part}" if lines[-1] else indent + part
-        if lines[-1] and columns_of(longer) > width:
-            lines.append(f"  {part}")
-        else:
-            lines[-1] = longer
-    return "\n".join(lines)
-
-
-def _print_findings(console: Console, findings: Iterable[Finding], width: int) -> None:
-    """Print what stands out: name, line, text. Names and lines stay whole."""
-    rows = [("  " + localized(f.name), localized(f.place), localized(f.text)) for f in findings]
-    before_text = sum(max(map(columns_of, cells)) + 2 for cells in [*zip(*rows, strict=True)][:2])
-    if width - before_text < _LEAST_TEXT_WIDTH:
-        for name, place, text in rows:
-            console.print(Text(f"{name}  {place}".rstrip()), soft_wrap=True)
-            console.print(Padding(Text(text, overflow="fold"), (0, 0, 0, 4)))
-        return
-    table = Table.grid(padding=(0, 2, 0, 0))
-    table.add_column(no_wrap=True)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")  # Text without blanks is broken, not cut.
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
 
 
 def _totals(report: Report) -> Text:

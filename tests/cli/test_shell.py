@@ -439,7 +439,15 @@ def test_help_needs_no_large_library() -> None:
         assert (done.returncode, done.stderr, bool(done.stdout)) == (0, "", True)
 
 
-NOT_IN_A_RUN = ("numpy.ma", "gusjob.planner.skywriting.marks", "gusjob.hardware", "gusjob.view", "tomllib", "filelock")
+NOT_IN_A_RUN = (
+    "rich",
+    "numpy.ma",
+    "gusjob.planner.skywriting.marks",
+    "gusjob.hardware",
+    "gusjob.view",
+    "tomllib",
+    "filelock",
+)
 
 
 def test_a_short_run_imports_what_it_uses(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from gusjob.lint import check
 from gusjob.report.answer import answer_of
 from gusjob.report.files import report_csv, report_json
 from gusjob.report.rows import make_report
-from gusjob.report.table import report_text
+from gusjob.report.text import report_text
 
 MACHINES = (Machine(), Machine(pulses_per_mm=(655.36, 500.0), period_us=333.0))
 JOBS = [p.read_text(encoding="utf-8") for p in sorted((ROOT / "jobs").rglob("*.job")) if p.stem != "engrave"]

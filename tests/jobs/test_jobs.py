@@ -18,7 +18,7 @@ from gusjob.frontend import check_text, read_listing
 from gusjob.pipeline import examine_file
 from gusjob.report.answer import answer_of
 from gusjob.report.rows import Report, make_report
-from gusjob.report.table import report_text
+from gusjob.report.text import report_text
 
 JOBS = sorted(p for p in (ROOT / "jobs").rglob("*.job") if p.parent.name != "shared")
 GOLDEN = ROOT / "tests" / "golden"

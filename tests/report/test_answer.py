@@ -14,7 +14,7 @@ from gusjob.diagnostics.model import Diagnostic, Severity, Span
 from gusjob.i18n.width import width as columns_of
 from gusjob.report.answer import Answer, Finding, answer_of
 from gusjob.report.quantities import duration, energy, length, percent, power_time, short
-from gusjob.report.table import report_text
+from gusjob.report.text import report_text
 
 OFF = MARK + "LOOKAHEAD OFF\n"
 RATED = replace(MACHINE, lasers=(Laser(channel=0, rated_w=30.0),))

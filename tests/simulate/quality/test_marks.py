@@ -24,7 +24,7 @@ from gusjob.report.answer import answer_of
 from gusjob.report.files import report_csv, report_json, summary_csv
 from gusjob.report.markdown import report_markdown
 from gusjob.report.rows import Report, make_report
-from gusjob.report.table import report_text
+from gusjob.report.text import report_text
 from gusjob.simulate.intervals import Intervals
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.quality.energy_bins import BIN_MM
