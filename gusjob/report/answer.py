@@ -150,10 +150,15 @@ def _findings(report: Report) -> Iterator[Finding]:
         yield from _worst_ends(report)
 
 
+def _numbers_of(entries: Iterable[dict[str, Any]]) -> list[int]:
+    """The channels of some entries of the totals, each once: a channel has an entry for each unit of power."""
+    return list(dict.fromkeys(entry["channel"] for entry in entries))
+
+
 def _channels(report: Report) -> Iterator[Finding]:
     """Lasers that are left on; where there are several powers, each with its totals."""
     channels = report.totals["channels"]
-    for number in dict.fromkeys(entry["channel"] for entry in channels if entry["lit_at_end"]):
+    for number in _numbers_of(entry for entry in channels if entry["lit_at_end"]):
         yield Finding(
             name=LEFT_ON,
             text=Phrase("the laser of channel {channel} is still on at the end", channel=number),
@@ -267,7 +272,7 @@ def _weighted_median(values: Floats, weights: Floats) -> float:
 
 def _limited(report: Report) -> Iterator[Finding]:
     """The segment in which a limit changes the power for the longest time."""
-    for number in dict.fromkeys(entry["channel"] for entry in report.totals["channels"]):
+    for number in _numbers_of(report.totals["channels"]):
         clamped = report.columns[f"ch{number}_clamped_ms"]
         emission_ms, total = float(report.columns[f"ch{number}_emission_ms"].sum()), float(clamped.sum())
         if total > 0 and emission_ms > 0:
@@ -283,7 +288,7 @@ def _in_jumps(report: Report) -> Iterator[Finding]:
     """Emission that a delay carries into jumps."""
     jumps = report.columns["kind"] == SegmentKind.JUMP
     emission = np.zeros(len(report))
-    for number in dict.fromkeys(entry["channel"] for entry in report.totals["channels"]):
+    for number in _numbers_of(report.totals["channels"]):
         emission += np.where(jumps, report.columns[f"ch{number}_emission_ms"], 0.0)
     longest = int(np.argmax(emission))
     if emission[longest] > 0:
