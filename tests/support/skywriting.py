@@ -55,6 +55,8 @@ class Jobs:
     modes: tuple[int, ...] = (1, 2, 3)
     bent: bool = True
     """Arcs and corners that look-ahead slows down, LOOKAHEAD OFF."""
+    heading: Point | None = None
+    """Of the mark before: a line to a whole point."""
 
     def one_in(self, n: int) -> bool:
         return self.rng.randrange(n) == 0
@@ -66,7 +68,9 @@ class Jobs:
         rng = self.rng
         lag = rng.choice((0.2, 5.0, 100.0, 174.0, 250.0, 320.0, 333.3))
         shift = rng.choice((0.0, 0.0, 0.5, -0.5, 20.0, -40.0, -round(lag / 2)))
-        nprev, npost = rng.choice(((None, None), (None, None), (11, 9), (30, 60), (40, None), (60, 70)))
+        nprev, npost = rng.choice(
+            ((None, None), (None, None), (11, 9), (30, 60), (40, None), (60, 70), (30, 0), (0, 5))
+        )
         limit = rng.choice((None, None, 0.5, 0.0, 0.99))
         mode = rng.choice(self.modes)
         return Sky(mode=mode, timelag=lag, shift=shift, nprev=nprev, npost=npost, limit=limit if mode == 3 else None)
@@ -117,8 +121,12 @@ class Jobs:
         least = 1 if written is not None and written.mode == 3 else 0  # Switches at a flat corner: tested elsewhere.
         for _ in range(max(rng.choice((0, 1, 1, 1, 2)), least)):
             step = rng.choice((Step(op="jump", at=self.point()), Step(op="line", at=self.point()), self.arc(here)))
+            if self.heading is not None and self.one_in(3):  # Straight on, as in a dashed line.
+                k = max(round(rng.choice((300.0, 2000.0, 9000.0)) / math.hypot(*self.heading)), 1)
+                step = Step(op="jump", at=(here[0] + k * self.heading[0], here[1] + k * self.heading[1]))
             if max(map(abs, here)) > 60000:
                 step = Step(op="jump", at=self.point())
+            self.heading = None
             steps.append(step)
             here = step.at
         if self.one_in(5):
@@ -138,6 +146,7 @@ class Jobs:
                 whole = math.gcd(int(heading[0]), int(heading[1]))
                 heading = heading[0] / whole, heading[1] / whole
             here = step.at
+        self.heading = heading
         steps += [Step(op="off", channel=c) for c in channels_on]
         if self.one_in(6):
             steps.append(Step(op="dwell", value=float(rng.randint(1, 3))))
