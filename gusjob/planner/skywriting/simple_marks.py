@@ -1,8 +1,8 @@
 """Switch points of simple marks: straight, with a run-in and a run-out of their own, one channel's laser on.
 
-Such a mark is at mark speed from its first point to the end of the constant part of its run-out, whatever follows. Where
-both switches come in this time, their points follow from times alone. The others are found when all velocities are
-planned (place_switches.py): how a run-out brakes depends on the motion behind it.
+Such a mark is at mark speed from its first point to the end of the constant part of its run-out, whatever follows.
+Where both switches come in this time, their points follow from times alone. The others are found when all velocities
+are planned (place_switches.py): how a run-out brakes depends on the motion behind it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A beam that is only delayed by TIMELAG: emission begins at S and ends at E, whatever the motion around the mark does."""
+"""A beam that is only delayed by TIMELAG: emission begins at S and ends at E, however the path is planned."""
 
 from __future__ import annotations
 
