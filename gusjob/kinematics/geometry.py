@@ -117,7 +117,8 @@ class Segments:
     unit direction at the start and at the end, in a plan that before rounding. `arc_at` (k,): numbers of the segments
     that are `arcs`.
 
-    A segment of no length has the direction of the one before it, so the corner across it counts.
+    A segment whose ends are one point, also before rounding, has the direction of the one before it, so the corner
+    across it counts.
     """
 
     x0: Floats
@@ -134,8 +135,19 @@ class Segments:
 
     @property
     def turns(self) -> Floats:
-        """Change of the unit direction from each segment to the next, 2*sin(phi/2), (n-1,)."""
-        return np.hypot(self.start_x[1:] - self.end_x[:-1], self.start_y[1:] - self.end_y[:-1])
+        """Change of the unit direction from each segment to the next, 2*sin(phi/2), (n-1,).
+
+        Behind segments of no length it is at least the change across them: they take no time.
+        """
+        changes = np.hypot(self.start_x[1:] - self.end_x[:-1], self.start_y[1:] - self.end_y[:-1])
+        still = np.flatnonzero(self.length[:-1] == 0)
+        if len(still):
+            before = np.maximum.accumulate(np.where(self.length == 0, -1, np.arange(len(self.length))))[still]
+            across = np.hypot(
+                self.start_x[still + 1] - self.end_x[before], self.start_y[still + 1] - self.end_y[before]
+            )
+            changes[still] = np.maximum(changes[still], np.where(before >= 0, across, 0.0))
+        return changes
 
     @property
     def moving_length(self) -> Floats:
@@ -216,7 +228,7 @@ def segments(
         end_x, end_y = start_x.copy(), start_y.copy()
         start_x[arc_at], start_y[arc_at] = ideal.direction(0.0)
         end_x[arc_at], end_y[arc_at] = ideal.direction(1.0)
-    still = length == 0
+    still = (length == 0) & (size == 0)
     if still.any():
         at = np.maximum.accumulate(np.where(still, -1, np.arange(len(length))))
         carry_x, carry_y = np.where(at >= 0, end_x[at], 1.0), np.where(at >= 0, end_y[at], 0.0)
