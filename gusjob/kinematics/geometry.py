@@ -113,7 +113,8 @@ def arcs_by_either(ends: Ends, cx: Floats, cy: Floats, radius: Floats, ccw: Bool
 class Segments:
     """Lines and arcs that follow each other, (n,) each.
 
-    `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment. `start_x`, `start_y`, `end_x`, `end_y`:
+    `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment; `unrounded_length`: in a plan
+    that before rounding. `start_x`, `start_y`, `end_x`, `end_y`:
     unit direction at the start and at the end, in a plan that before rounding. `arc_at` (k,): numbers of the segments
     that are `arcs`.
 
@@ -126,6 +127,7 @@ class Segments:
     x1: Floats
     y1: Floats
     length: Floats
+    unrounded_length: Floats
     start_x: Floats
     start_y: Floats
     end_x: Floats
@@ -159,8 +161,8 @@ class Segments:
 
     @property
     def corner_spacing(self) -> Floats:
-        """Mean length of the segments before and behind each corner, (n-1,)."""
-        length = self.moving_length
+        """Mean length of the segments before and behind each corner, (n-1,), not less for rounding."""
+        length = np.maximum(self.moving_length, self.unrounded_length)
         return np.asarray((length[1:] + length[:-1]) / 2)
 
     @property
@@ -214,21 +216,21 @@ def segments(
         unrounded: Directions of the segments, where their end points are rounded and shorter ones would turn by it.
     """
     dx, dy = x1 - x0, y1 - y0
-    length = size = np.hypot(dx, dy)
+    length = unrounded_length = np.hypot(dx, dy)
     ideal = arcs
     if unrounded is not None:
         dx, dy, ideal = unrounded.dx, unrounded.dy, unrounded.arcs
-        size = np.hypot(dx, dy)
+        unrounded_length = np.hypot(dx, dy)
     with np.errstate(divide="ignore", invalid="ignore"):
-        start_x, start_y = dx / size, dy / size
-    if len(arc_at):
-        length[arc_at] = arcs.length
+        start_x, start_y = dx / unrounded_length, dy / unrounded_length
     end_x, end_y = start_x, start_y
     if len(arc_at):
+        length[arc_at] = arcs.length
+        unrounded_length[arc_at] = ideal.length
         end_x, end_y = start_x.copy(), start_y.copy()
         start_x[arc_at], start_y[arc_at] = ideal.direction(0.0)
         end_x[arc_at], end_y[arc_at] = ideal.direction(1.0)
-    still = (length == 0) & (size == 0)
+    still = (length == 0) & (unrounded_length == 0)
     if still.any():
         at = np.maximum.accumulate(np.where(still, -1, np.arange(len(length))))
         carry_x, carry_y = np.where(at >= 0, end_x[at], 1.0), np.where(at >= 0, end_y[at], 0.0)
@@ -240,6 +242,7 @@ def segments(
         x1=x1,
         y1=y1,
         length=length,
+        unrounded_length=unrounded_length,
         start_x=start_x,
         start_y=start_y,
         end_x=end_x,

@@ -67,8 +67,12 @@ def _turn_to_marks(staged: StagedPath, sky: SkyRows, dx: Floats, dy: Floats) -> 
     straight = (staged.path.op[timed] == Op.LINE) & (written.op[row] == Op.LINE)
     at = np.flatnonzero((sky.run_of(timed) != RunKind.NONE) & straight)
     x0, y0, x1, y1 = written.ends(row[at])
-    moves = (x0 != x1) | (y0 != y1)
-    at, mark_x, mark_y = at[moves], (x1 - x0)[moves], (y1 - y0)[moves]
+    mark_x, mark_y = x1 - x0, y1 - y0
+    mark_length = np.hypot(mark_x, mark_y)
+    moves = mark_length > 0
+    at = at[moves]
+    scale = np.hypot(dx[at], dy[at]) / mark_length[moves]
+    mark_x, mark_y = mark_x[moves] * scale, mark_y[moves] * scale
     # Mode 1 also goes back.
     back = mark_x * dx[at] + mark_y * dy[at] < 0
     dx[at], dy[at] = np.where(back, -mark_x, mark_x), np.where(back, -mark_y, mark_y)
