@@ -12,6 +12,8 @@ import numpy as np
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 TURN = 2 * np.pi
+_ROUNDING_PULSE = 2**0.5
+"""By how much rounding moves one end of a segment against the other, across it."""
 CLOSES_MM = 0.005
 """Largest distance of the end of an arc from its circle."""
 
@@ -111,10 +113,13 @@ def arcs_by_either(ends: Ends, cx: Floats, cy: Floats, radius: Floats, ccw: Bool
 class Segments:
     """Lines and arcs that follow each other, (n,) each.
 
-    `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment. `start_x`, `start_y`, `end_x`, `end_y`:
-    unit direction at the start and at the end. `arc_at` (k,): numbers of the segments that are `arcs`.
+    `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment; `unrounded_length`: in a plan
+    that before rounding. `start_x`, `start_y`, `end_x`, `end_y`:
+    unit direction at the start and at the end, in a plan that before rounding. `arc_at` (k,): numbers of the segments
+    that are `arcs`.
 
-    A segment of no length has the direction of the one before it, so the corner across it counts.
+    A segment whose ends are one point, also before rounding, has the direction of the one before it, so the corner
+    across it counts.
     """
 
     x0: Floats
@@ -122,12 +127,49 @@ class Segments:
     x1: Floats
     y1: Floats
     length: Floats
+    unrounded_length: Floats
     start_x: Floats
     start_y: Floats
     end_x: Floats
     end_y: Floats
     arc_at: Indices
     arcs: Arcs
+
+    @property
+    def turns(self) -> Floats:
+        """Change of the unit direction from each segment to the next, 2*sin(phi/2), (n-1,).
+
+        Behind segments of no length it is at least the change across them: they take no time.
+        """
+        changes = np.hypot(self.start_x[1:] - self.end_x[:-1], self.start_y[1:] - self.end_y[:-1])
+        still = np.flatnonzero(self.length[:-1] == 0)
+        if len(still):
+            before = np.maximum.accumulate(np.where(self.length == 0, -1, np.arange(len(self.length))))[still]
+            across = np.hypot(
+                self.start_x[still + 1] - self.end_x[before], self.start_y[still + 1] - self.end_y[before]
+            )
+            changes[still] = np.maximum(changes[still], np.where(before >= 0, across, 0.0))
+        return changes
+
+    @property
+    def moving_length(self) -> Floats:
+        """Length of each segment, (n,); where it has none, that of the one before, whose direction it has."""
+        still = self.length == 0
+        if not still.any():
+            return self.length
+        return self.length[np.maximum.accumulate(np.where(still, 0, np.arange(len(still))))]
+
+    @property
+    def corner_spacing(self) -> Floats:
+        """Mean length of the segments before and behind each corner, (n-1,), not less for rounding."""
+        length = np.maximum(self.moving_length, self.unrounded_length)
+        return np.asarray((length[1:] + length[:-1]) / 2)
+
+    @property
+    def rounding_turns(self) -> Floats:
+        """By how much rounding of the end points to whole pulses turns each segment at most, (n,)."""
+        length = self.moving_length
+        return np.where(length > 0, _ROUNDING_PULSE / np.maximum(length, 1e-9), 0.0)
 
     def arcs_among(self, at: Indices) -> tuple[Indices, Arcs]:
         """Find the arcs among some segments `at`: their indices in `at`, and the arcs."""
@@ -156,20 +198,39 @@ class Segments:
         return x, y
 
 
-def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: Indices, arcs: Arcs) -> Segments:
-    """Make segments from their end points; those at `arc_at` are `arcs`, the others lines."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unrounded:
+    """Directions before rounding: of each segment as a line from its start to its end, (n,), and of the arcs, (k,)."""
+
+    dx: Floats
+    dy: Floats
+    arcs: Arcs
+
+
+def segments(
+    x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: Indices, arcs: Arcs, unrounded: Unrounded | None = None
+) -> Segments:
+    """Make segments from their end points; those at `arc_at` are `arcs`, the others lines.
+
+    Args:
+        unrounded: Directions of the segments, where their end points are rounded and shorter ones would turn by it.
+    """
     dx, dy = x1 - x0, y1 - y0
-    length = np.hypot(dx, dy)
+    length = unrounded_length = np.hypot(dx, dy)
+    ideal = arcs
+    if unrounded is not None:
+        dx, dy, ideal = unrounded.dx, unrounded.dy, unrounded.arcs
+        unrounded_length = np.hypot(dx, dy)
     with np.errstate(divide="ignore", invalid="ignore"):
-        start_x, start_y = dx / length, dy / length
-    if len(arc_at):
-        length[arc_at] = arcs.length
+        start_x, start_y = dx / unrounded_length, dy / unrounded_length
     end_x, end_y = start_x, start_y
     if len(arc_at):
+        length[arc_at] = arcs.length
+        unrounded_length[arc_at] = ideal.length
         end_x, end_y = start_x.copy(), start_y.copy()
-        start_x[arc_at], start_y[arc_at] = arcs.direction(0.0)
-        end_x[arc_at], end_y[arc_at] = arcs.direction(1.0)
-    still = length == 0
+        start_x[arc_at], start_y[arc_at] = ideal.direction(0.0)
+        end_x[arc_at], end_y[arc_at] = ideal.direction(1.0)
+    still = (length == 0) & (unrounded_length == 0)
     if still.any():
         at = np.maximum.accumulate(np.where(still, -1, np.arange(len(length))))
         carry_x, carry_y = np.where(at >= 0, end_x[at], 1.0), np.where(at >= 0, end_y[at], 0.0)
@@ -181,6 +242,7 @@ def segments(x0: Floats, y0: Floats, x1: Floats, y1: Floats, arc_at: Indices, ar
         x1=x1,
         y1=y1,
         length=length,
+        unrounded_length=unrounded_length,
         start_x=start_x,
         start_y=start_y,
         end_x=end_x,

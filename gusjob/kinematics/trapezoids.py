@@ -165,19 +165,22 @@ def distance_run(profile: Trapezoids, which: Indices, since_ms: Floats) -> Float
     return start * in_rise + up + peak * in_cruise + peak * in_fall - acc * in_fall * in_fall / 2
 
 
-def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:
+def corner_velocity(change: Floats, jump: Floats, spacing: Floats, acc: float) -> Floats:
     """Compute the highest velocity through each corner, (n,) pulse/ms.
 
-    At velocity v the velocity vector changes by v*|in - out| = 2*v*sin(phi/2).
+    At velocity v the velocity vector changes by v*change. Corners that follow each other at a spacing L change it by
+    v^2*change/L in a unit of time: on the chords of a circle of radius r that is v^2/r, as on the circle.
 
     Args:
-        out_x, out_y: Unit direction at the end of the segment before the corner, (n,).
-        in_x, in_y: Unit direction at the start of the next segment, (n,).
-        jump: Largest change of the velocity vector, (n,) pulse/ms.
+        change: Change of the unit direction at each corner, |in - out| = 2*sin(phi/2), (n,).
+        jump: Largest change of the velocity vector at one corner, (n,) pulse/ms.
+        spacing: Mean length of the segments before and behind the corner, (n,) pulse.
+        acc: Largest change of the velocity vector in a unit of time, pulse/ms2.
     """
-    change = np.hypot(in_x - out_x, in_y - out_y)
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.where(change > 1e-12, jump / np.maximum(change, 1e-300), np.inf))
+    turn = np.maximum(change, 1e-300)
+    with np.errstate(over="ignore"):
+        limit = np.minimum(jump / turn, np.sqrt(acc * spacing / turn))
+    return np.asarray(np.where(change > 1e-12, limit, np.inf))
 
 
 def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: Bools) -> Floats:

@@ -1,4 +1,8 @@
-"""Pass: end velocities. Where LOOKAHEAD is on, a corner is as fast as the velocity vector may change there."""
+"""Pass: end velocities. Where LOOKAHEAD is on, a corner is as fast as the velocity vector may change there.
+
+Corners are those of the path before rounding. Those that follow each other are also limited in sum, as an arc is: so
+the velocity on a fine polyline is that on the curve which it approximates.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +37,10 @@ def velocities(quantized: QuantizedPath) -> PlannedPath:
     smooth = quantized.sky.smooth_of(quantized.timed)
     vel = path_velocity(quantized, jump)
     corner = corner_velocity(
-        segments.end_x[:-1],
-        segments.end_y[:-1],
-        segments.start_x[1:],
-        segments.start_y[1:],
+        segments.turns,
         np.where(ahead, jump, 0.0)[:-1],
+        segments.corner_spacing,
+        quantized.machine.max_acceleration_pulse_per_ms2,
     )
     corner = np.where(smooth[:-1], np.inf, corner)
     limit = np.zeros(n)
@@ -119,8 +122,7 @@ def _end_diagnostics(quantized: QuantizedPath, jump: Floats, vel_end: Floats, st
     _report(quantized, collector, rules.END_AT_STOP, forced & (forced_end > 0) & stops, high=vel_end)
     default = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
     allowed = np.append(np.where(np.isfinite(jump), jump, default)[:-1], np.inf)
-    change = np.hypot(segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1])
-    turns = np.append(np.where(forced, forced_end, 0.0)[:-1] * change, 0.0)
+    turns = np.append(np.where(forced, forced_end, 0.0)[:-1] * segments.turns, 0.0)
     sharp = forced & ~stops & (turns > allowed * (1 + 1e-9))
     _report(quantized, collector, rules.CORNER_TOO_FAST, sharp, high=vel_end, jump=turns, limit=allowed)
     return collector.finish(rules.NOT_LISTED)

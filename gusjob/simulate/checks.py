@@ -16,9 +16,6 @@ from gusjob.simulate.events import Events, MotionEvents
 from gusjob.simulate.motion import Motion
 from gusjob.simulate.trace import ChannelTrace
 
-_ROUNDING_PULSE = 2**0.5
-"""By how much rounding moves one end of a segment against the other, across it."""
-
 
 @dataclass(slots=True, kw_only=True)
 class SegmentReporter:
@@ -84,10 +81,10 @@ def path_diagnostics(events: Events, motion: Motion, machine: Machine) -> list[D
     if not len(end):
         return []
     limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
-    jump = end[:-1] * np.hypot(segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1])
+    jump = end[:-1] * segments.turns
     jump = np.append(np.where(np.diff(schedule.stage) == 0, jump, 0.0), 0.0)
     # The ends are whole pulses: a straight line through points that are each off by half a pulse turns by so much.
-    turns = np.where(segments.length > 0, _ROUNDING_PULSE / np.maximum(segments.length, 1e-9), 0.0)
+    turns = segments.rounding_turns
     rounding = np.append(np.where(jump[:-1] > 0, end[:-1] * (turns[:-1] + turns[1:]), 0.0), 0.0)
     sharp = jump - rounding > limit * (1 + 1e-6)
     reporter.add(rules.SHARP_CORNER, sharp, value=end, jump=jump, limit=np.full(len(jump), limit))

@@ -117,8 +117,7 @@ def test_reached_ends_cannot_stop_in_time() -> None:
 
 def test_corner_velocity() -> None:
     # A right angle changes the vector by v*sqrt(2), going back by 2*v, going on by nothing.
-    x, y = A([1.0, 1.0, 1.0]), A([0.0, 0.0, 0.0])
-    found = corner_velocity(x, y, A([0.0, -1.0, 1.0]), A([1.0, 0.0, 0.0]), A([5.0, 5.0, 5.0]))
+    found = corner_velocity(A([math.sqrt(2), 2.0, 0.0]), A([5.0, 5.0, 5.0]), A([1e5, 1e5, 1e5]), 1000.0)
     assert found[:2] == pytest.approx([5 / math.sqrt(2), 2.5], rel=1e-15)
     assert found[2] == math.inf
 

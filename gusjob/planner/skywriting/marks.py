@@ -132,9 +132,9 @@ def _slowed_on_chords(quantized: QuantizedPath, vel: Floats, is_chord: Bools) ->
     A chord of length L that turns by an angle phi belongs to a circle of radius L/phi; v^2/r is limited.
     """
     segments = quantized.segments
-    turn = np.hypot(segments.start_x[1:] - segments.end_x[:-1], segments.start_y[1:] - segments.end_y[:-1])
-    radius = np.full(len(vel), np.inf)
-    radius[1:][is_chord[1:]] = (segments.length[1:] / np.maximum(turn, 1e-12))[is_chord[1:]]
+    spacing, radius = segments.corner_spacing, np.full(len(vel), np.inf)
+    turns = is_chord[1:] & (spacing > 0) & (segments.turns > 1e-12)
+    radius[1:][turns] = spacing[turns] / segments.turns[turns]
     fastest = np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * radius)
     begins = np.flatnonzero(~is_chord)
     share = np.minimum.reduceat(np.minimum(fastest / np.maximum(vel, 1e-12), 1.0), begins)

@@ -1,7 +1,8 @@
 """Switch points of simple marks: straight, with a run-in and a run-out of their own, one channel's laser on.
 
-Such a mark is at mark speed from its first point to the end of the constant part of its run-out, so its switch points
-follow from times alone. The others are found when all velocities are planned (place_switches.py).
+Such a mark is at mark speed from its first point to the end of the constant part of its run-out, whatever follows.
+Where both switches come in this time, their points follow from times alone. The others are found when all velocities
+are planned (place_switches.py): how a run-out brakes depends on the motion behind it.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from gusjob.planner.skywriting.switch_events import OFF, ON, delays_us
 _NEAR_PULSE = 0.75
 """A point that is nearer to an end than this may round to it."""
 
-_SLOWEST = 0.2
-"""Share of the mark speed below which one pulse takes so long that the switch point is not certain."""
+_BRAKES_PULSE = 0.05
+"""By how much braking may shift a switch point that counts as at mark speed: the times of AUTO are rounded."""
 
 
 class SwitchLeg(IntEnum):
@@ -71,11 +72,13 @@ def simple_mark_switches(
     end_x, end_y = run_out_ends[0][at], run_out_ends[1][at]
     out_length = np.hypot(end_x - segments.x1[at], end_y - segments.y1[at])
     flat = length + out_length - vel * vel / (2 * acc)
-    on_distance, on_known = _distance(on_us / US_PER_MS, vel, acc, flat)
-    off_distance, off_known = _distance(off_ms, vel, acc, flat)
+    on_distance, off_distance = vel * on_us / US_PER_MS, vel * off_ms
+    steady = np.maximum(on_us / US_PER_MS, off_ms) <= flat / vel + np.sqrt(2 * _BRAKES_PULSE / acc)
+    steady &= np.minimum(on_distance, off_distance) > -_NEAR_PULSE
     long_enough = length > 2 * _NEAR_PULSE
     emits = marks.on_us[at] - marks.lag_us[at] < length / vel * US_PER_MS
-    known[at] = on_known & off_known & long_enough & emits & (off_distance - on_distance > 2 * _NEAR_PULSE)
+    steady &= np.maximum(on_distance, off_distance) < length + out_length - _NEAR_PULSE
+    known[at] = steady & long_enough & emits & (off_distance - on_distance > 2 * _NEAR_PULSE)
 
     def positions(distance: Floats) -> SwitchPositions:
         count = len(known)
@@ -91,16 +94,3 @@ def simple_mark_switches(
         return found
 
     return SimpleMarkSwitches(known=known, on=positions(on_distance), off=positions(off_distance))
-
-
-def _distance(time_ms: Floats, vel: Floats, acc: Floats, flat: Floats) -> tuple[Floats, Bools]:
-    """Distance from the mark's start at a time after the start, (k,) pulse, and whether it is certain.
-
-    The motion is at mark speed over the length `flat`, then it brakes. A distance before the start or near the stop is
-    not certain.
-    """
-    braking_ms = np.maximum(time_ms - flat / vel, 0.0)
-    distance = vel * time_ms - acc * braking_ms * braking_ms / 2
-    left_ms = vel / acc - braking_ms
-    moves = (acc * left_ms > _SLOWEST * vel) & (acc * left_ms * left_ms / 2 > _NEAR_PULSE)
-    return distance, (distance > -_NEAR_PULSE) & (left_ms > 0) & moves

@@ -11,8 +11,8 @@ from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import Trace
 
-_FLAT_COSINE = np.cos(np.radians(1.0))
-"""A smaller turn is no corner."""
+_FLAT = 2 * np.sin(np.radians(1.0) / 2)
+"""A smaller change of the unit direction is no corner."""
 
 _IN_LAG = np.array([0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 1.75, 2, 2.5, 3, 4, 5, 6, 8])
 """Moments of the first search for the nearest one, in lags after the corner's own moment."""
@@ -29,13 +29,16 @@ class Corners:
 
 
 def corners_of(trace: Trace, machine: Machine) -> Corners:
-    """Find where the path turns by more than a degree within a stage."""
+    """Find where the path turns by more than a degree within a stage, and by more than rounding to pulses explains."""
     schedule, segments = trace.schedule, trace.segments
     moves = np.flatnonzero(segments.length > 0)
     before, after = moves[:-1], moves[1:]
     out_x, out_y = unit_mm(segments.end_x[before], segments.end_y[before], machine)
     in_x, in_y = unit_mm(segments.start_x[after], segments.start_y[after], machine)
-    turns = out_x * in_x + out_y * in_y < _FLAT_COSINE
+    px, py = machine.pulses_per_mm
+    shift_pulse = np.hypot(1 / px, 1 / py) * max(px, py)  # Of one end of a segment against the other.
+    rounding = shift_pulse / segments.length[before] + shift_pulse / segments.length[after]
+    turns = np.hypot(in_x - out_x, in_y - out_y) > _FLAT + rounding
     turns &= schedule.stage[before] == schedule.stage[after]
     return Corners(before=before[turns], after=after[turns])
 
