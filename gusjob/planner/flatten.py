@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob.config.machine import Machine
+from gusjob.ir.arcs import drawn_arcs
 from gusjob.ir.job import Job
-from gusjob.ir.path import Path, arcs_mm, with_chords
+from gusjob.ir.path import Path, with_chords
 from gusjob.kinematics.arrays import Indices
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 
@@ -23,7 +24,7 @@ def flatten(job: Job, machine: Machine) -> tuple[Path, Indices]:
     rows = np.flatnonzero(path.is_arc & path.arc_in_mm)
     if machine.equal_axes or not len(rows):
         return path, np.arange(len(path))
-    arcs = arcs_mm(path, rows, machine)
+    arcs = drawn_arcs(path, rows, machine).arcs
     counts = chord_counts(arcs.sweep, chord_angles(arcs.radius, machine.chord_tolerance_um / 1000))
     x_mm, y_mm = chord_ends(arcs, counts)
     px, py = machine.pulses_per_mm

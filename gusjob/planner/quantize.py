@@ -27,7 +27,7 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
         arcs = _arcs(path, rows, ends, np.rint(path.cx[rows]), np.rint(path.cy[rows]))
     vel, acc, end = path.vel[timed], path.acc[timed], path.end[timed]
     if not staged.machine.equal_axes:
-        scale = direction_scale(x1 - x0, y1 - y0, staged.machine.pulses_per_mm)
+        scale = direction_scale(x1 - x0, y1 - y0, arc_at, staged.machine.pulses_per_mm)
         vel = np.where(path.vel_in_mm[timed], vel * scale, vel)
         acc = np.where(path.acc_in_mm[timed], acc * scale, acc)
         end = np.where(path.end_in_mm[timed], end * scale, end)
@@ -42,15 +42,18 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     )
 
 
-def direction_scale(dx: Floats, dy: Floats, pulses_per_mm: tuple[float, float]) -> Floats:
+def direction_scale(dx: Floats, dy: Floats, arc_at: Indices, pulses_per_mm: tuple[float, float]) -> Floats:
     """Pulses per mm along each segment, divided by X's: velocities are in pulses of X.
 
-    For a line only: arcs that are left here are circles in pulses.
+    Arcs that are left here are circles in pulses. They run at one velocity in pulses, which is another one in mm in
+    each direction: the axis with the fewest pulses per mm counts, so that nowhere it is more mm/s than written.
     """
     px, py = pulses_per_mm
     length_mm, chord = np.hypot(dx / px, dy / py), np.hypot(dx, dy)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(length_mm > 0, chord / length_mm / px, 1.0)
+        scale = np.where(length_mm > 0, chord / length_mm / px, 1.0)
+    scale[arc_at] = min(px, py) / px
+    return scale
 
 
 def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, ends: Ends) -> tuple[Path, Indices]:

@@ -59,6 +59,5 @@ def _per_pulse_of_x(plan: Plan) -> Floats | float:
     if plan.machine.equal_axes or plan.job.in_pulses:
         return 1.0
     segments = plan.segments
-    scale = direction_scale(segments.x1 - segments.x0, segments.y1 - segments.y0, plan.machine.pulses_per_mm)
-    scale[segments.arc_at] = 1.0  # An arc that is left here is a circle in pulses.
-    return scale
+    dx, dy = segments.x1 - segments.x0, segments.y1 - segments.y0
+    return direction_scale(dx, dy, segments.arc_at, plan.machine.pulses_per_mm)

@@ -123,6 +123,15 @@ MARK_WITHOUT_LENGTH = rule(
     bad=LASER_ON + "LINE X 5\nLINE X 5\nLASER OFF\n",
     good=LASER_ON + "LINE X 5\nLINE X 6\nLASER OFF\n",
 )
+ARC_IN_TWO_UNITS = rule(
+    "GJ518",
+    ERROR,
+    title="arc in two units",
+    text="I is in {first} and J in {second}, and X and Y have different pulses per mm: write I and J in one unit, in "
+    "which the arc is a circle",
+    why="An arc is a circle in the unit of its I and J, or R. Where X and Y have different pulses per mm, a circle in "
+    "mm is an ellipse in pulses.",
+)
 CORNER_TOO_FAST = rule(
     "GJ514",
     WARNING,
