@@ -14,6 +14,10 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices
 TURN = 2 * np.pi
 CLOSES_MM = 0.005
 """Largest distance of the end of an arc from its circle."""
+SAME_POINT_MM, SAME_POINT_PULSE = 2e-6, 0.1
+"""An arc whose end is nearer to its start on both axes ends there: what is left of a computed number is no arc."""
+CLOSE_ENDS_PULSE = 2.0
+"""Largest distance of the ends of an arc of half a turn at most that is as good as a line."""
 
 
 def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:
@@ -95,6 +99,21 @@ def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Float
     cy = (y0 + y1) / 2 + side * height * dx
     arcs = arcs_by_centre(x0, y0, x1, y1, cx, cy, ccw)
     return Arcs(cx=cx, cy=cy, radius=size, angle=arcs.angle, sweep=arcs.sweep)
+
+
+def nearly_closed(arcs: Arcs, chord: Floats) -> Bools:
+    """Find arcs that may be taken for a full circle, or a full circle for none, (n,).
+
+    Their ends are hardly apart: short arcs, and arcs of nearly a whole turn whose end is beside their start rather than
+    before it, so that little changes the side.
+
+    Args:
+        arcs: The arcs, in pulses.
+        chord: Distance of their ends, pulse; 0 of a full circle, which is none of them.
+    """
+    turn = np.abs(arcs.sweep)
+    short = (chord <= CLOSE_ENDS_PULSE) & (turn <= np.pi)
+    return np.asarray((chord > 0) & (short | (arcs.radius * (TURN - turn) < chord / 2)))
 
 
 Ends = tuple[Floats, Floats, Floats, Floats]

@@ -238,6 +238,26 @@ def no_length(context: LintContext, report: Reporter) -> None:
         still[rows] = False
 
 
+def arcs_without_length(context: LintContext, report: Reporter) -> None:
+    """An arc ends where it begins, in whole pulses, and is no full circle."""
+    path, machine, shown = context.path, context.machine, context.shown
+    rows = _certain(context, context.arc_rows())
+    if not len(rows):
+        return
+    drawn = drawn_arcs(path, rows, machine)
+    px, py = machine.pulses_per_mm
+    x0, y0, x1, y1 = (np.rint(values) for values in path.ends(rows))
+    cx, cy = np.rint(drawn.arcs.cx * drawn.mm_x * px), np.rint(drawn.arcs.cy * drawn.mm_y * py)
+    is_circle = (drawn.ends[0] == drawn.ends[2]) & (drawn.ends[1] == drawn.ends[3])
+    is_short = (np.abs(drawn.arcs.sweep) <= np.pi) | ((cx == x0) & (cy == y0))
+    still = (x0 == x1) & (y0 == y1) & is_short & (drawn.arcs.radius > 0) & ~(drawn.by_radius & is_circle)
+    value = drawn.arcs.length * drawn.mm * px * shown.per_pulse
+    hint = Phrase("; without X and Y it would be a full circle")
+    for which, text in ((still & ~drawn.by_radius & ~is_circle, hint), (still & (drawn.by_radius | is_circle), "")):
+        fields = {"value": value[which], "length": shown.length, "hint": text}
+        report.rows(rules.ARC_WITHOUT_LENGTH, rows[which], "", **fields)
+
+
 def starving(context: LintContext, report: Reporter) -> None:
     """So many short segments follow each other that the host can't keep the FIFO filled.
 

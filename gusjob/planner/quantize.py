@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Floats, Indices
-from gusjob.kinematics.geometry import NO_ARCS, Arcs, Ends, arcs_by_either, segments
+from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE, NO_ARCS, Arcs, Ends, arcs_by_either, segments
 from gusjob.planner.plan import QuantizedPath, SkyRows, StagedPath, next_phase
+
+_SMALL_PULSE = 10.0
+"""Radius above which an arc of two pulses is as long as its chord."""
 
 
 def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
@@ -21,7 +22,7 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     arc_at = np.flatnonzero(path.is_arc[timed])
     arcs = NO_ARCS
     if len(arc_at):
-        path, arc_at = _kept_arcs(path, timed, arc_at, (x0, y0, x1, y1))
+        arc_at = _kept_arcs(path, timed, arc_at, (x0, y0, x1, y1))
         ends = (x0[arc_at], y0[arc_at], x1[arc_at], y1[arc_at])
         rows = timed[arc_at]
         arcs = _arcs(path, rows, ends, np.rint(path.cx[rows]), np.rint(path.cy[rows]))
@@ -33,7 +34,7 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
         end = np.where(path.end_in_mm[timed], end * scale, end)
     return next_phase(
         QuantizedPath,
-        replace(staged, path=path),
+        staged,
         segments=segments(x0, y0, x1, y1, arc_at, arcs),
         vel=vel,
         acc=acc,
@@ -56,27 +57,20 @@ def direction_scale(dx: Floats, dy: Floats, arc_at: Indices, pulses_per_mm: tupl
     return scale
 
 
-def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, ends: Ends) -> tuple[Path, Indices]:
-    """Find the arcs that are still arcs in whole pulses; returns the path, and which timed rows they are.
+def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, ends: Ends) -> Indices:
+    """Find the arcs that are still arcs in whole pulses: which timed rows they are. The others become lines.
 
-    Where both ends round to one pulse, an arc of more than half a turn is a full circle, about its centre whatever its
-    form was; a shorter one has no length, and neither has an arc whose centre rounds to its start: both become lines.
+    Sky writing adds arcs and splits them. A part that rounding leaves without a length, or that could be taken for
+    a full circle, is none.
     """
     rows = timed[arc_at]
     x0, y0, x1, y1 = (values[arc_at] for values in ends)
     exact = _arcs(path, rows, path.ends(rows), path.cx[rows], path.cy[rows])
-    by_radius = path.op[rows] == Op.ARC_RADIUS
-    one_pulse = (x0 == x1) & (y0 == y1)
-    full = one_pulse & (np.abs(exact.sweep) > np.pi)
-    no_radius = (~by_radius | full) & (np.rint(exact.cx) == x0) & (np.rint(exact.cy) == y0)
-    keep = (full | ~one_pulse) & ~no_radius
-    turned = full & by_radius
-    if turned.any():
-        op, cx, cy = path.op.copy(), path.cx.copy(), path.cy.copy()
-        at = rows[turned]
-        op[at], cx[at], cy[at] = Op.ARC_CENTRE, exact.cx[turned], exact.cy[turned]
-        path = replace(path, op=op, cx=cx, cy=cy)
-    return path, arc_at[keep]
+    chord, is_short = np.hypot(x1 - x0, y1 - y0), np.abs(exact.sweep) <= np.pi
+    no_radius = (path.op[rows] == Op.ARC_CENTRE) & (np.rint(exact.cx) == x0) & (np.rint(exact.cy) == y0)
+    like_line = is_short & ((chord == 0) | ((chord <= CLOSE_ENDS_PULSE) & (exact.radius > _SMALL_PULSE)))
+    kept: Indices = arc_at[~like_line & ~no_radius]
+    return kept
 
 
 def _arcs(path: Path, rows: Indices, ends: Ends, cx: Floats, cy: Floats) -> Arcs:

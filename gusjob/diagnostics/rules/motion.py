@@ -123,6 +123,15 @@ MARK_WITHOUT_LENGTH = rule(
     bad=LASER_ON + "LINE X 5\nLINE X 5\nLASER OFF\n",
     good=LASER_ON + "LINE X 5\nLINE X 6\nLASER OFF\n",
 )
+ARC_WITHOUT_LENGTH = rule(
+    "GJ517",
+    WARNING,
+    title="arc without length",
+    text="this arc is {value} {length} long and ends in the pulse in which it starts: it moves nothing{hint}",
+    why="Often a full circle is meant, but its end is not computed exactly.",
+    bad=HEAD + "ARC CCW X 0.0004 Y 0 I 0 J 5\n",
+    good=HEAD + "ARC CCW I 0 J 5\n",
+)
 ARC_IN_TWO_UNITS = rule(
     "GJ518",
     ERROR,
