@@ -87,7 +87,10 @@ def arcs_by_centre(x0: Floats, y0: Floats, x1: Floats, y1: Floats, cx: Floats, c
 
 
 def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Floats, ccw: Bools) -> Arcs:
-    """Make arcs of a radius: > 0 up to 180 degrees, < 0 more. A radius below half the chord becomes half the chord."""
+    """Make arcs of a radius: > 0 up to 180 degrees, < 0 more. A radius below half the chord becomes half the chord.
+
+    Between two ends that are one point there is no arc: it has no length.
+    """
     dx, dy = x1 - x0, y1 - y0
     half = np.hypot(dx, dy) / 2
     size = np.maximum(np.abs(radius), half)
@@ -98,7 +101,7 @@ def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Float
     cx = (x0 + x1) / 2 - side * height * dy
     cy = (y0 + y1) / 2 + side * height * dx
     arcs = arcs_by_centre(x0, y0, x1, y1, cx, cy, ccw)
-    return Arcs(cx=cx, cy=cy, radius=size, angle=arcs.angle, sweep=arcs.sweep)
+    return Arcs(cx=cx, cy=cy, radius=size, angle=arcs.angle, sweep=np.where(half > 0, arcs.sweep, 0.0))
 
 
 def nearly_closed(arcs: Arcs, chord: Floats) -> Bools:

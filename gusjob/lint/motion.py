@@ -251,7 +251,7 @@ def arcs_without_length(context: LintContext, report: Reporter) -> None:
     is_circle = (drawn.ends[0] == drawn.ends[2]) & (drawn.ends[1] == drawn.ends[3])
     is_short = (np.abs(drawn.arcs.sweep) <= np.pi) | ((cx == x0) & (cy == y0))
     still = (x0 == x1) & (y0 == y1) & is_short & (drawn.arcs.radius > 0) & ~(drawn.by_radius & is_circle)
-    value = drawn.arcs.length * drawn.mm * px * shown.per_pulse
+    value = np.round(drawn.arcs.length * drawn.mm * px * shown.per_pulse, 6)
     hint = Phrase("; without X and Y it would be a full circle")
     for which, text in ((still & ~drawn.by_radius & ~is_circle, hint), (still & (drawn.by_radius | is_circle), "")):
         fields = {"value": value[which], "length": shown.length, "hint": text}

@@ -96,7 +96,8 @@ class _Forms:
         cx, cy = np.rint(self.drawn.cx), np.rint(self.drawn.cy)
         arcs = arcs_by_centre(*self.ends, cx, cy, self.ccw)
         off = np.abs(np.hypot(self.ends[2] - cx, self.ends[3] - cy) - arcs.radius)
-        return np.asarray((arcs.radius > 0) & (off <= _BY_CENTRE_PULSE) & self.keeps(arcs, _BY_CENTRE_PULSE))
+        meets = off <= np.minimum(_BY_CENTRE_PULSE, arcs.radius / 2)
+        return np.asarray((arcs.radius > 0) & meets & self.keeps(arcs, _BY_CENTRE_PULSE))
 
     def keep_radius(self, radius: Floats) -> Bools:
         """Find the arcs that a call by a radius keeps; NaN: none."""

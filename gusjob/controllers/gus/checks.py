@@ -129,7 +129,8 @@ def _report_arcs(calls: BufferedCalls, sent: int, motion: MotionEvents, reporter
     to_end = np.hypot(x1 - segments.arcs.cx, y1 - segments.arcs.cy)
     # Ends are whole pulses, and often the centre is: each may be off by less than one.
     no_radius = ~by_radius & (segments.arcs.radius < _NO_RADIUS_PULSE)
-    off_circle = ~by_radius & (np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE)
+    off = np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE
+    off_circle = ~by_radius & (off | (to_end < _NO_RADIUS_PULSE))
     for bad, reason in (
         (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts is ambiguous")),
         (
