@@ -19,6 +19,7 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.frontend import Source, read_listing
 from gusjob.i18n.phrases import Phrase
+from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE
 
 _LINE = re.compile(
     rb'^\{"t":[^,\n]*,(?:"code":0,(?:"row":(-?\d+),)?"line":(\d+),"call":"(\w+)","args":\[(.*)\]'
@@ -151,8 +152,10 @@ def _with_lengths(calls: BufferedCalls, lengths: dict[int, float]) -> BufferedCa
         start = point_pulse(calls, PathPosition(row=index))
         as_centre_arc(calls, index)
         calls.x[index], calls.y[index] = end
-        # The laser went off at full velocity; an arc back to its start would be a full circle.
+        # The laser went off at full velocity.
         calls.vel_end[index] = calls.vel[index]
-        if end == start:
+        is_arc = calls.kind[index] == Buffered.ARC_CENTRE
+        # The first pulses of an arc are a line: about its centre they could be a full circle.
+        if length <= CLOSE_ENDS_PULSE if is_arc else end == start:
             calls.kind[index] = Buffered.LINE
     return calls

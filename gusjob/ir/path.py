@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.config.machine import Machine
 from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.kinematics.geometry import Arcs, Ends, arcs_by_either
+from gusjob.kinematics.geometry import Ends
 
 
 class Op(IntEnum):
@@ -166,12 +165,3 @@ def with_chords(path: Path, rows: Indices, counts: Indices, x: Floats, y: Floats
     columns["end"][new] = np.where(last, columns["end"][new], np.nan)
     columns["op"][new] = Op.LINE
     return Path(**columns), origin
-
-
-def arcs_mm(path: Path, rows: Indices, machine: Machine) -> Arcs:
-    """Compute the arcs at some rows as circles in mm, from their unrounded ends."""
-    px, py = machine.pulses_per_mm
-    x0, y0, x1, y1 = path.ends(rows)
-    ends = (x0 / px, y0 / py, x1 / px, y1 / py)
-    cx, cy, radius = path.cx[rows] / px, path.cy[rows] / py, path.radius[rows] / px
-    return arcs_by_either(ends, cx, cy, radius, path.ccw[rows], path.op[rows] == Op.ARC_RADIUS)

@@ -16,6 +16,10 @@ _ROUNDING_PULSE = 2**0.5
 """By how much rounding moves one end of a segment against the other, across it."""
 CLOSES_MM = 0.005
 """Largest distance of the end of an arc from its circle."""
+SAME_POINT_MM, SAME_POINT_PULSE = 2e-6, 0.1
+"""An arc whose end is nearer to its start on both axes ends there: what is left of a computed number is no arc."""
+CLOSE_ENDS_PULSE = 2.0
+"""Largest distance of the ends of an arc of half a turn at most that is as good as a line."""
 
 
 def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:
@@ -85,7 +89,10 @@ def arcs_by_centre(x0: Floats, y0: Floats, x1: Floats, y1: Floats, cx: Floats, c
 
 
 def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Floats, ccw: Bools) -> Arcs:
-    """Make arcs of a radius: > 0 up to 180 degrees, < 0 more. A radius below half the chord becomes half the chord."""
+    """Make arcs of a radius: > 0 up to 180 degrees, < 0 more. A radius below half the chord becomes half the chord.
+
+    Between two ends that are one point there is no arc: it has no length.
+    """
     dx, dy = x1 - x0, y1 - y0
     half = np.hypot(dx, dy) / 2
     size = np.maximum(np.abs(radius), half)
@@ -96,7 +103,22 @@ def arcs_by_radius(x0: Floats, y0: Floats, x1: Floats, y1: Floats, radius: Float
     cx = (x0 + x1) / 2 - side * height * dy
     cy = (y0 + y1) / 2 + side * height * dx
     arcs = arcs_by_centre(x0, y0, x1, y1, cx, cy, ccw)
-    return Arcs(cx=cx, cy=cy, radius=size, angle=arcs.angle, sweep=arcs.sweep)
+    return Arcs(cx=cx, cy=cy, radius=size, angle=arcs.angle, sweep=np.where(half > 0, arcs.sweep, 0.0))
+
+
+def nearly_closed(arcs: Arcs, chord: Floats) -> Bools:
+    """Find arcs that may be taken for a full circle, or a full circle for none, (n,).
+
+    Their ends are hardly apart: short arcs, and arcs of nearly a whole turn whose end is beside their start rather than
+    before it, so that little changes the side.
+
+    Args:
+        arcs: The arcs, in pulses.
+        chord: Distance of their ends, pulse; 0 of a full circle, which is none of them.
+    """
+    turn = np.abs(arcs.sweep)
+    short = (chord <= CLOSE_ENDS_PULSE) & (turn <= np.pi)
+    return np.asarray((chord > 0) & (short | (arcs.radius * (TURN - turn) < chord / 2)))
 
 
 Ends = tuple[Floats, Floats, Floats, Floats]

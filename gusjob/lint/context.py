@@ -12,11 +12,12 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics.model import Remark
+from gusjob.ir.arcs import drawn_arcs
 from gusjob.ir.display import DisplayUnits, display_units
 from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.job import Job
 from gusjob.ir.modal import ModalState, ModeSpan, modal_state
-from gusjob.ir.path import Op, Path, arcs_mm
+from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import Setup
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 
@@ -80,13 +81,15 @@ class LintContext:
         return rows[self.known(rows, StateEffect.MODE_KIND, span.channel)]
 
     def lengths(self, rows: Indices) -> Floats:
-        """Compute the lengths of rows, in pulses of X (in which velocities are given); 0 of a dwell."""
+        """Compute the lengths of rows, in the pulses of their velocities (X's, if written in mm); 0 of a dwell."""
         path, (px, py) = self.path, self.machine.pulses_per_mm
         x0, y0, x1, y1 = path.ends(rows)
-        lengths = np.hypot(x1 - x0, (y1 - y0) * (px / py))
+        in_mm = path.vel_in_mm[rows] | self.machine.equal_axes
+        lengths = np.hypot(x1 - x0, (y1 - y0) * np.where(in_mm, px / py, 1.0))
         arcs = np.flatnonzero(path.is_arc[rows])
         if len(arcs):
-            lengths[arcs] = arcs_mm(path, rows[arcs], self.machine).length * px
+            drawn = drawn_arcs(path, rows[arcs], self.machine)
+            lengths[arcs] = drawn.arcs.length * np.where(in_mm[arcs], drawn.mm, drawn.mm_x) * px
         return np.where(path.moves[rows], lengths, 0.0)
 
     def set_remark(self, setup: Setup) -> tuple[Remark, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gusjob.controllers.gus import ranges
@@ -9,11 +11,11 @@ from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import MAX_PER_RULE
 from gusjob.i18n.phrases import Phrase
+from gusjob.ir.arcs import arc_faults, drawn_arcs
 from gusjob.ir.effects import POSITION, StateEffect
-from gusjob.ir.path import SPEED_WORDS, Op, Path, arcs_mm
+from gusjob.ir.path import SPEED_WORDS, Op, Path
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
 from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.kinematics.geometry import CLOSES_MM, arcs_by_either
 from gusjob.kinematics.trapezoids import peak_velocity
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -131,7 +133,7 @@ def field(context: LintContext, report: Reporter) -> None:
     arcs = _certain(context, context.arc_rows())
     if not len(arcs):
         return
-    x_low, x_high, y_low, y_high = arcs_mm(path, arcs, machine).extent()
+    x_low, x_high, y_low, y_high = drawn_arcs(path, arcs, machine).extent_mm()
     hint = Phrase(": the arc leaves the field between its ends")
     # One diagnostic an arc: it leaves the field at several sides for one reason.
     inside = ~np.isin(arcs, rows[reported])
@@ -162,35 +164,25 @@ def _certain(context: LintContext, rows: Indices) -> Indices:
 
 def arcs_close(context: LintContext, report: Reporter) -> None:
     """The end of an arc lies on its circle, and a radius reaches its end."""
-    path, (px, py) = context.path, context.machine.pulses_per_mm
-    rows = _certain(context, context.rows(Op.ARC_CENTRE))
-    if len(rows):
-        x0, y0, x1, y1 = path.ends(rows)
-        cx, cy = path.cx[rows] / px, path.cy[rows] / py
-        start = np.hypot(x0 / px - cx, y0 / py - cy)
-        end = np.hypot(x1 / px - cx, y1 / py - cy)
-        _bad_arc(report, rows[start == 0], Phrase("the centre I J is the start point: the radius is 0"))
-        off = (np.abs(start - end) > CLOSES_MM) & (start > 0)
-        for word, offset in (("I", path.cx[rows] - x0 / px * px), ("J", path.cy[rows] - y0 / py * py)):
-            off &= report.rows_in_range(rows, np.rint(offset), ranges.COORDINATE_PULSE, word, word)
-        off &= ~_follows(path, rows, off)
-        report.rows(rules.ARC_RADII_DIFFER, rows[off], "", end=end[off], start=start[off], limit=CLOSES_MM)
-    rows = _certain(context, context.rows(Op.ARC_RADIUS))
-    if len(rows):
-        x0, y0, x1, y1 = path.ends(rows)
-        report.rows_in_range(rows, path.radius[rows], ranges.RADIUS_PULSE, "R", "R")
-        radius = np.abs(path.radius[rows]) / px
-        chord = np.hypot(x1 / px - x0 / px, y1 / py - y0 / py)
-        _bad_arc(report, rows[radius == 0], Phrase("the radius R is 0"))
-        _bad_arc(
-            report,
-            rows[(chord == 0) & (radius > 0)],
-            Phrase("an arc with R that ends where it starts does not define a circle: write it with I J"),
-        )
-        short = (2 * radius < chord - CLOSES_MM) & (radius > 0)
-        short &= ~_follows(path, rows, short)
-        least = chord[short] / 2
-        report.rows(rules.ARC_RADIUS_TOO_SMALL, rows[short], "R", value=radius[short], chord=chord[short], least=least)
+    path = context.path
+    rows = _certain(context, context.arc_rows())
+    if not len(rows):
+        return
+    good = np.ones(len(rows), dtype=np.bool_)
+    by_centre, by_radius = (np.flatnonzero(path.op[rows] == op) for op in (Op.ARC_CENTRE, Op.ARC_RADIUS))
+    x0, y0, _, _ = path.ends(rows)
+    for at, values, allowed, word in (
+        (by_centre, np.rint(path.cx[rows] - x0), ranges.COORDINATE_PULSE, "I"),
+        (by_centre, np.rint(path.cy[rows] - y0), ranges.COORDINATE_PULSE, "J"),
+        (by_radius, path.radius[rows], ranges.RADIUS_PULSE, "R"),
+    ):
+        good[at] &= report.rows_in_range(rows[at], values[at], allowed, word, word)
+    for rule, bad, word, fields in arc_faults(drawn_arcs(path, rows, context.machine)):
+        found = bad & good if rule is rules.ARC_RADII_DIFFER else bad
+        if rule is not rules.BAD_ARC:
+            found = found & ~_follows(path, rows, found)
+        picked: dict[str, Any] = {name: v[found] if isinstance(v, np.ndarray) else v for name, v in fields.items()}
+        report.rows(rule, rows[found], word, **picked)
 
 
 def _follows(path: Path, rows: Indices, bad: Bools) -> Bools:
@@ -202,10 +194,6 @@ def _follows(path: Path, rows: Indices, bad: Bools) -> Bools:
     return found
 
 
-def _bad_arc(report: Reporter, rows: Indices, reason: str) -> None:
-    report.rows(rules.BAD_ARC, rows, "", reason=reason)
-
-
 def arc_speed(context: LintContext, report: Reporter) -> None:
     """On an arc v^2/r stays within the machine's acceleration; the planner slows the arc where it may."""
     path, shown = context.path, context.shown
@@ -213,20 +201,24 @@ def arc_speed(context: LintContext, report: Reporter) -> None:
     rows = rows[context.known_after(rows, StateEffect.VEL)]
     if not len(rows):
         return
-    by_radius = path.op[rows] == Op.ARC_RADIUS
-    arcs = arcs_by_either(path.ends(rows), path.cx[rows], path.cy[rows], path.radius[rows], path.ccw[rows], by_radius)
-    radius, limit = arcs.radius, context.machine.max_acceleration_pulse_per_ms2
+    machine, drawn = context.machine, drawn_arcs(path, rows, context.machine)
+    px, finest = machine.pulses_per_mm[0], max(machine.pulses_per_mm)
+    # A circle in mm is seen in pulses of X, in which its velocity is given.
+    in_mm = path.arc_in_mm[rows] | machine.equal_axes
+    radius = drawn.arcs.radius * drawn.mm_x * px
+    limit = machine.max_acceleration_pulse_per_ms2 * np.where(in_mm, px / finest, 1.0)
+    vel = path.vel[rows] * np.where(~in_mm & path.vel_in_mm[rows], min(machine.pulses_per_mm) / px, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        needed = path.vel[rows] ** 2 / radius
+        needed = vel**2 / radius
     fast = (needed > limit * _ABOVE) & (radius > 0)
     report.rows(
         rules.ARC_TOO_FAST,
         rows[fast],
         "",
-        velocity=path.vel[rows[fast]] * shown.per_pulse_per_ms,
+        velocity=vel[fast] * shown.per_pulse_per_ms,
         radius=radius[fast] * shown.per_pulse,
         value=needed[fast] * shown.per_pulse_per_ms2,
-        limit=limit * shown.per_pulse_per_ms2,
+        limit=limit[fast] * shown.per_pulse_per_ms2,
         speed=shown.speed,
         length=shown.length,
         acceleration=shown.acceleration,
@@ -244,6 +236,26 @@ def no_length(context: LintContext, report: Reporter) -> None:
         rows = np.flatnonzero(still & context.modal.laser(channel).on)
         report.rows(rules.MARK_WITHOUT_LENGTH, rows, "", word="LINE")
         still[rows] = False
+
+
+def arcs_without_length(context: LintContext, report: Reporter) -> None:
+    """An arc ends where it begins, in whole pulses, and is no full circle."""
+    path, machine, shown = context.path, context.machine, context.shown
+    rows = _certain(context, context.arc_rows())
+    if not len(rows):
+        return
+    drawn = drawn_arcs(path, rows, machine)
+    px, py = machine.pulses_per_mm
+    x0, y0, x1, y1 = (np.rint(values) for values in path.ends(rows))
+    cx, cy = np.rint(drawn.arcs.cx * drawn.mm_x * px), np.rint(drawn.arcs.cy * drawn.mm_y * py)
+    is_circle = (drawn.ends[0] == drawn.ends[2]) & (drawn.ends[1] == drawn.ends[3])
+    is_short = (np.abs(drawn.arcs.sweep) <= np.pi) | ((cx == x0) & (cy == y0))
+    still = (x0 == x1) & (y0 == y1) & is_short & (drawn.arcs.radius > 0) & ~(drawn.by_radius & is_circle)
+    value = np.round(drawn.arcs.length * drawn.mm * px * shown.per_pulse, 6)
+    hint = Phrase("; without X and Y it would be a full circle")
+    for which, text in ((still & ~drawn.by_radius & ~is_circle, hint), (still & (drawn.by_radius | is_circle), "")):
+        fields = {"value": value[which], "length": shown.length, "hint": text}
+        report.rows(rules.ARC_WITHOUT_LENGTH, rows[which], "", **fields)
 
 
 def starving(context: LintContext, report: Reporter) -> None:

@@ -6,15 +6,17 @@ pulses by any angle: corners between rounded points would slow down a smooth pat
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from gusjob.ir.intent import RunKind
 from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Floats, Indices
-from gusjob.kinematics.geometry import NO_ARCS, Arcs, Ends, Unrounded, arcs_by_either, segments
+from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE, NO_ARCS, Arcs, Ends, Unrounded, arcs_by_either, segments
+from gusjob.kinematics.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
 from gusjob.planner.plan import QuantizedPath, SkyRows, StagedPath, next_phase
+
+_SMALL_PULSE = 10.0
+"""Radius above which an arc of two pulses is as long as its chord."""
 
 
 def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
@@ -27,7 +29,7 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     arc_at = np.flatnonzero(path.is_arc[timed])
     arcs = exact = NO_ARCS
     if len(arc_at):
-        path, arc_at, exact = _kept_arcs(path, timed, arc_at, (x0, y0, x1, y1))
+        arc_at, exact = _kept_arcs(path, timed, arc_at, (x0, y0, x1, y1))
         ends = (x0[arc_at], y0[arc_at], x1[arc_at], y1[arc_at])
         rows = timed[arc_at]
         arcs = _arcs(path, rows, ends, np.rint(path.cx[rows]), np.rint(path.cy[rows]))
@@ -37,15 +39,20 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     lines_and_arcs = segments(x0, y0, x1, y1, arc_at, arcs, Unrounded(dx=dx, dy=dy, arcs=exact))
     vel, acc, end = path.vel[timed], path.acc[timed], path.end[timed]
     if not staged.machine.equal_axes:
-        along_x, along_y = lines_and_arcs.start_x.copy(), lines_and_arcs.start_y.copy()
-        along_x[arc_at], along_y[arc_at] = dx[arc_at], dy[arc_at]
-        scale = direction_scale(along_x, along_y, staged.machine.pulses_per_mm)
-        vel = np.where(path.vel_in_mm[timed], vel * scale, vel)
-        acc = np.where(path.acc_in_mm[timed], acc * scale, acc)
-        end = np.where(path.end_in_mm[timed], end * scale, end)
+        machine = staged.machine
+        along = lines_and_arcs.start_x, lines_and_arcs.start_y
+        scale = direction_scale(*along, arc_at, machine.pulses_per_mm)
+        # The motion goes between whole pulses: there, too, it stays within the limits.
+        rounded = direction_scale(x1 - x0, y1 - y0, arc_at, machine.pulses_per_mm)
+        px = machine.pulses_per_mm[0]
+        fastest = velocity_pulse_per_ms(machine.max_velocity_mm_s, px) * rounded
+        strongest = acceleration_pulse_per_ms2(machine.max_acceleration_mm_s2, px) * rounded
+        vel = np.where(path.vel_in_mm[timed], np.minimum(vel * scale, fastest), vel)
+        acc = np.where(path.acc_in_mm[timed], np.minimum(acc * scale, strongest), acc)
+        end = np.where(path.end_in_mm[timed], np.minimum(end * scale, fastest), end)
     return next_phase(
         QuantizedPath,
-        replace(staged, path=path),
+        staged,
         segments=lines_and_arcs,
         vel=vel,
         acc=acc,
@@ -78,38 +85,36 @@ def _turn_to_marks(staged: StagedPath, sky: SkyRows, dx: Floats, dy: Floats) -> 
     dx[at], dy[at] = np.where(back, -mark_x, mark_x), np.where(back, -mark_y, mark_y)
 
 
-def direction_scale(dx: Floats, dy: Floats, pulses_per_mm: tuple[float, float]) -> Floats:
+def direction_scale(dx: Floats, dy: Floats, arc_at: Indices, pulses_per_mm: tuple[float, float]) -> Floats:
     """Pulses per mm along each segment, divided by X's: velocities are in pulses of X.
 
-    For a line only: arcs that are left here are circles in pulses.
+    Arcs that are left here are circles in pulses. They run at one velocity in pulses, which is another one in mm in
+    each direction: the axis with the fewest pulses per mm counts, so that nowhere it is more mm/s than written.
     """
     px, py = pulses_per_mm
     length_mm, chord = np.hypot(dx / px, dy / py), np.hypot(dx, dy)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(length_mm > 0, chord / length_mm / px, 1.0)
+        scale = np.where(length_mm > 0, chord / length_mm / px, 1.0)
+    scale[arc_at] = min(px, py) / px
+    return scale
 
 
-def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, ends: Ends) -> tuple[Path, Indices, Arcs]:
-    """Find the arcs that are still arcs in whole pulses: the path, which timed rows they are, and they before rounding.
+def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, ends: Ends) -> tuple[Indices, Arcs]:
+    """Find the arcs that are still arcs in whole pulses: which timed rows they are, and they before rounding.
 
-    Where both ends round to one pulse, an arc of more than half a turn is a full circle, about its centre whatever its
-    form was; a shorter one has no length, and neither has an arc whose centre rounds to its start: both become lines.
+    The others become lines.
+
+    Sky writing adds arcs and splits them. A part that rounding leaves without a length, or that could be taken for
+    a full circle, is none.
     """
     rows = timed[arc_at]
     x0, y0, x1, y1 = (values[arc_at] for values in ends)
     exact = _arcs(path, rows, path.ends(rows), path.cx[rows], path.cy[rows])
-    by_radius = path.op[rows] == Op.ARC_RADIUS
-    one_pulse = (x0 == x1) & (y0 == y1)
-    full = one_pulse & (np.abs(exact.sweep) > np.pi)
-    no_radius = (~by_radius | full) & (np.rint(exact.cx) == x0) & (np.rint(exact.cy) == y0)
-    keep = (full | ~one_pulse) & ~no_radius
-    turned = full & by_radius
-    if turned.any():
-        op, cx, cy = path.op.copy(), path.cx.copy(), path.cy.copy()
-        at = rows[turned]
-        op[at], cx[at], cy[at] = Op.ARC_CENTRE, exact.cx[turned], exact.cy[turned]
-        path = replace(path, op=op, cx=cx, cy=cy)
-    return path, arc_at[keep], exact.pick(np.flatnonzero(keep))
+    chord, is_short = np.hypot(x1 - x0, y1 - y0), np.abs(exact.sweep) <= np.pi
+    no_radius = (path.op[rows] == Op.ARC_CENTRE) & (np.rint(exact.cx) == x0) & (np.rint(exact.cy) == y0)
+    like_line = is_short & ((chord == 0) | ((chord <= CLOSE_ENDS_PULSE) & (exact.radius > _SMALL_PULSE)))
+    keep = np.flatnonzero(~like_line & ~no_radius)
+    return arc_at[keep], exact.pick(keep)
 
 
 def _arcs(path: Path, rows: Indices, ends: Ends, cx: Floats, cy: Floats) -> Arcs:

@@ -59,6 +59,4 @@ def _per_pulse_of_x(plan: Plan) -> Floats | float:
     if plan.machine.equal_axes or plan.job.in_pulses:
         return 1.0
     segments = plan.segments
-    scale = direction_scale(segments.start_x, segments.start_y, plan.machine.pulses_per_mm)
-    scale[segments.arc_at] = 1.0  # An arc that is left here is a circle in pulses.
-    return scale
+    return direction_scale(segments.start_x, segments.start_y, segments.arc_at, plan.machine.pulses_per_mm)

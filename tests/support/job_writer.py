@@ -388,8 +388,8 @@ class Writer:
         towards = math.radians(self.rng.choice((0.0, 90.0, 45.0, self.rng.uniform(0, 360))))
         cx, cy = radius * math.cos(towards), radius * math.sin(towards)
         if self.one_in(3):
-            centre = self.word("I", self.length(cx)), self.word("J", self.length(cy))
-            self.put(turn, self.words(*centre, self.motion_words()))
+            i, j = self.centre(cx, cy)
+            self.put(turn, self.words(self.word("I", i), self.word("J", j), self.motion_words()))
             return
         swept = math.radians(self.rng.choice((180.0, 90.0, 359.99, 0.01, self.rng.uniform(1, 359))))
         dx = cx - cx * math.cos(swept) + cy * math.sin(swept)
@@ -408,6 +408,13 @@ class Writer:
             self.put(
                 turn, ends, self.words(self.word("R", self.some("", "", "-") + self.exact(r)), self.motion_words())
             )
+
+    def centre(self, cx: float, cy: float) -> tuple[str, str]:
+        """I and J: on unequal axes in one unit, otherwise in any."""
+        if not self.unequal or self.slip():
+            return self.length(cx), self.length(cy)
+        unit, scale = self.rng.choice((("mm", 1.0), ("um", 1000.0), ("pulse", 1000.0)))
+        return self.number(cx * scale, unit), self.number(cy * scale, unit)
 
     def exact(self, mm: float) -> str:
         """A length to many digits."""

@@ -33,6 +33,8 @@ LONGER = NEAR + 3
 
 """The same on a circle: a run is made longer until its arc, with rounded ends and centre, is long enough."""
 
+LIKE_LINE = 2.0
+"""A part of an arc that is no longer, in pulses, may be a line: the controller could draw the whole circle."""
 BEAM = 1.5
 
 """Error of the beam at laser-on and laser-off: a switch is at a whole pulse."""
@@ -273,9 +275,10 @@ def _runs(leg: Leg, moves: Moves, number: int) -> bool:
     kind = moves.kind[number]
     if leg.role == "dwell" or kind == Buffered.DELAY:
         return leg.role == "dwell" and kind == Buffered.DELAY and moves.dwell[number] == leg.dwell
-    if (leg.way.centre is None) != (kind == Buffered.LINE):
+    is_short = math.dist(moves.at[number], moves.at[number - 1] if number else (0.0, 0.0)) <= LIKE_LINE
+    if (leg.way.centre is None) != (kind == Buffered.LINE) and not (leg.way.centre is not None and is_short):
         return False
-    if leg.way.centre is not None and moves.ccw[number] != (leg.way.sweep > 0):
+    if leg.way.centre is not None and kind != Buffered.LINE and moves.ccw[number] != (leg.way.sweep > 0):
         return False
     return math.isclose(moves.vel[number], leg.vel, rel_tol=1e-2 if leg.way.centre else 1e-9) and math.isclose(
         moves.acc[number], leg.acc, rel_tol=1e-9

@@ -14,12 +14,17 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Span
 from gusjob.i18n.phrases import Phrase, number
 from gusjob.kinematics.arrays import Bools
+from gusjob.kinematics.geometry import nearly_closed
 from gusjob.simulate import Trace
 from gusjob.simulate.checks import SegmentReporter, segment_reporter
 from gusjob.simulate.events import Events, MotionEvents
 from gusjob.simulate.rest import OnAtRest, times_on_at_rest
 
 _ARC_TOLERANCE_PULSE = 3.0
+_NO_RADIUS_PULSE = 1e-3
+"""Radius below which a centre is the start point: what is left of a computed number."""
+_BELOW = 1 - 1e-12
+"""Factor by which a radius has to be below half the chord: more than rounding."""
 
 
 def limit_diagnostics(path: str, motion: MotionEvents, too_fast: Bools, too_strong: Bools) -> list[Diagnostic]:
@@ -43,7 +48,7 @@ def limit_diagnostics(path: str, motion: MotionEvents, too_fast: Bools, too_stro
 def listing_diagnostics(execution: Execution, events: Events, trace: Trace) -> list[Diagnostic]:
     """Report what the planner would not make: impossible arcs, full FIFOs, lasers on at a stop or at rest."""
     calls, reporter = execution.run.calls, segment_reporter(events.name, events.motion)
-    _report_arcs(calls, events.motion, reporter)
+    _report_arcs(calls, execution.run.sent, events.motion, reporter)
     fifos = _full_fifos(calls, execution, events.name)
     return [*reporter.done(), *fifos, *_stopped_on(execution, trace), *_on_at_rest(events, trace)]
 
@@ -109,8 +114,11 @@ def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:
     return found
 
 
-def _report_arcs(calls: BufferedCalls, motion: MotionEvents, reporter: SegmentReporter) -> None:
-    """Report arcs whose radius or centre does not fit their ends (sister: no full circle by radius)."""
+def _report_arcs(calls: BufferedCalls, sent: int, motion: MotionEvents, reporter: SegmentReporter) -> None:
+    """Report arcs whose radius or centre does not fit their ends (sister: no full circle by radius).
+
+    Of the calls the first `sent` are those of the listing; the others are parts of them, from a stop to a start.
+    """
     segments, at = motion.segments, motion.segments.arc_at
     if not len(at):
         return
@@ -120,15 +128,21 @@ def _report_arcs(calls: BufferedCalls, motion: MotionEvents, reporter: SegmentRe
     chord = np.hypot(x1 - x0, y1 - y0)
     to_end = np.hypot(x1 - segments.arcs.cx, y1 - segments.arcs.cy)
     # Ends are whole pulses, and often the centre is: each may be off by less than one.
-    off_circle = ~by_radius & (np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE)
+    no_radius = ~by_radius & (segments.arcs.radius < _NO_RADIUS_PULSE)
+    off = np.abs(segments.arcs.radius - to_end) > _ARC_TOLERANCE_PULSE
+    off_circle = ~by_radius & (off | (to_end < _NO_RADIUS_PULSE))
     for bad, reason in (
         (by_radius & (chord == 0), Phrase("an arc by radius that ends where it starts is ambiguous")),
         (
-            by_radius & (chord > 0) & (2 * np.abs(radius) < chord - _ARC_TOLERANCE_PULSE),
+            by_radius & (chord > 0) & (2 * np.abs(radius) < chord * _BELOW),
             Phrase("the radius is below half the chord"),
         ),
-        (~by_radius & (segments.arcs.radius == 0), Phrase("the centre is the start point")),
-        (off_circle & (segments.arcs.radius > 0), Phrase("the end is not on the circle around this centre")),
+        (no_radius, Phrase("the centre is the start point")),
+        (off_circle & ~no_radius, Phrase("the end is not on the circle around this centre")),
+        (
+            ~by_radius & ~no_radius & ~off_circle & (row < sent) & nearly_closed(segments.arcs, chord),
+            Phrase("the end is so near to the start that it may be taken for a full circle, or for none"),
+        ),
     ):
         where = np.zeros(len(motion), dtype=np.bool_)
         where[at[bad]] = True

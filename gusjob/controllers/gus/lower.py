@@ -165,7 +165,7 @@ def _buffered(plan: Plan, crd: int, fifo: int) -> BufferedCalls:
         # The centre is an offset from the start point, in whole pulses like the ends.
         i_pulse = np.rint(path.cx[arcs]) - segments.x0[segments.arc_at] + 0.0
         j_pulse = np.rint(path.cy[arcs]) - segments.y0[segments.arc_at] + 0.0
-        p[arcs] = np.where(by_radius, _radius(path.radius[arcs], segments.arcs.radius), i_pulse)
+        p[arcs] = np.where(by_radius, path.radius[arcs], i_pulse)
         q[arcs] = np.where(by_radius, 0.0, j_pulse)
         r[arcs] = path.ccw[arcs]
         # An arc that is none in whole pulses is a line.
@@ -196,8 +196,3 @@ def _buffered(plan: Plan, crd: int, fifo: int) -> BufferedCalls:
         acc=spread(np.where(moves, plan.acc, 0.0)),
         vel_end=spread(np.where(moves, plan.vel_end, 0.0)),
     )
-
-
-def _radius(written: Floats, fitted: Floats) -> Floats:
-    """The radius as written, or half the chord where rounding made the chord longer than twice that."""
-    return np.where(np.abs(written) >= fitted, written, np.sign(written) * fitted)

@@ -12,7 +12,7 @@ from gusjob.controllers.gus.calls import POWER_KINDS, SIGNATURES, Buffered, Buff
 from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.path_position import JOB_START, PathPosition, PositionRange
 from gusjob.controllers.gus.ranges import CHANNELS
-from gusjob.kinematics.geometry import Segments
+from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE, Segments
 from gusjob.kinematics.schedule import reachable_ends
 
 CRD_CALLS = ("GT_SetCrdPrm", "GT_SetCrdStopDec", "GT_CrdClear", "GT_CrdStart", "GT_CrdStatus", "GT_Stop", "GT_Reset")
@@ -118,7 +118,7 @@ def remainder_from(stream: Stream, position: PathPosition, head_pulse: tuple[flo
             lead.add(Buffered.ON, channel=channel)
     left = calls.pick(np.arange(row, len(calls)))
     if position.along_pulse > 0:
-        _begin_within(left, calls, row, start)
+        _begin_within(left, calls, position, start)
     count = len(lead.rows)
     made = Stream(
         name=stream.name,
@@ -253,12 +253,21 @@ def _velocity_and_acceleration(calls: BufferedCalls, row: int) -> tuple[float, f
     return float(calls.vel[at]), float(calls.acc[at])
 
 
-def _begin_within(left: BufferedCalls, calls: BufferedCalls, row: int, start: tuple[float, float]) -> None:
-    """Let the first row of the rest begin at `start`; the centre of an arc is an offset from there."""
+def _begin_within(
+    left: BufferedCalls, calls: BufferedCalls, position: PathPosition, start: tuple[float, float]
+) -> None:
+    """Let the first row of the rest begin at `start`; the centre of an arc is an offset from there.
+
+    The last two pulses of an arc are a line: about the centre a rounded start could make a full circle of them.
+    """
+    row = position.row
     if calls.kind[row] in (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS):
-        cx, cy = _centre(calls, row)
+        segment = _segment(calls, row)
+        if float(segment.length[0]) - position.along_pulse <= CLOSE_ENDS_PULSE:
+            left.kind[0], left.p[0], left.q[0], left.r[0] = Buffered.LINE, 0.0, 0.0, 0.0
+            return
         left.kind[0] = Buffered.ARC_CENTRE
-        left.p[0], left.q[0] = cx - start[0], cy - start[1]
+        left.p[0], left.q[0] = float(segment.arcs.cx[0]) - start[0], float(segment.arcs.cy[0]) - start[1]
 
 
 def as_centre_arc(calls: BufferedCalls, row: int) -> None:

@@ -123,6 +123,24 @@ MARK_WITHOUT_LENGTH = rule(
     bad=LASER_ON + "LINE X 5\nLINE X 5\nLASER OFF\n",
     good=LASER_ON + "LINE X 5\nLINE X 6\nLASER OFF\n",
 )
+ARC_WITHOUT_LENGTH = rule(
+    "GJ517",
+    WARNING,
+    title="arc without length",
+    text="this arc is {value} {length} long and ends in the pulse in which it starts: it moves nothing{hint}",
+    why="Often a full circle is meant, but its end is not computed exactly.",
+    bad=HEAD + "ARC CCW X 0.0004 Y 0 I 0 J 5\n",
+    good=HEAD + "ARC CCW I 0 J 5\n",
+)
+ARC_IN_TWO_UNITS = rule(
+    "GJ518",
+    ERROR,
+    title="arc in two units",
+    text="I is in {first} and J in {second}, and X and Y have different pulses per mm: write I and J in one unit, in "
+    "which the arc is a circle",
+    why="An arc is a circle in the unit of its I and J, or R. Where X and Y have different pulses per mm, a circle in "
+    "mm is an ellipse in pulses.",
+)
 CORNER_TOO_FAST = rule(
     "GJ514",
     WARNING,

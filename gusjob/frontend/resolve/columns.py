@@ -122,13 +122,15 @@ class ResolvedColumns:
             return np.broadcast_to(np.int8(0), len(self.op))
         return np.asarray((self.rows.system >> (2 * column)) & 3, dtype=np.int8)
 
-    def arc_in_mm(self) -> Bools:
-        """Whether an arc's centre or radius was written in mm."""
-        found = np.zeros(len(self.op), dtype=np.bool_)
+    def arc_units(self) -> tuple[Bools, Bools]:
+        """Whether an arc's centre or radius was written in mm, and whether it was in pulses; 0 has any unit."""
+        in_mm, in_pulse = np.zeros(len(self.op), dtype=np.bool_), np.zeros(len(self.op), dtype=np.bool_)
         for column in (Column.I, Column.J, Column.R):
-            given, pulses = ~np.isnan(self.raw(column)), self.in_pulse(column)
-            found |= given if pulses is None else given & ~pulses
-        return found
+            values, pulses = self.raw(column), self.in_pulse(column)
+            given = ~np.isnan(values) & (values != 0)
+            in_mm |= given if pulses is None else given & ~pulses
+            in_pulse |= np.False_ if pulses is None else given & pulses
+        return in_mm, in_pulse
 
     def relative(self) -> Bools | None:
         """Whether COORDS REL is in force; None if never."""

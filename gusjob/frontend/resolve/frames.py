@@ -9,9 +9,10 @@ import numpy as np
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns
+from gusjob.ir.arcs import DrawnArcs
 from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, running_sum
-from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
+from gusjob.kinematics.geometry import arcs_by_either, sin_cos_deg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,15 +138,19 @@ def positions_in_frames(x: Floats, y: Floats, relative: Bools, frame: Ints, fram
     return frames.to_machine(frame, local_x, local_y)
 
 
-def bent_arcs(path: Path, at: Indices, frames: Frames, frame: Ints) -> tuple[Arcs, Floats]:
-    """The arcs at rows `at` as the circles that they are in the pulses of their frames, without the frames' shift.
-
-    Returns:
-        The arcs, and the distance of the end of each from its centre in the same pulses.
-    """
+def bent_arcs(path: Path, at: Indices, frames: Frames, frame: Ints, pulses_per_mm: tuple[float, float]) -> DrawnArcs:
+    """The arcs at rows `at` as the circles that they are in the pulses of their frames, without the frames' shift."""
     before = np.concatenate([[0.0], path.x])[at], np.concatenate([[0.0], path.y])[at]
     x1, y1 = frames.vectors_to_frame(frame, path.x[at], path.y[at])
     cx, cy = frames.vectors_to_frame(frame, path.cx[at], path.cy[at])
     radius, by_radius = path.radius[at] / frames.scale[frame], path.op[at] == Op.ARC_RADIUS
-    arcs = arcs_by_either((*frames.vectors_to_frame(frame, *before), x1, y1), cx, cy, radius, path.ccw[at], by_radius)
-    return arcs, np.hypot(x1 - arcs.cx, y1 - arcs.cy)
+    ends = (*frames.vectors_to_frame(frame, *before), x1, y1)
+    px, py = pulses_per_mm
+    return DrawnArcs(
+        arcs=arcs_by_either(ends, cx, cy, radius, path.ccw[at], by_radius),
+        ends=ends,
+        by_radius=by_radius,
+        written=radius,
+        mm_x=frames.scale[frame] / px,
+        mm_y=frames.scale[frame] / py,
+    )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gusjob.diagnostics.model import Rule
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.resolve.columns import PATH_OP, ResolvedColumns
@@ -15,19 +16,24 @@ from gusjob.frontend.resolve.frames import Frames, bent_arcs
 from gusjob.frontend.resolve.positions import positions
 from gusjob.frontend.resolve.speeds import velocity_and_acceleration
 from gusjob.frontend.resolve.unknown import States, unknown_states
+from gusjob.ir.arcs import DrawnArcs, arc_faults
+from gusjob.ir.effects import POSITION
 from gusjob.ir.path import Path, with_chords
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
-from gusjob.kinematics.geometry import CLOSES_MM
+
+_TURNS = 1e-12
+"""Least part of a frame's rotation: turns that cancel each other leave float noise."""
 
 
 @dataclass(frozen=True, slots=True)
-class OpenArc:
-    """An arc in a rotated frame that does not close: its row, and how far start and end are from the centre, mm."""
+class BadArc:
+    """An arc in a rotated frame that is none: its row, the rule that it breaks, the word, and the rule's fields."""
 
     row: int
-    start_mm: float
-    end_mm: float
+    rule: Rule
+    word: str
+    fields: dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +44,7 @@ class ResolvedPath:
         path: The path.
         count: For each row of the job how many statements of the path there are up to it, (n,).
         first_row: Where arcs became lines: the path's row at which each of its statements begins.
-        open_arcs: Arcs that do not close.
+        bad_arcs: Arcs that are none, of those that became lines.
         unknown_before: State before each row of the job, bits of ir.effects, (n,).
         unknown: The state after each row.
     """
@@ -46,7 +52,7 @@ class ResolvedPath:
     path: Path
     count: Indices
     first_row: Indices | None
-    open_arcs: tuple[OpenArc, ...]
+    bad_arcs: tuple[BadArc, ...]
     unknown_before: States
     unknown: States
 
@@ -65,12 +71,21 @@ def resolve_path(columns: ResolvedColumns, frames: Frames | None, setups: tuple[
     """
     keep = columns.in_path
     x, y = positions(columns, frames)
-    unknown = unknown_states(columns, setups, x, y)
+    unknown = _without_unit(columns, unknown_states(columns, setups, x, y))
     path = _path(columns, frames, x, y, unknown)
     if frames is None or columns.machine.equal_axes:
         return ResolvedPath(path, np.cumsum(keep), None, (), unknown[0], unknown[1])
-    path, first_row, open_arcs = _with_chords(columns, path, frames)
-    return ResolvedPath(path, np.cumsum(keep), first_row, open_arcs, unknown[0], unknown[1])
+    path, first_row, bad_arcs = _with_chords(columns, path, frames)
+    return ResolvedPath(path, np.cumsum(keep), first_row, bad_arcs, unknown[0], unknown[1])
+
+
+def _without_unit(columns: ResolvedColumns, unknown: tuple[States, States]) -> tuple[States, States]:
+    """The states with the start of arcs in two units as unknown: so only the units are reported."""
+    if columns.machine.equal_axes or not columns.is_arc.any():
+        return unknown
+    in_mm, in_pulse = columns.arc_units()
+    before = np.where(columns.is_arc & in_mm & in_pulse, unknown[0] | int(POSITION), unknown[0])
+    return before.astype(unknown[0].dtype), unknown[1]
 
 
 def _path(
@@ -107,7 +122,7 @@ def _path(
         # A channel out of range is reported; here it is one that exists.
         channel=np.asarray(np.clip(np.nan_to_num(cut(columns.channel())), 0, 1), dtype=np.int8),
         ccw=cut(is_ccw),
-        arc_in_mm=cut(columns.arc_in_mm() if unequal else never),
+        arc_in_mm=cut(columns.arc_units()[0] if unequal else never),
         x=cut(x),
         y=cut(y),
         cx=cut(cx),
@@ -149,25 +164,34 @@ def _centres(columns: ResolvedColumns, frames: Frames | None, x: Floats, y: Floa
 
 def _with_chords(
     columns: ResolvedColumns, path: Path, frames: Frames
-) -> tuple[Path, Indices | None, tuple[OpenArc, ...]]:
+) -> tuple[Path, Indices | None, tuple[BadArc, ...]]:
     """The path with arcs that a frame bends as chords.
 
     Where the axes differ, arcs in pulses in a rotated frame are ellipses. In the frame's own pulses they are circles;
     only the frame's rotation and scale matter here, not its shift.
     """
     machine, frame = columns.machine, columns.frame()
-    rotated = (frames.b[frame] != 0) | (frames.c[frame] != 0)
-    rows = np.flatnonzero(columns.is_arc & rotated & ~columns.arc_in_mm())
+    turns = np.abs(frames.b) + np.abs(frames.c) > _TURNS * (np.abs(frames.a) + np.abs(frames.d))
+    rotated = turns[frame]
+    rows = np.flatnonzero(columns.is_arc & rotated & columns.arc_units()[1])
     if not len(rows):
         return path, None, ()
     at, own = (np.cumsum(columns.in_path) - 1)[rows], frame[rows]
-    arcs, end = bent_arcs(path, at, frames, own)
-    scale = frames.scale[own] / min(machine.pulses_per_mm)
-    start_mm, end_mm = arcs.radius * scale, end * scale
-    off = np.flatnonzero(np.abs(start_mm - end_mm) > CLOSES_MM)
-    _, first = np.unique(columns.rows.line[rows[off]], return_index=True)
-    open_arcs = tuple(OpenArc(int(rows[i]), float(start_mm[i]), float(end_mm[i])) for i in off[first].tolist())
-    counts = chord_counts(arcs.sweep, chord_angles(start_mm, machine.chord_tolerance_um / 1000))
-    x, y = chord_ends(arcs, counts)
+    drawn = bent_arcs(path, at, frames, own, machine.pulses_per_mm)
+    angles = chord_angles(drawn.arcs.radius * drawn.mm, machine.chord_tolerance_um / 1000)
+    counts = chord_counts(drawn.arcs.sweep, angles)
+    x, y = chord_ends(drawn.arcs, counts)
     longer, origin = with_chords(path, at, counts, *frames.vectors_to_machine(np.repeat(own, counts), x, y))
-    return longer, np.searchsorted(origin, np.arange(len(path) + 1), side="left"), open_arcs
+    return longer, np.searchsorted(origin, np.arange(len(path) + 1), side="left"), _bad_arcs(columns, rows, drawn)
+
+
+def _bad_arcs(columns: ResolvedColumns, rows: Indices, drawn: DrawnArcs) -> tuple[BadArc, ...]:
+    """Find what is wrong with the arcs at some rows, once a line."""
+    found = []
+    for rule, bad, word, fields in arc_faults(drawn):
+        at = np.flatnonzero(bad)
+        _, first = np.unique(columns.rows.line[rows[at]], return_index=True)
+        for i in at[first].tolist():
+            own = {name: float(v[i]) if isinstance(v, np.ndarray) else v for name, v in fields.items()}
+            found.append(BadArc(int(rows[i]), rule, word, own))
+    return tuple(found)

@@ -8,12 +8,34 @@ from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.resolve.columns import ResolvedColumns, filled, last_set
 from gusjob.frontend.resolve.frames import Frames, positions_in_frames
 from gusjob.kinematics.arrays import Bools, Floats, running_sum
+from gusjob.kinematics.geometry import SAME_POINT_MM, SAME_POINT_PULSE
 
 _STAYS_PULSE = 1e-6
 
 
 def positions(columns: ResolvedColumns, frames: Frames | None) -> tuple[Floats, Floats]:
     """Absolute position after each row, pulse, not rounded. `frames`: None if the job has none."""
+    return _with_closed_circles(columns, *_positions(columns, frames))
+
+
+def _with_closed_circles(columns: ResolvedColumns, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """The positions with the end of an arc at its start where only float noise is between them."""
+    arcs = np.flatnonzero(columns.is_arc)
+    stays = np.ones(len(arcs), dtype=np.bool_)
+    moved = np.zeros(len(arcs), dtype=np.bool_)
+    for values, pulses_per_mm in zip((x, y), columns.machine.pulses_per_mm, strict=True):
+        distance = np.abs(values[arcs] - np.where(arcs > 0, values[arcs - 1], 0.0))
+        stays &= distance < min(SAME_POINT_MM * pulses_per_mm, SAME_POINT_PULSE)
+        moved |= distance > 0
+    if not (stays & moved).any():
+        return x, y
+    open_rows = columns.moves.copy()
+    open_rows[arcs[stays]] = False
+    return filled(np.where(open_rows, x, np.nan), 0.0), filled(np.where(open_rows, y, np.nan), 0.0)
+
+
+def _positions(columns: ResolvedColumns, frames: Frames | None) -> tuple[Floats, Floats]:
+    """Absolute position after each row, pulse, as written."""
     x, y = (_axis_words(columns, column, axis) for axis, column in enumerate((Column.X, Column.Y)))
     relative = columns.relative()
     if frames is None:

@@ -20,7 +20,6 @@ from gusjob.frontend.resolve.setups import resolve_setups
 from gusjob.frontend.resolve.speeds import written_speeds
 from gusjob.ir.effects import POSITION, is_known
 from gusjob.ir.job import Job
-from gusjob.kinematics.geometry import CLOSES_MM
 
 
 def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnostic]]:
@@ -50,7 +49,7 @@ def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnost
 
 
 def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list[Diagnostic]:
-    """Channels that do not exist, frames without a size, arcs in frames that do not close."""
+    """Channels that do not exist, frames without a size, arcs in frames that are none."""
     provenance = columns.provenance()
     found = []
 
@@ -72,8 +71,13 @@ def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list
         bad = np.flatnonzero((op == RowOp.FRAME) & ~(scale > 0) & ~np.isnan(scale))
         for row, count in columns.first_of_lines(bad):
             report(rules.FRAME_SCALE, row, "SCALE", count, value=float(scale[row]))
-    for arc in path.open_arcs:
-        if not is_known(int(path.unknown_before[arc.row] | path.unknown[arc.row]), POSITION):
-            continue
-        report(rules.ARC_RADII_DIFFER, arc.row, "", 1, end=arc.end_mm, start=arc.start_mm, limit=CLOSES_MM)
+    if not columns.machine.equal_axes and columns.is_arc.any():
+        in_mm, in_pulse = columns.arc_units()
+        i_pulse = columns.in_pulse(Column.I)
+        for row, count in columns.first_of_lines(np.flatnonzero(columns.is_arc & in_mm & in_pulse)):
+            units = ("mm", "pulse") if i_pulse is None or not i_pulse[row] else ("pulse", "mm")
+            report(rules.ARC_IN_TWO_UNITS, row, "J", count, first=units[0], second=units[1])
+    for arc in path.bad_arcs:
+        if is_known(int(path.unknown_before[arc.row] | path.unknown[arc.row]), POSITION):
+            report(arc.rule, arc.row, arc.word, 1, **arc.fields)
     return found

@@ -11,6 +11,7 @@ from support.hardware import Bench, listed, made_calls
 from support.tools import recorded_stream, run_listing
 
 from gusjob.config.machine import Machine
+from gusjob.controllers.gus.calls import Buffered
 from gusjob.controllers.gus.executor import execute
 from gusjob.controllers.gus.geometry import call_segments
 from gusjob.controllers.gus.lift import lift
@@ -120,3 +121,15 @@ def test_a_circle_ends_where_it_starts_but_for_rounding(error: float, direction:
     none = np.zeros(2)
     found = call_segments(calls, np.arange(2), none > 0, origin=(np.array([0.3, 0.3 + error]), none))
     assert found.length[1] == pytest.approx(math.tau * 100)
+
+
+@pytest.mark.parametrize("left_pulse", [0.6, 1.0, 1.9])
+@pytest.mark.parametrize("degrees", [*range(0, 175, 15), *range(190, 360, 15)])
+def test_the_last_pulses_of_an_arc_are_a_line(left_pulse: float, degrees: int) -> None:
+    """About the centre a start that rounding moves behind the end would make a full circle of them."""
+    x, y = round(5000 * math.cos(math.radians(degrees))), round(5000 * math.sin(math.radians(degrees)))
+    stream = listed(HEAD + f"GT_LnXY(1,-5000,0,50,2,0,0)\nGT_ArcXYC(1,{x},{y},5000,0,1,50,2,0,0)\n" + START)
+    arc = 2
+    length = float(call_segments(stream.buffered, np.array([arc]), np.zeros(1) > 0, (-5000.0, 0.0)).length[0])
+    rest = remainder_from(stream, PathPosition(row=arc, along_pulse=length - left_pulse)).stream.buffered
+    assert not np.isin(rest.kind, (Buffered.ARC_CENTRE, Buffered.ARC_RADIUS)).any()
