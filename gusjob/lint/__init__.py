@@ -8,7 +8,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import laser, motion, power, setup, skywriting
+from gusjob.lint import frequency, laser, motion, power, setup, skywriting
 from gusjob.lint.context import LintContext, lint_context
 from gusjob.lint.reporter import Reporter
 
@@ -31,6 +31,9 @@ CHECKS: tuple[Check, ...] = (
     power.power_now,
     power.follow,
     power.kept,
+    frequency.distance,
+    frequency.power_now,
+    frequency.powers,
     power.unused,
     laser.left_on,
     laser.jumps,
@@ -89,6 +92,9 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     power.power_now,
     power.follow,
     power.kept,
+    frequency.distance,
+    frequency.power_now,
+    frequency.powers,
     power.saturation,
     power.unused_in_calls,
     laser.dwells,
