@@ -19,7 +19,7 @@ from gusjob.config.profile import Profile, find_profile, read_profile
 from gusjob.controllers.gus import GUS
 from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity, Span, has_errors
+from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule, Severity, Span, has_errors
 from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
 from gusjob.i18n.phrases import Phrase
@@ -36,6 +36,11 @@ _P = TypeVar("_P", bound="Parsed")
 
 _OF_JOBS = ("GJ2", "GJ3", "GJ4", "GJ5")
 """Prefixes of the rules that a job is checked by before it runs."""
+_OF_JOURNALS = (rules.PULSE_TOO_WIDE, rules.CARRIER_TOO_FAST, rules.OFF_DELAY_BELOW_ON)
+"""Those of them that hold for a journal, too: without them its report would show a power that no laser emits.
+
+The machine profile may have changed since, and a journal may be of calls that no job was checked for.
+"""
 
 
 class Origin(Enum):
@@ -415,8 +420,7 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
     """Add what the simulation found, at its spans in the source."""
     if checked.origin is Origin.JOURNAL:
         # Their lines are the job's, which its own rules were applied to; what ends within a segment was stopped there.
-        of_calls = [f for f in found if f.rule is not rules.ABRUPT_STOP and not f.rule.code.startswith(_OF_JOBS)]
-        return _with_diagnostics(checked, of_calls)
+        return _with_diagnostics(checked, [f for f in found if _holds_for_journal(f.rule)])
     job = checked.job
     if job is None:
         from gusjob.frontend import locate_calls
@@ -430,6 +434,10 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
     known = {(f.rule.code, f.file, f.span.line) for f in checked.diagnostics}
     placed = [replace(f, span=job.locate(f.span.line, "")) for f in found]
     return _with_diagnostics(checked, [f for f in placed if (f.rule.code, f.file, f.span.line) not in known])
+
+
+def _holds_for_journal(rule: Rule) -> bool:
+    return rule in _OF_JOURNALS or (rule is not rules.ABRUPT_STOP and not rule.code.startswith(_OF_JOBS))
 
 
 def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
