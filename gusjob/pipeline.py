@@ -190,9 +190,18 @@ def examine_file(
 def compile_file(
     path: Path, profile_path: Path | None = None, *, data: bytes | None = None, overrides: Overrides = NO_OVERRIDES
 ) -> Compiled | Checked | Rejected:
-    """Load a file and compile it if there are no errors."""
+    """Load a file and compile it if there are no errors, to be written."""
     loaded = load(path, profile_path, data=data, overrides=overrides)
-    return compile_calls(loaded) if isinstance(loaded, Checked) else loaded
+    return compile_written(loaded) if isinstance(loaded, Checked) else loaded
+
+
+def compile_written(checked: Checked) -> Compiled | Checked:
+    """Compile a file to calls that are written; a listing whose numbers C converts would be another one, unseen."""
+    if checked.listing_calls is not None and checked.listing_calls.conversions:
+        from gusjob.controllers.gus.arguments import conversion_diagnostics
+
+        return with_simulation(checked, conversion_diagnostics(checked.listing_calls))
+    return compile_calls(checked)
 
 
 def simulate_file(

@@ -103,9 +103,7 @@ def _any_listing(random: Random) -> str:
 
     x, lines = 0, []
     calls = [
-        lambda: (
-            f"GT_LaserPowerMode({random.choice('0111123')},{random.choice(['5', '10'])},{random.choice('05')},0)"
-        ),
+        lambda: f"GT_LaserPowerMode({random.choice('0111123')},{random.choice(['5', '10'])},{random.choice('05')},0)",
         lambda: f"GT_LaserPowerMode(1,{random.choice(['50', '100'])},{khz()},0)",
         lambda: f"GT_SetPulseWidth({random.choice([1, 10, 30, 75])},0)",
         lambda: "GT_LaserOutFrq(10,0)",

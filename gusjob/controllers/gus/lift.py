@@ -95,7 +95,7 @@ def lift(stream: Stream, execution: Execution) -> Job:
         text_of=lambda span: "",
         name_remarks=lambda line, word: (),
         in_pulses=True,
-        complete=not any(diagnostic.rule is rules.REFUSED for diagnostic in execution.diagnostics),
+        complete=not any(d.rule in (rules.REFUSED, rules.ARGUMENT_UNDEFINED) for d in execution.diagnostics),
     )
 
 
@@ -113,7 +113,7 @@ def _path(calls: BufferedCalls, vel_max: Floats) -> Path:
     return Path(
         op=op,
         line=calls.line,
-        channel=calls.channel,
+        channel=calls.channel.astype(np.int8),
         ccw=(by_centre | by_radius) & (calls.r == 1),
         arc_in_mm=_all(n, value=False),
         x=x,
