@@ -132,6 +132,18 @@ class Abi(StrEnum):
     GTS_MULTI = "gts-multi"
 
 
+class Duty2Switch(StrEnum):
+    """What the switch line carries in duty mode 2, where M says only that its signal is constantly high (二.2, 三.1).
+
+    ON: "high" as in GT_SetLevelDelay (二.2), whose signal goes from high to low when the laser goes off: the + line is
+    low, which is on (一.2). The mode sets the energy by its PWM alone, with the switch left open. OFF: the level of the
+    + line itself, which by 一.2 is off.
+    """
+
+    ON = "on"
+    OFF = "off"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interlock:
     """A digital input that must read `value` as long as a job runs: bit `input` of GT_GetDi(di_type)."""
@@ -259,6 +271,10 @@ class Machine:
             "Calls per second that the host can send, for GJ515",
             example="20000",
         ),
+    )
+    duty2_switch: Duty2Switch = field(
+        default=Duty2Switch.ON,
+        metadata=entry(Duty2Switch, "Level of the switch line in DUTY2, in traces: on (PWM1+ low) or off (PWM1+ high)"),
     )
     expansion_max_statements: int = field(
         default=3_000_000,

@@ -67,6 +67,7 @@ def simulate(
         readings=tuple(sorted(_readings(channels), key=lambda reading: reading[0])),
         kind=segment_kinds(events.motion.dwell, events.motion.run_kind, (c.emission for c in channels)),
         is_sky_written=events.motion.run_kind is not None,
+        duty2_switch=machine.duty2_switch,
     )
     return trace, diagnostics
 

@@ -90,7 +90,7 @@ FPK_IN_DUTY2 = rule(
     "GJ311",
     ERROR,
     title="first pulse killer in DUTY2 mode",
-    text="FPK outputs its pulse on the switch line, but DUTY2 holds that line high (channel {channel})",
+    text="FPK outputs its pulse on the switch line, but DUTY2 holds that line at one level (channel {channel})",
     why="The mode and the first pulse killer use the same line. The result is not documented.",
     bad="LASER MODE DUTY2 CARRIER 10\nLASER FPK WIDTH 20 GAP 15 OFFDELAY 10\n",
     good="LASER MODE DUTY CARRIER 10\nLASER FPK WIDTH 20 GAP 15 OFFDELAY 10\n",
