@@ -8,7 +8,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import frequency, laser, motion, power, setup, skywriting
+from gusjob.lint import delays, frequency, laser, motion, power, setup, skywriting
 from gusjob.lint.context import LintContext, lint_context
 from gusjob.lint.reporter import Reporter
 
@@ -46,7 +46,7 @@ CHECKS: tuple[Check, ...] = (
     skywriting.forced_ends,
     power.saturation,
     laser.marked_twice,
-    laser.delays_against_path,
+    delays.delays_against_path,
     motion.speeds_along,
     motion.arcs_close,
     motion.arc_speed,
@@ -56,12 +56,12 @@ CHECKS: tuple[Check, ...] = (
 )
 """In the order in which they run: what looks at one value comes before what combines several."""
 
-NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, laser.delays_against_path, motion.no_length)
+NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, delays.delays_against_path, motion.no_length)
 """Skipped where a line could not be read: what they miss may be in that line."""
 
 DERIVED = (
     power.saturation,
-    laser.delays_against_path,
+    delays.delays_against_path,
     laser.marked_twice,
     motion.speeds_along,
     motion.arcs_close,
@@ -78,6 +78,8 @@ RULES_OF_A_COMPLETE_TEXT = (
     rules.ALREADY_ON,
     rules.DELAY_LONGER_THAN_MARK,
     rules.DELAY_LONGER_THAN_JUMP,
+    rules.GAP_LONGER_THAN_MARK,
+    rules.FPK_LONGER_THAN_JUMP,
     rules.MARK_WITHOUT_LENGTH,
 )
 """The rules of these checks."""
@@ -101,7 +103,7 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     laser.waits,
     laser.switching,
     laser.marked_twice_outside_passes,
-    laser.delays_against_path,
+    delays.delays_against_path,
     motion.speeds,
     motion.speeds_along,
     motion.no_length,
