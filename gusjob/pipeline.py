@@ -345,7 +345,7 @@ def examine(checked: Checked) -> Checked:
     """Find everything that `gusjob check` reports.
 
     Beyond reading and lint: what the controller would return for a listing's calls, what only planning a job can tell,
-    what exceeds the profile's budget, and comments that suppress nothing.
+    whether it runs too long to be simulated, what exceeds the profile's budget, and comments that suppress nothing.
     """
     if checked.machine.budget != Budget():
         checked = simulate(checked)
@@ -353,11 +353,23 @@ def examine(checked: Checked) -> Checked:
         _, found = GUS.simulate(checked.listing_calls, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
     elif checked.job is not None and not has_errors(checked.diagnostics):
-        from gusjob.lint import needs_planner
+        from gusjob.lint import Need, need
 
-        if needs_planner(checked.job, checked.machine):
+        needed = need(checked.job, checked.machine)
+        if needed is Need.SIMULATION:
+            checked = _simulated_coarsely(checked)
+        elif needed is Need.PLAN:
             checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
+
+
+def _simulated_coarsely(checked: Checked) -> Checked:
+    """Add what the simulation finds in a job: whether it can be simulated at all, with few samples of its power."""
+    compiled = compile_calls(checked)
+    if not isinstance(compiled, Compiled):
+        return compiled
+    _, found = GUS.simulate(compiled.stream, compiled.machine, coarse=True)
+    return with_simulation(compiled, found)
 
 
 def run_request(simulated: Simulated, options: RunOptions) -> RunRequest:

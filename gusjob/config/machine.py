@@ -227,6 +227,10 @@ class Budget:
         return any(limit is not None for limit in (*energies, self.energy_j_per_mm, self.on_error_um))
 
 
+MAX_TICKS = 10_000_000_000
+"""A longer run is refused: its simulation would take too long."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
     """The machine that a job runs on. The defaults are those of the job language."""
@@ -307,6 +311,11 @@ class Machine:
     controller: ControllerSettings = field(default=ControllerSettings(), metadata=entry(ControllerSettings))
     budget: Budget = field(default=Budget(), metadata=entry(Budget))
     lasers: tuple[Laser, ...] = field(default=(), metadata=entry(Laser, key="laser", repeated=True))
+
+    @property
+    def longest_run_ms(self) -> float:
+        """Time of the longest run that can be simulated."""
+        return MAX_TICKS * self.period_us / US_PER_MS
 
     @property
     def equal_axes(self) -> bool:

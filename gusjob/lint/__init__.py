@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import IntEnum
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -118,9 +119,20 @@ def check(job: Job, machine: Machine) -> list[Diagnostic]:
     return run_checks(CHECKS, context, Reporter(context, Collector(job.name)))
 
 
-def needs_planner(job: Job, machine: Machine) -> bool:
-    """Whether only planning a job can tell everything that is wrong with it."""
-    return job.has_forced_ends or job.has_sky_writing or motion.may_be_slow(lint_context(job, machine))
+class Need(IntEnum):
+    """What it takes to find everything that is wrong with a job, beyond lint."""
+
+    NOTHING = 0
+    PLAN = 1
+    SIMULATION = 2
+
+
+def need(job: Job, machine: Machine) -> Need:
+    """Find out whether only planning or simulating a job can tell everything that is wrong with it."""
+    context = lint_context(job, machine)
+    if delays.longest_run_ms(context) > machine.longest_run_ms:
+        return Need.SIMULATION
+    return Need.PLAN if job.has_forced_ends or job.has_sky_writing or motion.may_be_slow(context) else Need.NOTHING
 
 
 def run_checks(checks: tuple[Check, ...], context: LintContext, report: Reporter) -> list[Diagnostic]:

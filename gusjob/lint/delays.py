@@ -99,7 +99,7 @@ class DelaysInForce:
         return np.asarray((on_us >= off_us) | (on_us + self.gap_us[at] >= off_us + self.fpk_off_us[at]))
 
     def never_stops(self, at: Indices, pause_us: Floats) -> Bools:
-        """Whether emission goes on over pauses of these times, (k,): edges of the switch or of emission meet or cross."""
+        """Whether emission goes on over pauses of these times, (k,): edges of switch or emission meet or cross."""
         off_us, on_us = self.off_us[at], pause_us + self.on_us[at]
         of_switch = (off_us >= on_us) & (off_us > 0)
         ends_us = off_us + self.fpk_off_us[at]
@@ -134,6 +134,18 @@ def delays_in_force(context: LintContext, channel: int) -> DelaysInForce:
         fpk_off_us=fpk_off_us,
         lines=np.array(lines, dtype=np.intp),
     )
+
+
+_SKY_MS = 3_000.0
+"""Time that sky writing adds to a mark at most: run-in and run-out of 65535 steps of 10 us, and their ramps."""
+
+
+def longest_run_ms(context: LintContext) -> float:
+    """Return a time that the whole job does not exceed: every segment from rest to rest."""
+    path = context.path
+    timed = np.flatnonzero(path.takes_time)
+    marks = np.count_nonzero(path.op == Op.ON) if context.job.has_sky_writing else 0
+    return float(longest_ms(context, timed).sum() + _SKY_MS * marks)
 
 
 def longest_ms(context: LintContext, rows: Indices) -> Floats:
