@@ -43,6 +43,7 @@ from gusjob.pipeline import (
     Rejected,
     Simulated,
     compile_calls,
+    compile_written,
     examine,
     load,
     run_request,
@@ -342,9 +343,12 @@ class JobFile:
         """
         from gusjob.controllers.gus.listing import listing
 
-        if not isinstance(self._compiled, Compiled):
-            raise JobError(str(self.path), tuple(map(_reported, self._compiled.diagnostics)))
-        return "".join(listing(self._compiled.stream)).splitlines()
+        compiled = self._compiled
+        if isinstance(self._loaded, Checked) and self._loaded.is_listing:
+            compiled = compile_written(self._loaded)
+        if not isinstance(compiled, Compiled):
+            raise JobError(str(self.path), tuple(map(_reported, compiled.diagnostics)))
+        return "".join(listing(compiled.stream)).splitlines()
 
     @cached_property
     def _simulated(self) -> Checked | Rejected:

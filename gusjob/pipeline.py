@@ -19,7 +19,7 @@ from gusjob.config.profile import Profile, find_profile, read_profile
 from gusjob.controllers.gus import GUS
 from gusjob.controllers.journal import JOURNAL_START
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import NOWHERE, Diagnostic, Severity, Span, has_errors
+from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule, Severity, Span, has_errors
 from gusjob.diagnostics.select import RuleSelection, SelectionLayer
 from gusjob.diagnostics.suppress import NO_SUPPRESSIONS, Suppressions
 from gusjob.i18n.phrases import Phrase
@@ -36,6 +36,11 @@ _P = TypeVar("_P", bound="Parsed")
 
 _OF_JOBS = ("GJ2", "GJ3", "GJ4", "GJ5")
 """Prefixes of the rules that a job is checked by before it runs."""
+_OF_JOURNALS = (rules.PULSE_TOO_WIDE, rules.CARRIER_TOO_FAST, rules.OFF_DELAY_BELOW_ON)
+"""Those of them that hold for a journal, too: without them its report would show a power that no laser emits.
+
+The machine profile may have changed since, and a journal may be of calls that no job was checked for.
+"""
 
 
 class Origin(Enum):
@@ -185,9 +190,18 @@ def examine_file(
 def compile_file(
     path: Path, profile_path: Path | None = None, *, data: bytes | None = None, overrides: Overrides = NO_OVERRIDES
 ) -> Compiled | Checked | Rejected:
-    """Load a file and compile it if there are no errors."""
+    """Load a file and compile it if there are no errors, to be written."""
     loaded = load(path, profile_path, data=data, overrides=overrides)
-    return compile_calls(loaded) if isinstance(loaded, Checked) else loaded
+    return compile_written(loaded) if isinstance(loaded, Checked) else loaded
+
+
+def compile_written(checked: Checked) -> Compiled | Checked:
+    """Compile a file to calls that are written; a listing whose numbers C converts would be another one, unseen."""
+    if checked.listing_calls is not None and checked.listing_calls.conversions:
+        from gusjob.controllers.gus.arguments import conversion_diagnostics
+
+        return with_simulation(checked, conversion_diagnostics(checked.listing_calls))
+    return compile_calls(checked)
 
 
 def simulate_file(
@@ -331,7 +345,7 @@ def examine(checked: Checked) -> Checked:
     """Find everything that `gusjob check` reports.
 
     Beyond reading and lint: what the controller would return for a listing's calls, what only planning a job can tell,
-    what exceeds the profile's budget, and comments that suppress nothing.
+    whether it runs too long to be simulated, what exceeds the profile's budget, and comments that suppress nothing.
     """
     if checked.machine.budget != Budget():
         checked = simulate(checked)
@@ -339,11 +353,23 @@ def examine(checked: Checked) -> Checked:
         _, found = GUS.simulate(checked.listing_calls, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
     elif checked.job is not None and not has_errors(checked.diagnostics):
-        from gusjob.lint import needs_planner
+        from gusjob.lint import Need, need
 
-        if needs_planner(checked.job, checked.machine):
+        needed = need(checked.job, checked.machine)
+        if needed is Need.SIMULATION:
+            checked = _simulated_coarsely(checked)
+        elif needed is Need.PLAN:
             checked = compile_calls(checked)
     return _with_diagnostics(checked, _idle_suppressions(checked))
+
+
+def _simulated_coarsely(checked: Checked) -> Checked:
+    """Add what the simulation finds in a job: whether it can be simulated at all, with few samples of its power."""
+    compiled = compile_calls(checked)
+    if not isinstance(compiled, Compiled):
+        return compiled
+    _, found = GUS.simulate(compiled.stream, compiled.machine, coarse=True)
+    return with_simulation(compiled, found)
 
 
 def run_request(simulated: Simulated, options: RunOptions) -> RunRequest:
@@ -415,8 +441,7 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
     """Add what the simulation found, at its spans in the source."""
     if checked.origin is Origin.JOURNAL:
         # Their lines are the job's, which its own rules were applied to; what ends within a segment was stopped there.
-        of_calls = [f for f in found if f.rule is not rules.ABRUPT_STOP and not f.rule.code.startswith(_OF_JOBS)]
-        return _with_diagnostics(checked, of_calls)
+        return _with_diagnostics(checked, [f for f in found if _holds_for_journal(f.rule)])
     job = checked.job
     if job is None:
         from gusjob.frontend import locate_calls
@@ -430,6 +455,10 @@ def with_simulation(checked: _P, found: Iterable[Diagnostic]) -> _P:
     known = {(f.rule.code, f.file, f.span.line) for f in checked.diagnostics}
     placed = [replace(f, span=job.locate(f.span.line, "")) for f in found]
     return _with_diagnostics(checked, [f for f in placed if (f.rule.code, f.file, f.span.line) not in known])
+
+
+def _holds_for_journal(rule: Rule) -> bool:
+    return rule in _OF_JOURNALS or (rule is not rules.ABRUPT_STOP and not rule.code.startswith(_OF_JOBS))
 
 
 def _idle_suppressions(checked: Checked) -> list[Diagnostic]:

@@ -132,6 +132,18 @@ class Abi(StrEnum):
     GTS_MULTI = "gts-multi"
 
 
+class Duty2Switch(StrEnum):
+    """What the switch line carries in duty mode 2, where M says only that its signal is constantly high (二.2, 三.1).
+
+    ON: "high" as in GT_SetLevelDelay (二.2), whose signal goes from high to low when the laser goes off: the + line is
+    low, which is on (一.2). The mode sets the energy by its PWM alone, with the switch left open. OFF: the level of the
+    + line itself, which by 一.2 is off.
+    """
+
+    ON = "on"
+    OFF = "off"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interlock:
     """A digital input that must read `value` as long as a job runs: bit `input` of GT_GetDi(di_type)."""
@@ -215,6 +227,10 @@ class Budget:
         return any(limit is not None for limit in (*energies, self.energy_j_per_mm, self.on_error_um))
 
 
+MAX_TICKS = 10_000_000_000
+"""A longer run is refused: its simulation would take too long."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Machine:
     """The machine that a job runs on. The defaults are those of the job language."""
@@ -260,6 +276,10 @@ class Machine:
             example="20000",
         ),
     )
+    duty2_switch: Duty2Switch = field(
+        default=Duty2Switch.ON,
+        metadata=entry(Duty2Switch, "Level of the switch line in DUTY2, in traces: on (PWM1+ low) or off (PWM1+ high)"),
+    )
     expansion_max_statements: int = field(
         default=3_000_000,
         metadata=entry(
@@ -291,6 +311,11 @@ class Machine:
     controller: ControllerSettings = field(default=ControllerSettings(), metadata=entry(ControllerSettings))
     budget: Budget = field(default=Budget(), metadata=entry(Budget))
     lasers: tuple[Laser, ...] = field(default=(), metadata=entry(Laser, key="laser", repeated=True))
+
+    @property
+    def longest_run_ms(self) -> float:
+        """Time of the longest run that can be simulated."""
+        return MAX_TICKS * self.period_us / US_PER_MS
 
     @property
     def equal_axes(self) -> bool:

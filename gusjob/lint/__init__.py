@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import IntEnum
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import laser, motion, power, setup, skywriting
+from gusjob.lint import delays, frequency, laser, motion, power, setup, skywriting
 from gusjob.lint.context import LintContext, lint_context
 from gusjob.lint.reporter import Reporter
 
@@ -31,6 +32,9 @@ CHECKS: tuple[Check, ...] = (
     power.power_now,
     power.follow,
     power.kept,
+    frequency.distance,
+    frequency.power_now,
+    frequency.powers,
     power.unused,
     laser.left_on,
     laser.jumps,
@@ -43,7 +47,7 @@ CHECKS: tuple[Check, ...] = (
     skywriting.forced_ends,
     power.saturation,
     laser.marked_twice,
-    laser.delays_against_path,
+    delays.delays_against_path,
     motion.speeds_along,
     motion.arcs_close,
     motion.arcs_without_length,
@@ -54,12 +58,12 @@ CHECKS: tuple[Check, ...] = (
 )
 """In the order in which they run: what looks at one value comes before what combines several."""
 
-NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, laser.delays_against_path, motion.no_length)
+NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, delays.delays_against_path, motion.no_length)
 """Skipped where a line could not be read: what they miss may be in that line."""
 
 DERIVED = (
     power.saturation,
-    laser.delays_against_path,
+    delays.delays_against_path,
     laser.marked_twice,
     motion.speeds_along,
     motion.arcs_close,
@@ -77,6 +81,8 @@ RULES_OF_A_COMPLETE_TEXT = (
     rules.ALREADY_ON,
     rules.DELAY_LONGER_THAN_MARK,
     rules.DELAY_LONGER_THAN_JUMP,
+    rules.GAP_LONGER_THAN_MARK,
+    rules.FPK_LONGER_THAN_JUMP,
     rules.MARK_WITHOUT_LENGTH,
 )
 """The rules of these checks."""
@@ -91,13 +97,16 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     power.power_now,
     power.follow,
     power.kept,
+    frequency.distance,
+    frequency.power_now,
+    frequency.powers,
     power.saturation,
     power.unused_in_calls,
     laser.dwells,
     laser.waits,
     laser.switching,
     laser.marked_twice_outside_passes,
-    laser.delays_against_path,
+    delays.delays_against_path,
     motion.speeds,
     motion.speeds_along,
     motion.no_length,
@@ -112,9 +121,20 @@ def check(job: Job, machine: Machine) -> list[Diagnostic]:
     return run_checks(CHECKS, context, Reporter(context, Collector(job.name)))
 
 
-def needs_planner(job: Job, machine: Machine) -> bool:
-    """Whether only planning a job can tell everything that is wrong with it."""
-    return job.has_forced_ends or job.has_sky_writing or motion.may_be_slow(lint_context(job, machine))
+class Need(IntEnum):
+    """What it takes to find everything that is wrong with a job, beyond lint."""
+
+    NOTHING = 0
+    PLAN = 1
+    SIMULATION = 2
+
+
+def need(job: Job, machine: Machine) -> Need:
+    """Find out whether only planning or simulating a job can tell everything that is wrong with it."""
+    context = lint_context(job, machine)
+    if delays.longest_run_ms(context) > machine.longest_run_ms:
+        return Need.SIMULATION
+    return Need.PLAN if job.has_forced_ends or job.has_sky_writing or motion.may_be_slow(context) else Need.NOTHING
 
 
 def run_checks(checks: tuple[Check, ...], context: LintContext, report: Reporter) -> list[Diagnostic]:

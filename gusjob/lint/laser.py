@@ -1,4 +1,4 @@
-"""Laser switching: laser left on, laser on during a jump, marks without a power, delays that are too long."""
+"""Laser switching: laser left on, laser on during a jump, marks without a power, marks made twice."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy.typing as npt
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
-from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import POSITION, StateEffect, is_known
 from gusjob.ir.path import Op, Path
-from gusjob.ir.setup import LaserDelay, LaserFpk, PowerNow
+from gusjob.ir.setup import PowerNow
 from gusjob.ir.stages import opens_stage
 from gusjob.kinematics.arrays import Bools, Floats, Indices, hashed
-from gusjob.kinematics.units import US_PER_MS
 from gusjob.lint.context import LintContext
+from gusjob.lint.delays import delays_in_force
 from gusjob.lint.reporter import Reporter
 
 
@@ -247,106 +246,15 @@ def _power_keys(context: LintContext, channel: int) -> Floats:
     return np.where(at >= 0, keys[at], 0.0)
 
 
-def delays_against_path(context: LintContext, report: Reporter) -> None:
-    """Delays that are longer than what they belong to.
-
-    An on delay longer than the whole mark: emission begins when the mark is over, or not at all. An off delay longer
-    than the path to the next mark: emission does not stop between. Both against the longest time of the path.
-    """
-    path = context.path
-    timed = np.flatnonzero(path.takes_time)
-    sky = np.append(context.job.sky_writing_by_row()[0] >= 0, False)  # It compensates for delays.
-    for channel in CHANNELS:
-        switches, delays = context.modal.switches(channel), _delays_in_force(context, channel)
-        if len(delays.instant) == 1 or len(switches) < 2:
-            continue
-        on, rows = switches.on, switches.rows
-        times_ms = np.concatenate([[0.0], np.cumsum(_longest_ms(context, timed))])
-        most_us = np.diff(times_ms[np.searchsorted(timed, (switches.instant + 1) // 2)]) * US_PER_MS
-        force = delays.at(switches.instant[:-1])
-        on_us, off_us = delays.on_us[force], delays.off_us[force]
-        buffered = switches.is_buffered & np.concatenate([[True], switches.is_buffered[1:]])
-        checked = buffered[:-1] & ~sky[rows[:-1]] & (most_us > 0) & np.all(report.is_sound(delays.lines)[force], axis=1)
-        marks = np.flatnonzero(on[:-1] & ~on[1:] & (on_us > most_us) & checked)
-        for no_emission, lost in (
-            (True, Phrase("there is no emission")),
-            (False, Phrase("emission begins after the mark")),
-        ):
-            which = marks[(on_us[marks] >= most_us[marks] + off_us[marks]) == no_emission]
-            fields = {"on": on_us[which], "most": np.round(most_us[which], 3), "lost": lost}
-            report.rows(rules.DELAY_LONGER_THAN_MARK, rows[which], "", **fields)
-        gaps = np.flatnonzero(~on[:-1] & on[1:] & (off_us >= most_us + on_us) & (off_us > 0) & checked)
-        fields = {"off": off_us[gaps], "on": on_us[gaps], "most": np.round(most_us[gaps], 3)}
-        report.rows(rules.DELAY_LONGER_THAN_JUMP, rows[gaps], "", word="LASER ON", **fields)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DelaysInForce:
-    """Delay of emission after laser-on and laser-off, (k,) each: from an instant on, ascending.
-
-    `lines`: (k, 2), those of LASER DELAY and LASER FPK in force, 0 without one.
-    """
-
-    instant: Indices
-    on_us: Floats
-    off_us: Floats
-    lines: npt.NDArray[np.intp]
-
-    def at(self, instants: Indices) -> Indices:
-        """Number of the delays in force at some instants."""
-        return np.searchsorted(self.instant, instants, side="right") - 1
-
-
-def _delays_in_force(context: LintContext, channel: int) -> DelaysInForce:
-    """Delays of a channel: LASER DELAY and first pulse killer together."""
-    instants, on_us, off_us, lines = [-1], [0.0], [0.0], [(0, 0)]
-    delay, killer = (0.0, 0.0), (0.0, 0.0)
-    for setup in context.job.setups:
-        if setup.channel != channel:
-            continue
-        match setup.statement:
-            case LaserDelay(on_delay_us=on, off_delay_us=off):
-                delay, lines = (on, off), [*lines, (setup.line, lines[-1][1])]
-            case LaserFpk(times_us=times):
-                killer, lines = (0.0, 0.0), [*lines, (lines[-1][0], setup.line)]
-                if times is not None:
-                    killer = (times[1], times[2])
-            case _:
-                continue
-        instants.append(context.modal.stage_first[setup.order] * 2)
-        on_us.append(delay[0] + killer[0])
-        off_us.append(delay[1] + killer[1])
-    return DelaysInForce(
-        instant=np.array(instants, dtype=np.intp),
-        on_us=np.array(on_us),
-        off_us=np.array(off_us),
-        lines=np.array(lines, dtype=np.intp),
-    )
-
-
-def _longest_ms(context: LintContext, rows: Indices) -> Floats:
-    """The longest time that rows can take: from rest to rest."""
-    path = context.path
-    length, vel, acc = context.lengths(rows), path.vel[rows], path.acc[rows]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reached = length * acc >= vel * vel
-        moving = np.where(reached, length / vel + vel / acc, 2 * np.sqrt(length / acc))
-    return np.where(
-        path.op[rows] == Op.DWELL,
-        np.nan_to_num(path.dwell_ms[rows]),
-        np.clip(np.nan_to_num(moving, posinf=1e12), 0, 1e12),
-    )
-
-
 def no_power(context: LintContext, report: Reporter) -> None:
     """A channel emits, in a motion or dwell or by its delays alone, without a power since its mode was set."""
     path = context.path
     for channel in CHANNELS:
         offs = np.flatnonzero((path.op == Op.OFF) & (path.channel == channel))
-        delays = _delays_in_force(context, channel)
+        delays = delays_in_force(context, channel)
         force = delays.at(offs * 2)
         may_emit = path.takes_time.copy()
-        may_emit[offs[delays.off_us[force] > delays.on_us[force]]] = True
+        may_emit[offs[~delays.never_emits(force, np.zeros(len(offs)))]] = True
         emitting = np.flatnonzero(may_emit)
         laser, powers = context.modal.laser(channel), context.modal.power_instants(channel)
         changed = None

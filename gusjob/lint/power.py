@@ -1,4 +1,4 @@
-"""Power and follow: units and ranges by mode, limits, saturation, laser pulse width against period."""
+"""Power and follow: units and ranges by mode, limits, saturation."""
 
 from __future__ import annotations
 
@@ -14,26 +14,19 @@ from gusjob.controllers.gus.ranges import (
     FOLLOW_RATIO,
     POWER,
     POWER_NOW,
-    PULSE_DUTY_PCT,
-    Membership,
-    PowerMode,
 )
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Remark
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import StateEffect
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.path import Op
-from gusjob.ir.setup import PowerNow, Setup, SwitchNow
+from gusjob.ir.setup import PowerNow, SwitchNow
 from gusjob.kinematics.arrays import Floats, Indices, hashed
 from gusjob.lint.context import LintContext, same_remarks
+from gusjob.lint.frequency import FOLLOW_ENDS
 from gusjob.lint.reporter import Reporter
 
-_US_KHZ_PER_PCT = 10
-"""Laser pulse width times frequency at a duty of 1 %."""
-
 _RATIO = Phrase("follow RATIO")
-_FOLLOW = {"MIN": Phrase("follow MIN"), "MAX": Phrase("follow MAX")}
 
 
 def before_a_mode(context: LintContext, report: Reporter) -> None:
@@ -69,7 +62,6 @@ def direct_power(context: LintContext, report: Reporter) -> None:
             rows = rows[report.rows_in_unit(span, rows, path.power_unit[rows], what, "value")]
             rows = rows[report.rows_in_range(rows, path.power[rows], POWER[span.mode.mode], what, "value")]
             _check_mode_limits(context, report, span, rows, path.power[rows], what, "value")
-            _check_frequency(context, report, span, rows, path.power[rows], what, "value")
 
 
 def power_now(context: LintContext, report: Reporter) -> None:
@@ -94,36 +86,6 @@ def power_now(context: LintContext, report: Reporter) -> None:
                 unit=mode.mode.unit,
                 remarks=context.mode_remark(span),
             )
-        highest = context.machine.laser(setup.channel).max_frequency_khz
-        if mode.mode is PowerMode.FREQUENCY and highest is not None and power > highest:
-            report.setup(rules.CARRIER_TOO_FAST, setup, "value", what=what, value=power, limit=highest)
-        check_pulse_fits(report, setup, "value", span, power)
-
-
-def check_pulse_fits(
-    report: Reporter,
-    setup: Setup,
-    word: str,
-    span: ModeSpan,
-    frequency_khz: float,
-    remarks: tuple[Remark, ...] = (),
-) -> None:
-    """Check a frequency, clamped to the mode's limits: the laser pulse must fit its period (M 二.2)."""
-    width_us = span.mode.pulse_width_us
-    if not width_us or frequency_khz <= 0 or span.setup.line in report.faulty:
-        return
-    duty_pct = min(max(frequency_khz, span.mode.low), span.mode.high) * width_us / _US_KHZ_PER_PCT
-    if PULSE_DUTY_PCT.classify_one(duty_pct) is not Membership.INSIDE:
-        report.setup(
-            rules.PULSE_TOO_WIDE,
-            setup,
-            word,
-            value=frequency_khz,
-            width=width_us,
-            duty=duty_pct,
-            range=str(PULSE_DUTY_PCT),
-            remarks=remarks,
-        )
 
 
 def follow(context: LintContext, report: Reporter) -> None:
@@ -136,11 +98,10 @@ def follow(context: LintContext, report: Reporter) -> None:
                 continue
             good = np.ones(len(rows), dtype=np.bool_)
             for word, values, units in (("MIN", path.low, path.low_unit), ("MAX", path.high, path.high_unit)):
-                what = _FOLLOW[word]
+                what = FOLLOW_ENDS[word]
                 fits = report.rows_in_unit(span, rows, units[rows], what, word)
                 fits[fits] = report.rows_in_range(rows[fits], values[rows[fits]], FOLLOW[span.mode.mode], what, word)
                 _check_mode_limits(context, report, span, rows[fits], values[rows[fits]], what, word)
-                _check_frequency(context, report, span, rows[fits], values[rows[fits]], what, word)
                 good &= fits
             wrong = rows[good & (path.low[rows] >= path.high[rows])]
             low, high = path.low[wrong], path.high[wrong]
@@ -161,7 +122,7 @@ def _report_no_velocity(report: Reporter, rows: Indices) -> None:
 
 
 def kept(context: LintContext, report: Reporter) -> None:
-    """A LASER MODE that repeats the mode in force keeps the power, but sets new limits and another pulse width."""
+    """A LASER MODE that repeats the mode in force keeps the power, but sets new limits."""
     path, modal = context.path, context.modal
     for channel in CHANNELS:
         powers, on = modal.power_instants(channel), modal.laser(channel).on
@@ -175,10 +136,9 @@ def kept(context: LintContext, report: Reporter) -> None:
                 continue
             row = powers[at : at + 1] // 2
             of_power = (("LASER POWER", "value", path.power),)
-            of_follow = ((_FOLLOW["MIN"], "MIN", path.low), (_FOLLOW["MAX"], "MAX", path.high))
+            of_follow = ((FOLLOW_ENDS["MIN"], "MIN", path.low), (FOLLOW_ENDS["MAX"], "MAX", path.high))
             for what, word, values in of_power if path.op[row[0]] == Op.POWER else of_follow:
                 _check_mode_limits(context, report, span, row, values[row], what, word)
-                _check_frequency(context, report, span, row, values[row], what, word)
 
 
 def saturation(context: LintContext, report: Reporter) -> None:
@@ -282,29 +242,3 @@ def _check_mode_limits(
             unit=mode.mode.unit,
             remarks=same_remarks(context.mode_remark(span)),
         )
-
-
-def _check_frequency(
-    context: LintContext, report: Reporter, span: ModeSpan, rows: Indices, values: Floats, what: str, word: str
-) -> None:
-    """Check powers in frequency mode: the laser pulse must fit its period (M 二.2), the laser follow the frequency."""
-    mode = span.mode
-    if mode.mode is not PowerMode.FREQUENCY or not mode.pulse_width_us or span.setup.line in report.faulty:
-        return
-    # The frequency in force is within the mode's limits.
-    duty_pct = np.clip(values, mode.low, mode.high) * mode.pulse_width_us / _US_KHZ_PER_PCT
-    bad = (values > 0) & (PULSE_DUTY_PCT.classify(duty_pct) != Membership.INSIDE)
-    if bad.any():
-        report.rows(
-            rules.PULSE_TOO_WIDE,
-            rows[bad],
-            word,
-            value=values[bad],
-            width=float(mode.pulse_width_us),
-            duty=duty_pct[bad],
-            range=str(PULSE_DUTY_PCT),
-        )
-    highest = context.machine.laser(span.channel).max_frequency_khz
-    if highest is not None and (values > highest).any():
-        fast = values > highest
-        report.rows(rules.CARRIER_TOO_FAST, rows[fast], word, what=what, value=values[fast], limit=highest)

@@ -27,7 +27,7 @@ from gusjob.ir.setup import (
 )
 from gusjob.ir.stages import opens_stage
 from gusjob.lint.context import LintContext
-from gusjob.lint.power import check_pulse_fits
+from gusjob.lint.frequency import DISTANCE_ENDS
 from gusjob.lint.reporter import Reporter
 
 _T = TypeVar("_T")
@@ -35,7 +35,6 @@ _T = TypeVar("_T")
 _MODE_MIN, _MODE_MAX, _PULSE_WIDTH = Phrase("mode MIN"), Phrase("mode MAX"), Phrase("pulse WIDTH")
 _ON_DELAY, _OFF_DELAY, _PREVOLTAGE = Phrase("on delay"), Phrase("off delay"), Phrase("pre-voltage")
 _STANDBY_FREQ, _STANDBY_DUTY = Phrase("standby FREQ"), Phrase("standby DUTY")
-_DISTANCE = {"MIN": Phrase("distance MIN"), "MAX": Phrase("distance MAX")}
 _PWM, _ANALOG = Phrase("the PWM modes (DUTY, DUTY2, FREQUENCY)"), Phrase("analog mode")
 
 
@@ -165,12 +164,12 @@ def distance(context: LintContext, report: Reporter) -> None:
 def _check_distance_limits(
     context: LintContext, report: Reporter, setup: Setup, settings: DistanceFollow, span: ModeSpan
 ) -> None:
-    """Check MIN and MAX of LASER DISTANCE: unit, range, order, the mode's limits, laser pulse width."""
+    """Check MIN and MAX of LASER DISTANCE: unit, range, order, the mode's limits."""
     mode, allowed = span.mode, DISTANCE_LIMIT[span.mode.mode]
     good = True
     for word, value, unit in (("MIN", settings.low, settings.low_unit), ("MAX", settings.high, settings.high_unit)):
-        fits = report.in_unit(setup, word, _DISTANCE[word], unit, span)
-        good &= fits and report.in_range(setup, value, allowed, _DISTANCE[word], word)
+        fits = report.in_unit(setup, word, DISTANCE_ENDS[word], unit, span)
+        good &= fits and report.in_range(setup, value, allowed, DISTANCE_ENDS[word], word)
     if not good:
         return
     if settings.low >= settings.high:
@@ -183,17 +182,13 @@ def _check_distance_limits(
                 rules.POWER_CLAMPED,
                 setup,
                 word,
-                what=_DISTANCE[word],
+                what=DISTANCE_ENDS[word],
                 value=value,
                 low=mode.low,
                 high=mode.high,
                 unit=mode.mode.unit,
                 remarks=remarks,
             )
-    if mode.mode is PowerMode.FREQUENCY:
-        # A power that distance follow can set is a frequency that the job commands (M 二.2).
-        for word, value in (("MIN", settings.low), ("MAX", settings.high)):
-            check_pulse_fits(report, setup, word, span, value, remarks)
 
 
 def _with_next(statements: Sequence[tuple[Setup, _T]]) -> list[tuple[Setup, _T, Setup | None]]:

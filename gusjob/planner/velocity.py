@@ -51,7 +51,7 @@ def velocities(quantized: QuantizedPath) -> PlannedPath:
     if ahead.any() or forced.any() or smooth.any():
         acc = np.where(dwell, 1.0, quantized.acc)
         vel_end = np.minimum(look_ahead(segments.length, acc, limit, breaks), limit)
-    diagnostics = _end_diagnostics(quantized, jump, vel_end, np.append(breaks[1:], True)) if forced.any() else []
+    diagnostics = _end_diagnostics(quantized, jump, vel, vel_end, np.append(breaks[1:], True)) if forced.any() else []
     return next_phase(
         PlannedPath,
         replace(quantized, vel=vel),
@@ -105,20 +105,27 @@ def _jump(statement: LookAhead, machine: Machine) -> float:
     return time_ms * acc
 
 
-def _end_diagnostics(quantized: QuantizedPath, jump: Floats, vel_end: Floats, stops: Bools) -> list[Diagnostic]:
-    """Find ENDs that length and acceleration can't meet, that are at a stop, or that are too fast for their corner.
+def _end_diagnostics(
+    quantized: QuantizedPath, jump: Floats, vel: Floats, vel_end: Floats, stops: Bools
+) -> list[Diagnostic]:
+    """Find ENDs that length and acceleration can't meet, at a stop, or too fast for what follows or for their corner.
 
     An END is taken as written: at a corner it may be more than look-ahead allows, whether that is on or not.
 
     Args:
         jump: Result of corner_jump, (m,).
+        vel: Result of path_velocity, (m,) pulse/ms.
         vel_end: End velocities that can be met, (m,) pulse/ms.
         stops: Timed rows after which motion stops, (m,).
     """
     segments, forced_end, machine = quantized.segments, quantized.forced_end, quantized.machine
     forced = np.isfinite(forced_end)
     collector = Collector(quantized.job.name)
-    _report(quantized, collector, rules.END_UNREACHABLE, forced & (vel_end < forced_end * (1 - 1e-9)), high=vel_end)
+    unreachable = forced & (vel_end < forced_end * (1 - 1e-9))
+    _report(quantized, collector, rules.END_UNREACHABLE, unreachable, high=vel_end)
+    following = np.append(vel[1:], np.inf)
+    too_fast = forced & ~stops & ~unreachable & (forced_end > following * (1 + 1e-9))
+    _report(quantized, collector, rules.END_ABOVE_NEXT_VEL, too_fast, velocity=following)
     _report(quantized, collector, rules.END_AT_STOP, forced & (forced_end > 0) & stops, high=vel_end)
     default = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
     allowed = np.append(np.where(np.isfinite(jump), jump, default)[:-1], np.inf)

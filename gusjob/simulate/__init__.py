@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from gusjob.config.machine import Machine
+from gusjob.config.machine import MAX_TICKS, Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.kinematics.units import US_PER_MS
@@ -21,9 +21,6 @@ from gusjob.simulate.power_settings import power_timeline
 from gusjob.simulate.trace import ChannelTrace, Trace
 
 __all__ = ["MAX_TICKS", "ChannelTrace", "Trace", "simulate"]
-
-MAX_TICKS = 10_000_000_000
-"""A longer run is refused: its simulation would take too long."""
 
 _COARSE_TICKS = 100_000
 """Ticks of a coarse simulation: no diagnostic depends on how often power is sampled."""
@@ -67,6 +64,7 @@ def simulate(
         readings=tuple(sorted(_readings(channels), key=lambda reading: reading[0])),
         kind=segment_kinds(events.motion.dwell, events.motion.run_kind, (c.emission for c in channels)),
         is_sky_written=events.motion.run_kind is not None,
+        duty2_switch=machine.duty2_switch,
     )
     return trace, diagnostics
 

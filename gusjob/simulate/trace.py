@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.config.machine import Machine
+from gusjob.config.machine import Duty2Switch, Machine
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import Schedule
@@ -71,7 +71,7 @@ class Trace:
 
     `line`: source line of each. `call`: index of its call in the stream. `stage_line` (s,): source line of each stage's
     start. `kind`: SegmentKind of each. `is_sky_written`: a planned job with sky writing. `readings`: (line, channel,
-    value) of each reading of a switch.
+    value) of each reading of a switch. `duty2_switch`: what the switch line carries in duty mode 2.
     """
 
     name: str
@@ -85,6 +85,7 @@ class Trace:
     readings: tuple[tuple[int, int, int], ...]
     kind: npt.NDArray[np.int8]
     is_sky_written: bool = False
+    duty2_switch: Duty2Switch = Duty2Switch.ON
 
     def __len__(self) -> int:
         """Number of segments, dwells included."""

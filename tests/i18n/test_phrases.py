@@ -24,7 +24,7 @@ from support.tools import ROOT
 
 from gusjob.config.machine import Abi, Budget, ControllerSettings, Interlock, Laser, Machine, parse_scanner
 from gusjob.config.profile import parse_profile, read_profile
-from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, SIGNATURES
+from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, SIGNATURES, CType
 from gusjob.controllers.gus.functions import functions
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Remark, Rule
 from gusjob.diagnostics.rules import (
@@ -204,7 +204,8 @@ OPERATORS = {*FUNCTIONS, "and", "or", "not"}
 """Functions and operators of the job language are in small letters."""
 _CALLS = {**SIGNATURES, **HOST_CALLS}
 ARGUMENTS = {*functions(), *(a.name for s in _CALLS.values() for a in s.args), *(f[0] for f in CRD_FIELDS)}
-"""Calls that are passed over (printf), arguments of calls, fields of their structs."""
+ARGUMENTS |= words_of(*CType)
+"""Calls that are passed over (printf), arguments of calls, fields of their structs, types of C."""
 OF_CALLS = ("GJ7", "GJ152", *(f"GJ11{number}" for number in range(1, 7)))
 CODEC_TEXTS = {"invalid start byte", "invalid continuation byte", "unexpected end of data"}
 SYSTEM_TEXTS = {os.strerror(number).lower() for number in errno.errorcode}

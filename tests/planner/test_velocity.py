@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.tools import MACHINE, MARK, path_calls, run_job, stream_of
+from support.tools import MACHINE, MARK, job_of, path_calls, run_job, stream_of
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.lower import compile_job
@@ -104,3 +104,27 @@ def test_no_segment_has_a_velocity_that_it_cant_reach(seed: int) -> None:
 
     _, found = simulate_stream(stream_of(text), Machine(), is_listing=True)
     assert "GJ707" not in [f.rule.code for f in found]
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        ("LINE X 20 END 50\nLINE X 40 VEL 50\n", []),
+        ("LINE X 20 END 50.1\nLINE X 40 VEL 50\n", [(4, "GJ520")]),
+        ("JUMPVEL 50\nLINE X 20 END 50\nJUMP X 40\n", []),
+        ("JUMPVEL 50\nLINE X 20 END 50.1\nJUMP X 40\n", [(5, "GJ520")]),
+        ("LOOKAHEAD OFF\nLINE X 20 END 50.1\nLINE X 40 VEL 50\n", [(5, "GJ520")]),
+        # An END that can't be reached, or at a stop, has a rule of its own.
+        ("LINE X 0.001 END 90\nLINE X 40 VEL 50\n", [(4, "GJ506")]),
+        ("LINE X 20 END 90\nDWELL 1\nLINE X 40 VEL 50\n", [(4, "GJ510")]),
+        # Straight into a circle of 0.1 mm: sqrt(10^6 mm/s2 * 0.1 mm) = 316.2 mm/s.
+        ("VEL 1000\nACC 1000000\nLINE X 20 END 316\nARC CCW X 20 Y 0.2 R 0.1\nLINE X 10\n", []),
+        ("VEL 1000\nACC 1000000\nLINE X 20 END 317\nARC CCW X 20 Y 0.2 R 0.1\nLINE X 10\n", [(6, "GJ520")]),
+    ],
+)
+def test_a_forced_end_is_not_above_the_next_velocity(path: str, expected: list[tuple[int, str]]) -> None:
+    job = job_of(MARK + path)
+    _, found = compile_job(job, MACHINE)
+    assert [(d.span.line, d.rule.code) for d in found] == expected
+    if not expected:
+        assert "GJ705" not in run_job(MARK + path).codes()

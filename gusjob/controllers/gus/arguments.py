@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from gusjob.controllers.gus.calls import (
     BUFFERED,
+    C_TYPE_WORDS,
     FOLLOW_KINDS,
     SIGNATURES,
     Arg,
     ArgKind,
+    ArgumentConversion,
     Buffered,
     BufferedCalls,
     Call,
     Signature,
+    Stream,
 )
 from gusjob.controllers.gus.ranges import FOLLOW, POWER, Membership, PowerMode, Range
 from gusjob.diagnostics import rules
-from gusjob.diagnostics.model import Collector, Rule, Span
+from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase, number
 from gusjob.kinematics.arrays import Bools, Indices
 
@@ -49,6 +52,34 @@ def range_error(allowed: Range, name: str, value: float) -> str:
     if allowed.classify_one(value) is Membership.OUTSIDE:
         return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
     return "" if allowed.carries(value) else Phrase("{value} is not whole", value=shown)
+
+
+def conversion_diagnostics(stream: Stream) -> list[Diagnostic]:
+    """Report the arguments of a listing that do not arrive as they are written."""
+    collector = Collector(stream.name)
+    report_conversions(stream.conversions, collector)
+    return collector.finish(rules.NOT_LISTED)
+
+
+def report_conversions(conversions: Iterable[ArgumentConversion], collector: Collector) -> None:
+    """Report arguments that do not arrive as they are written."""
+    for found in conversions:
+        for rule, where in (
+            (rules.ARGUMENT_UNDEFINED, np.isnan(found.arrives)),
+            (rules.ARGUMENT_CONVERTED, ~np.isnan(found.arrives)),
+        ):
+            at = np.flatnonzero(where)
+            listed = at[: collector.remaining(rule)].tolist()
+            for i in listed:
+                fields = {
+                    "argument": found.argument,
+                    "call": found.call,
+                    "type": C_TYPE_WORDS.get(found.c, found.c.value),
+                    "value": float(found.written[i]),
+                    "arrives": float(found.arrives[i]),
+                }
+                collector.add(rule, Span(line=int(found.line[i])), fields)
+            collector.count_unlisted(rule, len(at) - len(listed))
 
 
 @dataclass(slots=True, kw_only=True)

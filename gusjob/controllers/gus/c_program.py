@@ -177,7 +177,22 @@ def _axes(stream: Stream) -> list[int]:
 
 def _errors(stream: Stream) -> list[str]:
     """Describe the arguments that cannot be written in C, with their lines."""
-    return [*_buffered_errors(stream.buffered), *_call_errors(stream.calls)][:_MAX_ERRORS]
+    errors = [*_conversion_errors(stream), *_buffered_errors(stream.buffered), *_call_errors(stream.calls)]
+    return errors[:_MAX_ERRORS]
+
+
+def _conversion_errors(stream: Stream) -> Iterator[str]:
+    """Describe the numbers of a listing that C converts: in another program they would be converted again, unseen."""
+    for found in stream.conversions:
+        allowed = _range_of(found.call, found.argument)
+        for line, written in zip(found.line[:_MAX_ERRORS].tolist(), found.written[:_MAX_ERRORS].tolist(), strict=True):
+            yield _error(line, found.call, found.argument, written, allowed)
+
+
+def _range_of(call: str, argument: str) -> Range:
+    """Return the range of an argument, or of a field of its struct."""
+    named = {name: allowed for name, _, _, allowed in CRD_FIELDS} | {a.name: a.range for a in SIGNATURES[call].args}
+    return named[argument] or ranges.SHORT
 
 
 def _buffered_errors(calls: BufferedCalls) -> Iterator[str]:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import Range
+from gusjob.i18n.phrases import Phrase
 from gusjob.ir.intent import Intent
 from gusjob.kinematics.arrays import Floats
 
@@ -64,6 +65,22 @@ class CType(StrEnum):
     DOUBLE = "double"
     TEXT = "char *"
     CRD_PARAMETERS = "TCrdPrm"
+
+
+WHOLE_TYPES: dict[CType, tuple[float, float]] = {
+    CType.SHORT: (-(2.0**15), 2.0**15 - 1),
+    CType.USHORT: (0.0, 2.0**16 - 1),
+    CType.LONG: (-(2.0**31), 2.0**31 - 1),
+    CType.ULONG: (0.0, 2.0**32 - 1),
+}
+"""The lowest and the highest number of each whole type. A long has 4 bytes, as on Windows, for which M describes the
+library; with the 8 bytes of other systems the numbers beyond arrive as they are, and the controller refuses them."""
+
+C_TYPE_WORDS: dict[CType, str] = {
+    CType.LONG: Phrase("long (4 bytes, as on Windows)"),
+    CType.ULONG: Phrase("unsigned long (4 bytes, as on Windows)"),
+}
+"""Whole types as messages name them, if not by their name alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -376,9 +393,9 @@ class BufferedCalls:
 
     kind: npt.NDArray[np.uint8]
     line: npt.NDArray[np.int32]
-    crd: npt.NDArray[np.int8]
-    fifo: npt.NDArray[np.int8]
-    channel: npt.NDArray[np.int8]
+    crd: npt.NDArray[np.int16]
+    fifo: npt.NDArray[np.int16]
+    channel: npt.NDArray[np.int16]
     x: Floats
     y: Floats
     p: Floats
@@ -402,13 +419,32 @@ class BufferedCalls:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ArgumentConversion:
+    """Numbers of one argument that do not arrive as they are written, (k,): source line, number, what arrives.
+
+    `arrives`: NaN where C does not define it: the call is not in the stream. `c`: type of the argument.
+    """
+
+    call: str
+    argument: str
+    c: CType
+    line: npt.NDArray[np.int32]
+    written: Floats
+    arrives: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """A sequence of GT_ calls. `intent`: of a planned job with sky writing; a listing has none."""
+    """A sequence of GT_ calls. `intent`: of a planned job with sky writing; a listing has none.
+
+    `conversions`: arguments that a listing writes otherwise, since C converts them to the types of the calls.
+    """
 
     name: str
     buffered: BufferedCalls
     calls: tuple[Call, ...] = field(default=())
     intent: Intent | None = None
+    conversions: tuple[ArgumentConversion, ...] = ()
 
     def parts(self) -> Iterator[tuple[int, int, Call | None]]:
         """Yield (first, last, call): buffered calls first..last-1, then the call after them (None at the end)."""

@@ -19,6 +19,7 @@ from gusjob.controllers.gus.arguments import (
     ArgumentChecker,
     argument_error,
     range_error,
+    report_conversions,
 )
 from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Buffered, Call, Stream, Value
 from gusjob.controllers.gus.execution import AcceptedCall, CrdSettings, Execution, FirstStop, RunCalls, StageRun
@@ -55,6 +56,7 @@ def execute(stream: Stream, *, has_scanner: bool = False) -> Execution:
         collector=Collector(stream.name),
         has_scanner=has_scanner,
     )
+    report_conversions(stream.conversions, executor.collector)
     for first, last, call in stream.parts():
         executor.queue(first, last)
         if call is not None:

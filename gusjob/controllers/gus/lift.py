@@ -95,7 +95,7 @@ def lift(stream: Stream, execution: Execution) -> Job:
         text_of=lambda span: "",
         name_remarks=lambda line, word: (),
         in_pulses=True,
-        complete=not any(diagnostic.rule is rules.REFUSED for diagnostic in execution.diagnostics),
+        complete=not any(d.rule in (rules.REFUSED, rules.ARGUMENT_UNDEFINED) for d in execution.diagnostics),
     )
 
 
@@ -113,7 +113,7 @@ def _path(calls: BufferedCalls, vel_max: Floats) -> Path:
     return Path(
         op=op,
         line=calls.line,
-        channel=calls.channel,
+        channel=calls.channel.astype(np.int8),
         ccw=(by_centre | by_radius) & (calls.r == 1),
         arc_in_mm=_all(n, value=False),
         x=x,
@@ -213,6 +213,8 @@ class _Setups:
     width_us: dict[int, float] = field(default_factory=dict)
     distance: dict[int, tuple[Any, bool]] = field(default_factory=dict)
     """Reference and source of distance follow, by channel."""
+    ratios: dict[int, Call] = field(default_factory=dict)
+    """The last GT_SetLaserDisRatio, by channel."""
     stages: int = 0
     """Number of stages whose begin is known."""
 
@@ -225,7 +227,7 @@ class _Setups:
                     self.stages = stage
                     self.append(call, stage, Wait())
             case "GT_Reset":
-                self.modes, self.carrier_khz, self.width_us, self.distance = {}, {}, {}, {}
+                self.modes, self.carrier_khz, self.width_us, self.distance, self.ratios = {}, {}, {}, {}, {}
                 for channel in CHANNELS:
                     self.append(call, stage, SwitchNow(on=False), channel)
             case "GT_LaserPowerMode":
@@ -238,7 +240,11 @@ class _Setups:
                 self.change_mode(call, stage, "WIDTH")
             case "GT_SetLaserDisMode" if _number(call, 0) == 1:
                 self.distance[_channel(call)] = call.args[2], _number(call, 1) == 1
+                ratio = self.ratios.get(_channel(call))
+                if ratio is not None:  # Enabled again, it follows with the ratio and the limits that it had.
+                    self.append(ratio, stage, LaserDistance(settings=self.follow(ratio)))
             case "GT_SetLaserDisRatio":
+                self.ratios[_channel(call)] = call
                 self.append(call, stage, LaserDistance(settings=self.follow(call)))
             case _:
                 statement = _statement(call)

@@ -16,12 +16,14 @@ from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, Stream, Value
 from gusjob.controllers.gus.execution import Execution
 from gusjob.controllers.gus.lift import lift
+from gusjob.controllers.gus.ranges import PULSE_DUTY_PCT, PowerMode
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Remark, Rule, Span
 from gusjob.i18n.phrases import Phrase, all_of
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
 from gusjob.lint import CHECKS_OF_CALLS, run_checks
 from gusjob.lint.context import LintContext, Remarks, lint_context, no_remarks
+from gusjob.lint.frequency import US_KHZ_PER_PCT
 from gusjob.lint.reporter import Reporter
 from gusjob.simulate import Trace
 from gusjob.simulate.checks import misses_end
@@ -38,6 +40,8 @@ HOLD_FOR_CALLS = (
     rules.FPK_IN_DUTY2,
     rules.DELAY_LONGER_THAN_MARK,
     rules.DELAY_LONGER_THAN_JUMP,
+    rules.GAP_LONGER_THAN_MARK,
+    rules.FPK_LONGER_THAN_JUMP,
     rules.DWELL_WITH_LASER_ON,
     rules.WAIT_WITH_LASER_ON,
     rules.LASER_ON_WITHOUT_MOTION,
@@ -87,6 +91,7 @@ def rule_diagnostics(
         found = [d for d in found if d.rule is not rules.WAIT_WITH_LASER_ON]
     return [
         *found,
+        *_wide_pulses(found, trace),
         *_fast_arcs(trace, machine),
         *_slow_marks(context, events, trace),
         *_axes_missing(stream, execution),
@@ -116,6 +121,29 @@ def _slow_marks(context: LintContext, events: Events, trace: Trace) -> list[Diag
         line = int(trace.line[found.at[i]])
         collector.add(rule, Span(line=line), found.fields(i, context.shown, context.machine))
     collector.count_unlisted(rule, len(found) - listed)
+    return collector.finish(rules.NOT_LISTED)
+
+
+def _wide_pulses(found: list[Diagnostic], trace: Trace) -> list[Diagnostic]:
+    """Report the first segment with laser pulses as long as their period, if no call is reported for them.
+
+    More than the rated power is not possible: no report shows it without an error. The frequency may be the lowest of
+    the mode, which no call sets.
+    """
+    if any(diagnostic.rule is rules.PULSE_TOO_WIDE for diagnostic in found):
+        return []
+    collector = Collector(trace.name)
+    for channel in trace.channels:
+        lasers = channel.lasers
+        widths = np.array([x.pulse_width_us if x.mode is PowerMode.FREQUENCY else 0.0 for x in lasers] or [0.0])
+        width = widths[trace.schedule.stage] if len(trace) else np.empty(0)
+        duty = channel.emitted.power_max * width / US_KHZ_PER_PCT
+        wide = np.flatnonzero(duty >= PULSE_DUTY_PCT.high)
+        if len(wide):
+            i = int(wide[0])
+            khz = float(channel.emitted.power_max[i])
+            fields = {"value": khz, "width": float(width[i]), "duty": float(duty[i]), "range": str(PULSE_DUTY_PCT)}
+            collector.add(rules.PULSE_TOO_WIDE, Span(line=int(trace.line[i])), fields)
     return collector.finish(rules.NOT_LISTED)
 
 

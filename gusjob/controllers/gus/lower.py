@@ -184,9 +184,9 @@ def _buffered(plan: Plan, crd: int, fifo: int) -> BufferedCalls:
     return BufferedCalls(
         kind=kind,
         line=path.line,
-        crd=np.full(n, crd, dtype=np.int8),
-        fifo=np.full(n, fifo, dtype=np.int8),
-        channel=np.where(path.takes_time, np.int8(0), path.channel),
+        crd=np.full(n, crd, dtype=np.int16),
+        fifo=np.full(n, fifo, dtype=np.int16),
+        channel=np.where(path.takes_time, np.int16(0), path.channel),
         x=spread(np.where(moves, segments.x1, 0.0)),
         y=spread(np.where(moves, segments.y1, 0.0)),
         p=p,

@@ -422,5 +422,10 @@ CONTRADICTIONS: tuple[tuple[str, str, str], ...] = (
         "GT_SetLevelDelay names levels that differ from those of the switch line",
         "the first argument is the off delay, the second the on delay",
     ),
+    (
+        "二.2, 一.2",
+        "in duty mode 2 the switch signal is constantly high, but high on the + line of the switch is off",
+        "high is on, as in GT_SetLevelDelay; duty2_switch in the machine profile changes it in traces",
+    ),
 )
 """Contradictions in M: section, the two statements, and the decision of gusjob."""

@@ -160,6 +160,25 @@ FIFO_FULL = rule(
     "lost, unless the program starts the motion and sends it again",
     why="A program that ignores a full FIFO, or treats it as an error, loses the rest of the path.",
 )
+ARGUMENT_CONVERTED = rule(
+    "GJ717",
+    ERROR,
+    title="argument converted by C",
+    text="{argument} of {call} is a C {type}: {value} arrives as {arrives}",
+    why="C converts an argument to the type of the call without a message. The report is of the number that arrives.",
+    bad=_CALLS + "GT_SetLevelDelay(60.5,50,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+    good=_CALLS + "GT_SetLevelDelay(60,50,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+)
+ARGUMENT_UNDEFINED = rule(
+    "GJ718",
+    ERROR,
+    title="argument without a defined conversion",
+    text="{argument} of {call} is a C {type}, which can't hold the floating number {value}: C does not define what "
+    "arrives, and the report leaves the call out",
+    why="Each compiler and processor may pass another number.",
+    bad=_CALLS + "GT_LnXY(1,3e9,0,50,5,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+    good=_CALLS + "GT_LnXY(1,3e4,0,50,5,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+)
 UNKNOWN_STOP = rule(
     "GJ725",
     ERROR,

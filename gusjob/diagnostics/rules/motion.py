@@ -171,3 +171,13 @@ MARK_TOO_SHORT = rule(
     bad="LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 400\nACC 30000\nLASER ON\nLINE X 0.5\nLASER OFF\n",
     good="LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 400\nACC 30000\nLASER ON\nLINE X 6\nLASER OFF\n",
 )
+END_ABOVE_NEXT_VEL = rule(
+    "GJ520",
+    ERROR,
+    title="END above the next velocity",
+    text="END {value} {speed} is above the velocity of the next motion, {velocity} {speed}: it would begin too fast, "
+    "and slow down first",
+    why="While it slows down, the next segment gets less energy per mm than its power and velocity set.",
+    bad=HEAD + "LINE X 5 END 90\nLINE X 10 VEL 50\n",
+    good=HEAD + "LINE X 5 END 50\nLINE X 10 VEL 50\n",
+)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gusjob.diagnostics.rules.examples import HEAD, LASER_ON
-from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule
+from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule, variant
 
 POWER_WITHOUT_MODE = rule(
     "GJ301",
@@ -90,7 +90,7 @@ FPK_IN_DUTY2 = rule(
     "GJ311",
     ERROR,
     title="first pulse killer in DUTY2 mode",
-    text="FPK outputs its pulse on the switch line, but DUTY2 holds that line high (channel {channel})",
+    text="FPK outputs its pulse on the switch line, but DUTY2 holds that line at one level (channel {channel})",
     why="The mode and the first pulse killer use the same line. The result is not documented.",
     bad="LASER MODE DUTY2 CARRIER 10\nLASER FPK WIDTH 20 GAP 15 OFFDELAY 10\n",
     good="LASER MODE DUTY CARRIER 10\nLASER FPK WIDTH 20 GAP 15 OFFDELAY 10\n",
@@ -108,6 +108,11 @@ DELAY_LONGER_THAN_MARK = rule(
     "LASER ON\nLINE X 1\nLASER OFF\n",
     section="二.2",
 )
+GAP_LONGER_THAN_MARK = variant(
+    DELAY_LONGER_THAN_MARK,
+    text="emission begins {begin} us after the start of this mark (on delay {on} us, FPK GAP {gap} us), which takes at "
+    "most {most} us: {lost}",
+)
 DELAY_LONGER_THAN_JUMP = rule(
     "GJ313",
     WARNING,
@@ -120,4 +125,9 @@ DELAY_LONGER_THAN_JUMP = rule(
     good="LASER DELAY ON 50us OFF 60us\nLASER MODE DUTY CARRIER 10\nVEL 1000\nACC 1000000\nLASER POWER 30\nLASER ON\n"
     "LINE X 90\nLASER OFF\nJUMP X 91\nLASER ON\nLINE X 0\nLASER OFF\n",
     section="二.2",
+)
+FPK_LONGER_THAN_JUMP = variant(
+    DELAY_LONGER_THAN_JUMP,
+    text="emission ends {end} us after the mark before (off delay {off} us, FPK OFFDELAY {killer} us), but the motion "
+    "to the next {word} takes at most {most} us: the laser does not go off in between",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -12,10 +13,11 @@ from lark import Token, Tree
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus import ranges
-from gusjob.controllers.gus.calls import BUFFERED, SIGNATURES, Arg, ArgKind, Buffered, Signature, Value
+from gusjob.controllers.gus.calls import SIGNATURES, Arg, ArgKind, Signature, Value
 from gusjob.controllers.gus.functions import GSN_PREFIX, functions
 from gusjob.controllers.gus.ranges import Membership
 from gusjob.diagnostics import rules
+from gusjob.frontend.listing.c_arguments import ArgumentConverter, is_real, reals_mask
 from gusjob.frontend.listing.c_evaluator import CEvaluator
 from gusjob.frontend.listing.c_numbers import CNumber
 from gusjob.frontend.listing.c_structs import printed_array, printed_struct
@@ -27,18 +29,16 @@ from gusjob.frontend.listing.call_rows import (
     LEADING_COLUMN,
     NAME_COLUMN,
     PASSED_OVER_OP,
-    SHORT_COLUMNS,
+    REALS_COLUMN,
     UNUSED_COLUMN,
     ImmediateCall,
     buffered_row,
     call_row,
-    not_short,
 )
 from gusjob.frontend.listing.library_calls import AT_REST, LibraryCall, Reading, library_call
 from gusjob.frontend.listing.listing_diagnostics import ListingDiagnostics
 from gusjob.frontend.parse.grammar import subtrees
 from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder
-from gusjob.frontend.scan.scanner import MAX_DIAGNOSTICS
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase, did_you_mean
 
@@ -64,6 +64,18 @@ _TELLING = (
 """Arguments of buffered calls whose values show whether a card number is first."""
 
 
+_REAL = re.compile("[.eE]")
+"""A mark of a floating number among plain numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Argument:
+    """An argument that is read. `in_c`: what C makes of its expression."""
+
+    value: Value | None
+    in_c: CValue | None = None
+
+
 @dataclass(slots=True)
 class CallReader:
     """Reads calls, with or without a leading card number.
@@ -81,6 +93,7 @@ class CallReader:
         passed_over: Names of calls that are passed over, in the order in which templates number them.
         refused_when_recorded: Number of calls that a log gives another code than 0.
         code, time_ms: What a log says of the call that is read now.
+        converter: Converts arguments to the types of the calls.
     """
 
     text: Source
@@ -99,6 +112,10 @@ class CallReader:
     refused_when_recorded: int = 0
     code: float = 0.0
     time_ms: float = math.nan
+    converter: ArgumentConverter = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.converter = ArgumentConverter(wide_pulse_width=self.abi in (Abi.GTS, Abi.GTS_MULTI))
 
     def library_call(self, text: str) -> LibraryCall:
         """Find a call by its name."""
@@ -148,6 +165,8 @@ class CallReader:
             columns, op = [*[LEADING_COLUMN] * found.leading, *own][: len(numbers)], signature.buffered
             missing = own[len(numbers) - found.leading :]
             constants = [(column, 0.0) for column in missing]
+            reals = reals_mask(signature, [_REAL.search(token) is not None for token in numbers[found.leading :]])
+            constants += [(REALS_COLUMN, reals)] if reals else []
         else:
             return None
         if logged.time is not None:
@@ -206,9 +225,8 @@ class CallReader:
         if not self.read_leading(token, args[: found.leading]):
             return
         own = args[found.leading :]
-        values: list[Value | None] = [
-            self.argument(signature, arg, tree) for arg, tree in zip(signature.args, own, strict=False)
-        ]
+        read = [self.argument(signature, arg, tree) for arg, tree in zip(signature.args, own, strict=False)]
+        values = [argument.value for argument in read]
         self.count_misfits(signature, values)
         if found.trailing and len(own) > len(signature.args) and not self.is_zero(own[-1]):
             reason = Phrase("its last argument must be 0")
@@ -218,10 +236,14 @@ class CallReader:
             return
         given = [value for value in values if value is not None]
         given += [0.0] * (len(signature.args) - len(given))
+        found_in_c = [argument.in_c for argument in read]
         if signature.buffered is not None:
-            self.rows.append(buffered_row(signature.buffered, signature, given))
+            reals = reals_mask(signature, [is_real(value) for value in found_in_c])
+            self.rows.append(buffered_row(signature.buffered, signature, given, reals))
         elif not (signature.name == "GT_CrdStatus" and isinstance(given[1], float)):
-            self.add_call(signature.name, tuple(given))
+            given = self.converter.call(signature, found_in_c, given, self.diagnostics.line_of(token))
+            if given or not signature.args:
+                self.add_call(signature.name, tuple(given))
 
     def add_call(self, name: str, args: tuple[Value, ...]) -> None:
         """Add a call that is not buffered."""
@@ -252,20 +274,20 @@ class CallReader:
             if allowed is not None and (allowed.whole and allowed.high <= _SMALL_RANGE) and isinstance(value, float):
                 self.misfits += not allowed.low <= value <= allowed.high
 
-    def argument(self, signature: Signature, arg: Arg, tree: Tree[Token]) -> Value | None:
-        """Return one argument's value, or None with a diagnostic."""
+    def argument(self, signature: Signature, arg: Arg, tree: Tree[Token]) -> _Argument:
+        """Read one argument; its value is None with a diagnostic."""
         fields = {"argument": arg.name, "call": signature.name, "wanted": EXPECTED_ARGUMENT[arg.kind]}
         if arg.kind is ArgKind.POINTER:
-            return self.result_argument(signature, tree)
+            return _Argument(value=self.result_argument(signature, tree))
         is_block = arg.kind in (ArgKind.ARRAY, ArgKind.STRUCT)
         self.misfits += tree.data in (("number",) if is_block else ("members", "address", "by_reference"))
         value = self.block_argument(arg, tree) if is_block else self.evaluator.expression(tree)
         found = plain(value)
         fits = isinstance(found, float) if arg.kind in (ArgKind.WHOLE, ArgKind.REAL) else isinstance(found, tuple)
         if fits:
-            return found
+            return _Argument(value=found, in_c=value)
         self._report_value(fields, tree, value)
-        return None
+        return _Argument(value=None)
 
     def block_argument(self, arg: Arg, tree: Tree[Token]) -> CValue:
         """Return the array or struct that a call reads."""
@@ -343,7 +365,7 @@ class CallReader:
         self.note_passed_over(rows)
         rows = rows.pick(rows.op != PASSED_OVER_OP)
         self.check_rows(rows)
-        return self.without_odd_numbers(rows)
+        return self.converter.rows(rows)
 
     def note_passed_over(self, rows: Rows) -> None:
         """Report each call that is passed over, once."""
@@ -382,16 +404,3 @@ class CallReader:
         """Report that the calls are read as those of a library for several cards."""
         if len(self.leading) == 1:
             self.diagnostics.add_for_file(rules.LEADING_CARD, card=f"{next(iter(self.leading)):g}")
-
-    def without_odd_numbers(self, rows: Rows) -> Rows:
-        """Report and remove rows whose coordinate system, FIFO or channel can't be a C short."""
-        odd = np.zeros(len(rows.op), dtype=np.bool_)
-        for name in SHORT_COLUMNS:
-            found = not_short(rows, name)
-            for row in np.flatnonzero(found & ~odd)[:MAX_DIAGNOSTICS].tolist():
-                value = f"{rows.column(COLUMNS.index(name))[row]:g}"
-                call = BUFFERED[Buffered(int(rows.op[row]))].name
-                fields = {"argument": name, "call": call, "wanted": EXPECTED_ARGUMENT[ArgKind.WHOLE], "found": value}
-                self.diagnostics.add(rules.CALL_VALUE, int(rows.line[row]), 1, 1, **fields)
-            odd |= found
-        return rows if not odd.any() else rows.pick(~odd)

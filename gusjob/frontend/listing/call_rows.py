@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Signature, Stream, Value
+from gusjob.controllers.gus.calls import ArgumentConversion, Buffered, BufferedCalls, Call, Signature, Stream, Value
 from gusjob.frontend.scan.rows import Row, Rows
-from gusjob.kinematics.arrays import Bools
 
 COLUMNS = ("crd", "fifo", "channel", "x", "y", "p", "q", "r", "vel", "acc", "vel_end")
 SHORT_COLUMNS = COLUMNS[:3]
 """Columns of arguments that are shorts."""
-LEADING_COLUMN, UNUSED_COLUMN, NAME_COLUMN = range(len(COLUMNS), len(COLUMNS) + 3)
-"""Columns of the leading argument (a card or a core), of numbers that are not used (times, readings), and of the number
-of a call that is passed over."""
-_MAX_SHORT_ARGUMENT = 100
-"""No coordinate system, FIFO or channel is above; larger numbers do not fit the columns of a Stream."""
+LEADING_COLUMN, UNUSED_COLUMN, NAME_COLUMN, REALS_COLUMN = range(len(COLUMNS), len(COLUMNS) + 4)
+"""Columns of the leading argument (a card or a core), of numbers that are not used (times, readings), of the number
+of a call that is passed over, and of the columns that are written as floating numbers (bits)."""
 CALL_OP, PASSED_OVER_OP = 100, 101
 """Row ops of a call that is not buffered (column 0 is its index), and of one that is passed over."""
 
@@ -32,11 +30,12 @@ class ImmediateCall:
     time_ms: float = float("nan")
 
 
-def buffered_row(kind: Buffered, signature: Signature, values: list[Value]) -> Row:
-    """Make the row of a buffered call from its first arguments; the others are 0."""
+def buffered_row(kind: Buffered, signature: Signature, values: list[Value], reals: float = 0.0) -> Row:
+    """Make the row of a buffered call. `reals`: the columns that are written as floating numbers."""
     columns = [COLUMNS.index(arg.column) for arg in signature.args]
     numbers = [value if isinstance(value, float) else float("nan") for value in values]
-    return Row(op=kind, values=dict(zip(columns, numbers, strict=True)))
+    made = dict(zip(columns, numbers, strict=True))
+    return Row(op=kind, values=made | ({REALS_COLUMN: reals} if reals else {}))
 
 
 def call_row(index: int) -> Row:
@@ -44,14 +43,9 @@ def call_row(index: int) -> Row:
     return Row(op=CALL_OP, values={0: float(index)})
 
 
-def not_short(rows: Rows, name: str) -> Bools:
-    """Find buffered calls whose coordinate system, FIFO or channel can't be a C short, (n,)."""
-    values = rows.column(COLUMNS.index(name))
-    odd = (np.abs(values) > _MAX_SHORT_ARGUMENT) | (values != np.floor(values))
-    return np.asarray((rows.op != CALL_OP) & ~np.isnan(values) & odd)
-
-
-def stream_of(name: str, rows: Rows, calls: list[ImmediateCall]) -> Stream:
+def stream_of(
+    name: str, rows: Rows, calls: list[ImmediateCall], conversions: Sequence[ArgumentConversion] = ()
+) -> Stream:
     """Make the stream of some rows. `calls`: those that are not buffered."""
     is_call = rows.op == CALL_OP
     keep = ~is_call
@@ -64,7 +58,7 @@ def stream_of(name: str, rows: Rows, calls: list[ImmediateCall]) -> Stream:
     buffered = BufferedCalls(
         kind=rows.op[keep],
         line=rows.line[keep],
-        **{column: cut(column, np.int8) for column in SHORT_COLUMNS},
+        **{column: cut(column, np.int16) for column in SHORT_COLUMNS},
         **{column: cut(column, np.float64) for column in COLUMNS[len(SHORT_COLUMNS) :]},
     )
     others = []
@@ -73,4 +67,4 @@ def stream_of(name: str, rows: Rows, calls: list[ImmediateCall]) -> Stream:
         others.append(
             Call(name=made.name, args=made.args, at=int(before[i]), line=int(rows.line[i]), time_ms=made.time_ms)
         )
-    return Stream(name=name, buffered=buffered, calls=tuple(others))
+    return Stream(name=name, buffered=buffered, calls=tuple(others), conversions=tuple(conversions))

@@ -8,7 +8,8 @@ Each channel has an energy line and a switch line, both differential, and an ana
 
 Where M is silent: the first period of the carrier begins with the emission; a period keeps the duty that it began with;
 in frequency mode the phase continues when the frequency changes; the end of an emission cuts its pulse short; the FPK
-pulse has the level of "on"; in duty mode 2 the + line of the switch is high; the standby pulse begins anew when an
+pulse has the level of "on"; in duty mode 2 the switch line keeps one level while the mode is in force, that of the
+profile's duty2_switch (config/machine.py:Duty2Switch has both readings of M); the standby pulse begins anew when an
 emission ends; pulses continue over a change of stage that changes none of their settings; during emission in a duty
 mode without GT_LaserOutFrq, or in frequency mode without GT_SetPulseWidth, the energy line is unknown.
 """
@@ -128,7 +129,7 @@ class _ChannelOutputs:
         self.trace, self.time, self.channel, self.lasers = trace, time, channel, channel.lasers
         self.emission = output_emission(channel, time)
         self.off = output_off(channel, self.emission, time)
-        start, end = output_switch(channel, time)
+        start, end = output_switch(channel, time, trace.duty2_switch)
         self.switch = _levels(_Pulses(start=start, end=end, unknown=np.zeros(len(start), dtype=np.bool_)))
         self.periods_before = self._periods_before()
         rates = [_highest_khz(laser) for laser in channel.lasers]

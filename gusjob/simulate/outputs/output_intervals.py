@@ -6,12 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gusjob.config.machine import Duty2Switch
 from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import ChannelTrace
 from gusjob.simulate.events import LaserState
 from gusjob.simulate.outputs.output_time import OutputTime
+
+_BEYOND_MS = 1.0
+"""A level that is kept at the end of the outputs lasts longer than they do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,21 +67,30 @@ def _train(laser: LaserState) -> tuple[PowerMode, float | None, float]:
     return laser.power_mode, laser.carrier_khz, laser.pulse_width_us
 
 
-def output_switch(channel: ChannelTrace, time: OutputTime) -> tuple[Floats, Floats]:
-    """Compute when a channel's switch signal is on, (k,) ms: start and end; with FPK, its pulses (M 二.2)."""
+def output_switch(channel: ChannelTrace, time: OutputTime, duty2: Duty2Switch) -> tuple[Floats, Floats]:
+    """Compute when a channel's switch signal is on, (k,) ms: start and end; with FPK, its pulses (M 二.2).
+
+    In duty mode 2 the signal does not change: it is on or off as long as the mode is in force.
+    """
     switch, carried, shift = channel.emission.switch, channel.emission.carried, time.shift_ms
     stage = switch.stage
     start, end = switch.start_ms + shift[stage], switch.end_ms + shift[stage]
     continues = carried[1:] & (stage[1:] != stage[:-1]) & (switch.start_ms[1:] == switch.end_ms[:-1])
     end[:-1][continues] = start[1:][continues]
-    if not len(stage):
-        return start, end
-    fpk = np.array([laser.fpk_us is not None for laser in channel.lasers])[stage]
+    fpk = np.array([laser.fpk_us is not None for laser in channel.lasers], dtype=np.bool_)[stage]
     width = np.array([laser.fpk_us[0] if laser.fpk_us else 0.0 for laser in channel.lasers])[stage] / US_PER_MS
     end = np.where(fpk, start + width, end)
-    # The pulse of emission that was on before its stage is over; in duty mode 2 the signal does not change.
-    shown = ~(fpk & carried) & np.array([laser.power_mode is not PowerMode.DUTY2 for laser in channel.lasers])[stage]
+    constant = np.array([laser.power_mode is PowerMode.DUTY2 for laser in channel.lasers], dtype=np.bool_)
+    # The pulse of emission that was on before its stage is over.
+    shown = ~(fpk & carried) & ~constant[stage]
     start, end = start[shown], end[shown]
+    if duty2 is Duty2Switch.ON and constant.any():
+        begins = np.flatnonzero(constant & ~np.concatenate([[False], constant[:-1]]))
+        ends = np.flatnonzero(constant & ~np.concatenate([constant[1:], [False]]))
+        after = np.append(time.start_ms[1:], time.total_ms + _BEYOND_MS)
+        start, end = np.concatenate([start, time.start_ms[begins]]), np.concatenate([end, after[ends]])
+        order = np.argsort(start, kind="stable")
+        start, end = start[order], end[order]
     return start, np.minimum(end, np.append(start[1:], np.inf))
 
 

@@ -210,12 +210,23 @@ def test_a_comment_suppresses_a_rule_of_jobs() -> None:
         assert {f.rule.code for f in examine(loaded).diagnostics} == expected
 
 
-def test_a_journal_is_not_checked_by_the_rules_that_its_job_was_checked_by() -> None:
-    text = DUTY + "GT_SetLevelDelay(50,60,0)\n" + POWER + mark(line(1000)) + START
-    loaded = load(Path("x.gts"), None, data=text.encode())
+@pytest.mark.parametrize(
+    ("text", "of_listing", "of_journal"),
+    [
+        # 20 kHz * 75 us is 150 % of the period: more than the rated power is not possible.
+        (FREQUENCY.replace("(35,", "(75,") + "GT_BufLaserPrfCmd(1,20,0,0)\n" + mark(line(1000)), {"GJ207"}, {"GJ207"}),
+        (DUTY + "GT_SetLevelDelay(50,60,0)\n" + POWER + mark(line(1000)), {"GJ306"}, {"GJ306"}),
+        (DUTY.replace("(10,0)", "(30,0)") + POWER + mark(line(1000)), {"GJ208"}, {"GJ208"}),
+        (DUTY + POWER + mark(line(202)), {"GJ516"}, set()),
+    ],
+)
+def test_a_journal_is_checked_by_what_concerns_its_power(text: str, of_listing: set[str], of_journal: set[str]) -> None:
+    """The other rules of jobs its job was checked by."""
+    loaded = load(Path("x.gts"), None, data=(text + START).encode())
     assert isinstance(loaded, Checked)
-    assert of_rules(examine(loaded)) == {"GJ306"}
-    assert of_rules(examine(replace(loaded, origin=Origin.JOURNAL))) == set()
+    loaded = replace(loaded, machine=replace(loaded.machine, lasers=(Laser(max_frequency_khz=25.0),)))
+    assert of_rules(examine(loaded)) == of_listing
+    assert of_rules(examine(replace(loaded, origin=Origin.JOURNAL))) == of_journal
 
 
 # A job and its calls.

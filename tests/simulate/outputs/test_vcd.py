@@ -10,6 +10,7 @@ import re
 import tracemalloc
 from itertools import pairwise
 from math import ceil, floor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -118,12 +119,18 @@ def test_distance_follow() -> None:
     assert velocity(F(15)) == 10
 
 
-def test_duty_2() -> None:
-    """Wrong: a switch line that switches in duty mode 2 (constantly high, M 2.2), or no energy."""
+@pytest.mark.parametrize(("duty2", "plus", "minus"), [("", "0", "1"), ("on", "0", "1"), ("off", "1", "0")])
+def test_duty_2(tmp_path: Path, duty2: str, plus: str, minus: str) -> None:
+    """Wrong: a switch line that switches in duty mode 2 (constantly high, M 2.2), or no energy.
+
+    "High" is on, as in GT_SetLevelDelay (M 2.2), that is PWM1- high and PWM1+ low (M 1.2); or PWM1+ itself.
+    """
+    profile = tmp_path / "gusjob.toml"
+    profile.write_text(f'duty2_switch = "{duty2}"\n' if duty2 else "")
     body = "12\n" + LIT.format(30, 3)
-    found = wave(HEAD + "LASER MODE DUTY2 CARRIER " + body)
-    assert found.signals["PWM1+"] == [(0, "1")]
-    assert found.signals["PWM1-"] == [(0, "0")]
+    found = wave(HEAD + "LASER MODE DUTY2 CARRIER " + body, "--machine", str(profile))
+    assert found.signals["PWM1+"] == [(0, plus)]
+    assert found.signals["PWM1-"] == [(0, minus)]
     assert off(found.signals["PWM0+"], wave(HEAD + "LASER MODE DUTY CARRIER " + body).signals["PWM0+"]) == []
 
 
@@ -145,17 +152,16 @@ def test_frequency_that_changes() -> None:
     same(found.spans("PWM0+"), want)
 
 
-@pytest.mark.parametrize("low", [0, 1, 20])
-def test_frequency_follow(low: int) -> None:
+@pytest.mark.parametrize(("low", "least"), [(0, "0.4"), (1, "0"), (20, "0")])
+def test_frequency_follow(low: int, least: str) -> None:
     """Wrong: pulses at the frequency of now; a number of pulses that is not the integral of the frequency."""
     job = f"ACC 1\nLASER FOLLOW RATIO 3 MIN {low} MAX 45\nLASER ON\nLINE X 200\nLASER OFF\n"
-    got = wave(FREQUENCY.format(3) + job).spans("PWM0+")
+    got = wave(FREQUENCY.format(f"3 MIN {least}") + job).spans("PWM0+")
     until, velocity = trapezoid(F(0), F(200), F(10), F(1))
-    steps = [(t, min(3 * velocity(t) + low, F(45))) for t in at_ticks(F(0), until)]
+    steps = [(t, max(min(3 * velocity(t) + low, F(45)), F(least))) for t in at_ticks(F(0), until)]
     turns = sum((f * (after - at) for (at, f), (after, _) in pairwise([*steps, (until, F(0))])), F(0))
     assert len(got) in (floor(turns), ceil(turns), floor(turns) + 1)
-    if low:
-        same(got, pulses(F(0), until, steps, F(3, 1000)))
+    same(got, pulses(F(0), until, steps, F(3, 1000)))
 
 
 def test_pulses_wider_than_their_period() -> None:
@@ -375,7 +381,7 @@ def test_mode_that_changes() -> None:
     want = periods(F(1), F(2), F(10), lambda _: F(50)) + pulses(F(7), F(8), [(F(7), F(5))], F(10, 1000))
     same(found.spans("PWM0+"), want + periods(F(10), F(11), F(3), lambda _: F(9)))
     assert found.signals["AO0"] == [(0, 0.0), (3 * NS, 1.0), (4 * NS, 3.0), (5 * NS, 1.0), (6 * NS, 0.0)]
-    assert found.spans("PWM1+") == [(k * NS, (k + 1) * NS) for k in (1, 4, 7)]
+    assert found.spans("PWM1+") == [(k * NS, (k + 1) * NS) for k in (1, 4, 7)] + [(9 * NS, 12 * NS)]
 
 
 def test_listing_switched_at_once() -> None:
@@ -448,7 +454,7 @@ def test_any_dwells(
         now += ms
     found = wave(HEAD + "\n".join(job) + "\n")
     same(found.spans("PWM1+"), spans[0])
-    assert found.signals["PWM3+"] == [(0, "1")]
+    assert found.signals["PWM3+"] == [(0, "0")]
     for channel, carrier in ((0, F(khz)), (1, F(khz_1))):
 
         def duty(t: F, power: list[tuple[F, F]] = powers[channel]) -> F:
