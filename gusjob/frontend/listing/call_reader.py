@@ -159,7 +159,7 @@ class CallReader:
         self.card_calls += self.several_cards and not name.startswith(GSN_PREFIX)
         template = builder.build(op, constants=tuple(constants))
         # The code of a log is the only number left: only a call with code 0 had an effect.
-        return replace(template, fixed=tuple((run, 0.0) for run, _ in template.fixed))
+        return template and replace(template, fixed=tuple((run, "0") for run, _ in template.fixed))
 
     def number_of(self, name: str) -> int:
         """Return the number of a call that is passed over; a reading of the status needs no word."""

@@ -66,7 +66,6 @@ class Quantity:
         system: A units.UnitSystem, or a units.PowerUnit where the kind is POWER.
         column: Where it begins, from 1.
         end_column: The column after it.
-        plain: Whether it is one run of sign and digits with nothing but a unit after it: a template can read it.
         expression: The expression in parentheses that gives the value when the statement is run.
     """
 
@@ -76,7 +75,6 @@ class Quantity:
     system: int
     column: int
     end_column: int
-    plain: bool
     expression: Expression | None = None
 
 
