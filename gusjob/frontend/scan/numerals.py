@@ -46,21 +46,17 @@ _DOUBT = 2.0**-40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberForm:
-    """Which numerals of a line a number is made of.
+    """How a number is written.
 
     Attributes:
-        numeral: Index of its numeral in the line.
-        exponent: Index of the numeral of its exponent; None: it has none.
         has_point: Whether its numeral has a point.
+        exponent: The sign of its exponent, whose numeral is the next one; 0 if it has none.
         is_negative: Whether its sign is a minus.
-        has_negative_exponent: The same of its exponent.
     """
 
-    numeral: int
-    exponent: int | None = None
     has_point: bool = False
+    exponent: int = 0
     is_negative: bool = False
-    has_negative_exponent: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,51 +73,42 @@ class Numerals:
 
     def lengths(self, at: Indices) -> Indices:
         """Characters of some numerals."""
-        return self.edges[2 * at + 1] - self.edges[2 * at]
+        return np.asarray(self.edges[2 * at + 1] - self.edges[2 * at])
 
     def digits(self, at: Indices) -> tuple[Words, Indices]:
-        """The values of numerals without a point, modulo some large number, and how many digits they have."""
-        ends = self.edges[2 * at + 1]
-        lengths = ends - self.edges[2 * at]
-        values, _ = _whole_numbers(self.text, ends, lengths, has_point=False)
-        return values, lengths
+        """The values of numerals without a point, wrong above 19 digits, and how many digits they have."""
+        digits = self.lengths(at)
+        return _whole_numbers(self.text, self.edges[2 * at + 1], digits, has_point=False)[0], digits
 
-    def numbers(self, form: NumberForm, first: Indices) -> Floats:
-        """The numbers of one form in some lines, correctly rounded, never -0; inf where one is too large for a float.
-
-        Args:
-            form: Which numerals of a line make the number.
-            first: The first numeral of each line, (n,).
-        """
-        at = 2 * (first + form.numeral)
+    def numbers(self, form: NumberForm, at: Indices) -> Floats:
+        """The numbers at some numerals, correctly rounded, never -0; inf where one is too large for a float, (n,)."""
+        at = 2 * at
         ends = self.edges[at + 1]
         digits = ends - self.edges[at]
         mantissa, decimals = _whole_numbers(self.text, ends, digits, has_point=form.has_point)
         digits -= form.has_point
-        if decimals is None and form.exponent is None:
+        if decimals is None and not form.exponent:
             found = mantissa.astype(np.float64)  # The conversion itself rounds correctly.
-            unsure = np.flatnonzero(digits > _MAX_DIGITS)
+            unsure = np.flatnonzero(digits > _MAX_DIGITS) if int(digits.max(initial=0)) > _MAX_DIGITS else ()
         else:
-            power = None if form.exponent is None else self._exponents(form, first)
+            power = self._exponents(at // 2 + 1) * form.exponent if form.exponent else None
             found, unsure = _scaled(mantissa, digits, decimals, power)
         if len(unsure):
-            found[unsure] = self._by_text(form, first[unsure])
+            last = at[unsure] + (2 if form.exponent else 0)
+            found[unsure] = self._by_text(self.edges[at[unsure]], self.edges[last + 1])
         if form.is_negative:
             np.subtract(0.0, found, out=found)
         return found
 
-    def _exponents(self, form: NumberForm, first: Indices) -> Ints:
-        """Exponents; those that have too many digits are some large number."""
-        assert form.exponent is not None
-        values, digits = self.digits(first + form.exponent)
+    def _exponents(self, at: Indices) -> Ints:
+        """Exponents without their signs; those that have too many digits are some large number."""
+        values, digits = self.digits(at)
         values[digits > _MAX_DIGITS] = _MANY
         found: Ints = np.minimum(values, _MANY).astype(np.int64)
-        return -found if form.has_negative_exponent else found
+        return found
 
-    def _by_text(self, form: NumberForm, first: Indices) -> Floats:
-        """The numbers of one form, without a sign, each from its text."""
-        last = form.numeral if form.exponent is None else form.exponent
-        starts, ends = self.edges[2 * (first + form.numeral)], self.edges[2 * (first + last) + 1]
+    def _by_text(self, starts: Indices, ends: Indices) -> Floats:
+        """Numbers without a sign, each from its text."""
         return np.array([float(self.text[a:b]) for a, b in zip(starts.tolist(), ends.tolist(), strict=True)])
 
 

@@ -21,10 +21,11 @@ _MAX_FIXED_DIGITS = 15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberSlot:
-    """A number of a line goes to `column` as value * times / over."""
+    """The number at numeral `numeral` of a line goes to `column` as value * times / over."""
 
     column: int
-    number: NumberForm
+    numeral: int
+    form: NumberForm
     times: float = 1.0
     over: float = 1.0
 
@@ -36,6 +37,7 @@ class Template:
     Attributes:
         constants: Columns that have the same value in every row.
         fixed: Numerals that are part of a word (mm/s2): the index of each, and its digits.
+        pointed: Numerals that begin with a point: a point alone is no number.
     """
 
     op: int
@@ -43,6 +45,7 @@ class Template:
     slots: tuple[NumberSlot, ...] = ()
     constants: tuple[tuple[int, float], ...] = ()
     fixed: tuple[tuple[int, str], ...] = ()
+    pointed: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
@@ -53,6 +56,7 @@ class TemplateBuilder:
     unused: dict[int, tuple[int, str]] = field(init=False)
     """Numerals that are not part of a number, by their start: the index of each, and its text."""
     slots: list[NumberSlot] = field(default_factory=list)
+    pointed: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.unused = {match.start(): (i, match[0]) for i, match in enumerate(_NUMERAL.finditer(self.line))}
@@ -71,14 +75,11 @@ class TemplateBuilder:
         numerals = [self.unused.pop(match.start(group), (0, "")) for group in groups]
         if any(text != match[group] for group, (_, text) in zip(groups, numerals, strict=True)):
             return False
-        number = NumberForm(
-            numeral=numerals[0][0],
-            exponent=numerals[1][0] if len(numerals) > 1 else None,
-            has_point="." in match[2],
-            is_negative=match[1] == "-",
-            has_negative_exponent=match[3] == "-",
-        )
-        self.slots.append(NumberSlot(column=column, number=number, times=times, over=over))
+        numeral, text = numerals[0]
+        exponent = 0 if match[4] is None else (-1 if match[3] == "-" else 1)
+        form = NumberForm(has_point="." in text, exponent=exponent, is_negative=match[1] == "-")
+        self.slots.append(NumberSlot(column=column, numeral=numeral, form=form, times=times, over=over))
+        self.pointed += [numeral] if text.startswith(".") else []
         return True
 
     def build(self, op: int, *, system: int = 0, constants: tuple[tuple[int, float], ...] = ()) -> Template | None:
@@ -86,7 +87,14 @@ class TemplateBuilder:
         fixed = tuple(self.unused.values())
         if any("." in text or len(text) > _MAX_FIXED_DIGITS for _, text in fixed):
             return None
-        return Template(op=op, system=system, slots=tuple(self.slots), constants=constants, fixed=fixed)
+        return Template(
+            op=op,
+            system=system,
+            slots=tuple(self.slots),
+            constants=constants,
+            fixed=fixed,
+            pointed=tuple(self.pointed),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

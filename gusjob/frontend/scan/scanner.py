@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.frontend.scan.line_table import LineTable, line_table
-from gusjob.frontend.scan.numerals import Numerals
+from gusjob.frontend.scan.numerals import NumberForm, Numerals
 from gusjob.frontend.scan.rows import Row, Rows, Template, join_rows, rows_of
 from gusjob.frontend.scan.shape_ids import ShapeIds
 from gusjob.frontend.scan.shapes import MAX_NUMBER
@@ -21,10 +21,13 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 
 MAX_DIAGNOSTICS = 1000
 """Lines with diagnostics that are parsed one by one; the rest is only counted."""
-CHUNK = 1 << 18
+CHUNK = 1 << 19
 """Bytes that are read at once: what is made of them fits into the cache of a core."""
 _MANY_CHUNKS = 8
 """From so many chunks on, two are read at the same time."""
+
+_LARGE = 1e9
+"""Numbers up to here are not above MAX_NUMBER in any unit."""
 
 Learn = Callable[[str], Template | None]
 """Gives the template of a line (without its comment); None if lines of its shape must be parsed one by one."""
@@ -86,9 +89,6 @@ _BLANK, _BY_PARSER = 0, 1
 """Numbers of the shapes of blank lines, and of shapes without a template."""
 _BLANK_OP = 255
 
-SlotValues = list[tuple[int, Floats]]
-"""Values by column."""
-
 
 @dataclass(slots=True)
 class _ShapeScanner:
@@ -125,23 +125,20 @@ class _ShapeScanner:
 
     def add(self, table: LineTable, first_line: int) -> None:
         """Read the lines of a chunk."""
-        ids, first_numeral = self.shape_ids.look_up(table, table.long_lines(), _BY_PARSER)
-        values: list[tuple[Indices, Template, SlotValues]] = []
+        ids, first = self.shape_ids.look_up(table, table.long_lines(), _BY_PARSER)
+        groups: list[_LineGroup] = []
         for number, lines in _lines_by_id(ids):
             template = self.templates[number]
             if template is None or template.op == _BLANK_OP:
                 continue
-            first = first_numeral[lines]
-            fits = _fits(table.numerals, template, first)
-            if not fits.all():
+            if template.fixed or template.pointed:
+                fits = _fits(table.numerals, template, first[lines])
                 ids[lines[~fits]] = _BY_PARSER
-                lines, first = lines[fits], first[fits]
-            found = [(slot.column, table.numerals.numbers(slot.number, first)) for slot in template.slots]
-            if (huge := _too_large(found, template, len(lines))) is not None:
-                ids[lines[huge]] = _BY_PARSER
-                lines, found = lines[~huge], [(column, numbers[~huge]) for column, numbers in found]
-            values.append((lines, template, found))
-        self._collect(ids, values, first_line, self._parsed(table, ids, first_line))
+                lines = lines[fits]
+            groups.append(_LineGroup(lines=lines, template=template))
+        for group in _read_numbers(table.numerals, groups, first):
+            ids[group.drop_too_large()] = _BY_PARSER
+        self._collect(ids, groups, first_line, self._parsed(table, ids, first_line))
 
     def _parsed(self, table: LineTable, ids: Ints, first_line: int) -> list[tuple[int, Row]]:
         """The first rows of lines that must be parsed one by one."""
@@ -152,13 +149,7 @@ class _ShapeScanner:
             self.further += [(first_line + i, row) for row in found[1:]]
         return parsed
 
-    def _collect(
-        self,
-        ids: Ints,
-        values: list[tuple[Indices, Template, SlotValues]],
-        first_line: int,
-        parsed: list[tuple[int, Row]],
-    ) -> None:
+    def _collect(self, ids: Ints, groups: list[_LineGroup], first_line: int, parsed: list[tuple[int, Row]]) -> None:
         """Add the rows of one chunk: those of templates by columns, those that were parsed one by one."""
         op = np.array([_BLANK_OP if t is None else t.op for t in self.templates], dtype=np.uint8)[ids]
         system = np.array([0 if t is None else t.system for t in self.templates], dtype=np.int32)[ids]
@@ -169,12 +160,14 @@ class _ShapeScanner:
                 columns[column] = np.full(len(ids), np.nan)
             return columns[column]
 
-        for lines, template, found in values:
-            for slot, (column, numbers) in zip(template.slots, found, strict=True):
-                scaled = numbers if slot.times == 1 else numbers * slot.times
-                target(column)[lines] = scaled if slot.over == 1 else scaled / slot.over
-            for column, value in template.constants:
-                target(column)[lines] = value
+        for group in groups:
+            for column, values in group.columns():
+                if len(values) == len(ids):
+                    columns[column] = values
+                else:
+                    target(column)[group.lines] = values
+            for column, value in group.template.constants:
+                target(column)[group.lines] = value
         for i, row in parsed:
             op[i], system[i] = row.op, row.system
             for column, value in row.values.items():
@@ -211,18 +204,55 @@ def _fits(numerals: Numerals, template: Template, first: Indices) -> Bools:
     for numeral, digits in template.fixed:
         values, lengths = numerals.digits(first + numeral)
         fits &= (lengths == len(digits)) & (values == np.uint64(int(digits)))
-    for slot in template.slots:
-        if slot.number.has_point:  # A point alone is no number.
-            fits &= numerals.lengths(first + slot.number.numeral) > 1
+    for numeral in template.pointed:
+        fits &= numerals.lengths(first + numeral) > 1
     return fits
 
 
-def _too_large(found: SlotValues, template: Template, count: int) -> Bools | None:
-    """Lines with a number above MAX_NUMBER; None if there are none."""
-    huge: Bools | None = None
-    for slot, (_, numbers) in zip(template.slots, found, strict=True):
-        limit = MAX_NUMBER / max(1.0, abs(slot.times) / slot.over)
-        if len(numbers) and max(float(numbers.max()), -float(numbers.min())) > limit:
-            huge = np.zeros(count, dtype=np.bool_) if huge is None else huge
-            huge |= np.abs(numbers) > limit
-    return huge
+@dataclass(slots=True, kw_only=True)
+class _LineGroup:
+    """Lines of a chunk with one template, and their numbers, one column a slot."""
+
+    lines: Indices
+    template: Template
+    numbers: list[Floats] = field(default_factory=list)
+
+    def drop_too_large(self) -> Indices:
+        """Remove the lines with a number above MAX_NUMBER, and return them."""
+        huge = np.zeros(len(self.lines), dtype=np.bool_)
+        for slot, numbers in zip(self.template.slots, self.numbers, strict=True):
+            huge |= np.abs(numbers) > MAX_NUMBER / max(1.0, abs(slot.times) / slot.over)
+        dropped = self.lines[huge]
+        self.lines, self.numbers = self.lines[~huge], [numbers[~huge] for numbers in self.numbers]
+        return dropped
+
+    def columns(self) -> Iterator[tuple[int, Floats]]:
+        """Each column with the values of the lines."""
+        for slot, numbers in zip(self.template.slots, self.numbers, strict=True):
+            scaled = numbers if slot.times == 1 else numbers * slot.times
+            yield slot.column, scaled if slot.over == 1 else scaled / slot.over
+
+
+def _read_numbers(numerals: Numerals, groups: list[_LineGroup], first: Indices) -> list[_LineGroup]:
+    """Read the numbers of all groups, those of one form at once; return the groups with large numbers.
+
+    Args:
+        numerals: The numerals of the chunk.
+        groups: The groups.
+        first: First numeral of each line of the chunk, (n,).
+    """
+    wanted: dict[NumberForm, list[tuple[_LineGroup, Indices]]] = {}
+    for group in groups:
+        firsts = first[group.lines]
+        for slot in group.template.slots:
+            wanted.setdefault(slot.form, []).append((group, firsts + slot.numeral))
+    found: dict[NumberForm, Iterator[Floats]] = {}
+    large = False
+    for form, parts in wanted.items():
+        numbers = numerals.numbers(form, np.concatenate([at for _, at in parts]))
+        large |= bool(np.abs(numbers).max(initial=0.0) > _LARGE)
+        ends = np.cumsum([len(at) for _, at in parts]).tolist()
+        found[form] = iter([numbers[start:end] for start, end in zip([0, *ends], ends, strict=False)])
+    for group in groups:
+        group.numbers = [next(found[slot.form]) for slot in group.template.slots]
+    return groups if large else []
