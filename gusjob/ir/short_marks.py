@@ -112,12 +112,14 @@ def _of_channel(modal: ModalState, channel: int, speeds: PlannedSpeeds, moves: B
     number = modal.mark_numbers(channel)[speeds.row]
     follows = modal.follows_velocity(channel)[speeds.row]
     rows = np.flatnonzero(moves & (number > 0) & ~follows)
-    mark, asked = number[rows], speeds.asked[rows]
+    mark = number[rows]
     # Where a part begins: a mark, a velocity, the power again after it followed the velocity.
     new_mark = np.diff(mark, prepend=-1) != 0
     skipped = np.diff(np.cumsum(follows)[rows], prepend=0) != 0
-    part = np.cumsum(new_mark | skipped | (np.diff(asked, prepend=np.nan) != 0))
-    columns = {name: getattr(speeds, name)[rows] for name in ("length", "vel", "acc", "start", "peak", "end")}
+    part = np.cumsum(new_mark | skipped | (np.diff(speeds.asked[rows], prepend=np.nan) != 0))
+    columns = {name: getattr(speeds, name) for name in ("length", "vel", "acc", "start", "peak", "end")}
+    if len(rows) < len(moves):
+        columns = {name: column[rows] for name, column in columns.items()}
     parts = slow_parts(part, **columns)
     first, last = parts.first, parts.last
     begins = new_mark

@@ -277,7 +277,7 @@ def may_be_slow(context: LintContext) -> bool:
     path, (numbers, _) = context.path, context.job.sky_writing_by_row()
     rows = np.flatnonzero(path.moves & context.modal.any_on())
     length, vel, acc = context.lengths(rows), path.vel[rows], path.acc[rows]
-    rest = np.zeros(len(rows))
+    rest = np.broadcast_to(0.0, len(rows))
     speeds = PlannedSpeeds(
         row=rows,
         op=path.op[rows],

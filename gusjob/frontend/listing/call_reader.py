@@ -341,7 +341,8 @@ class CallReader:
     def checked(self, rows: Rows) -> Rows:
         """Check the rows of a whole text, and report what is passed over; return the rows of the other calls."""
         self.note_passed_over(rows)
-        rows = rows.pick(rows.op != PASSED_OVER_OP)
+        passed_over = rows.op == PASSED_OVER_OP
+        rows = rows.pick(~passed_over) if passed_over.any() else rows
         self.check_rows(rows)
         return self.without_odd_numbers(rows)
 
