@@ -94,9 +94,9 @@ def clean_text(data: bytes) -> CleanText:
 
 def _has_leading_zero(data: bytes) -> bool:
     """Whether a number begins with a zero before another digit; the exponent of a number is none."""
-    text = np.frombuffer(b"  " + data + b" ", dtype=np.uint8)
-    for start in range(2, len(text) - 1, _PROBED_BYTES):
-        part = text[start - 2 : start + _PROBED_BYTES + 1]
+    for start in range(0, len(data), _PROBED_BYTES):
+        before = (b"  " + data[max(start - 2, 0) : start])[-2:]
+        part = np.frombuffer(before + data[start : start + _PROBED_BYTES + 1], dtype=np.uint8)
         at = np.flatnonzero((part[2:-1] == ord("0")) & (part[3:] - np.uint8(ord("0")) < 10))
         at = at[~_IN_NUMBER[part[at + 1]]]
         is_exponent = np.isin(part[at + 1], (ord("+"), ord("-"))) & np.isin(part[at], (ord("e"), ord("E")))

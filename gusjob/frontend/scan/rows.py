@@ -15,6 +15,7 @@ from gusjob.kinematics.arrays import Floats, Indices
 
 _NUMERAL = re.compile(r"[0-9.]+")
 _NUMBER = re.compile(r"([+-]?)\s*([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE]([+-]?)([0-9]+))?")
+_HEXADECIMAL = re.compile(r"x[0-9a-f]", re.IGNORECASE | re.ASCII)
 _MAX_FIXED_DIGITS = 15
 """Digits of a word that are compared as a number."""
 
@@ -38,6 +39,7 @@ class Template:
         constants: Columns that have the same value in every row.
         fixed: Numerals that are part of a word (mm/s2): the index of each, and its digits.
         pointed: Numerals that begin with a point: a point alone is no number.
+        not_zero: Whole numbers that touch an X and a digit: 0x10 is no decimal number.
     """
 
     op: int
@@ -46,6 +48,7 @@ class Template:
     constants: tuple[tuple[int, float], ...] = ()
     fixed: tuple[tuple[int, str], ...] = ()
     pointed: tuple[int, ...] = ()
+    not_zero: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
@@ -82,6 +85,10 @@ class TemplateBuilder:
         self.pointed += [numeral] if text.startswith(".") else []
         return True
 
+    def begins_hexadecimal(self, numeral: re.Match[str]) -> bool:
+        """Whether a whole number touches X and a digit, so that 0 in its place would begin a hexadecimal number."""
+        return "." not in numeral[0] and _HEXADECIMAL.match(self.line, numeral.end()) is not None
+
     def build(self, op: int, *, system: int = 0, constants: tuple[tuple[int, float], ...] = ()) -> Template | None:
         """The template. Numerals without a number must be the same in every line; None if one can't be compared."""
         fixed = tuple(self.unused.values())
@@ -94,6 +101,7 @@ class TemplateBuilder:
             constants=constants,
             fixed=fixed,
             pointed=tuple(self.pointed),
+            not_zero=tuple(i for i, match in enumerate(_NUMERAL.finditer(self.line)) if self.begins_hexadecimal(match)),
         )
 
 

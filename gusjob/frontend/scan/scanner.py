@@ -16,7 +16,7 @@ from gusjob.frontend.scan.line_table import LineTable, line_table
 from gusjob.frontend.scan.numerals import NumberForm, Numerals
 from gusjob.frontend.scan.rows import Row, Rows, Template, join_rows, rows_of
 from gusjob.frontend.scan.shape_ids import ShapeIds
-from gusjob.frontend.scan.shapes import MAX_NUMBER
+from gusjob.frontend.scan.shapes import MAX_NUMBER, MIN_NUMBER
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 
 MAX_DIAGNOSTICS = 1000
@@ -131,13 +131,13 @@ class _ShapeScanner:
             template = self.templates[number]
             if template is None or template.op == _BLANK_OP:
                 continue
-            if template.fixed or template.pointed:
+            if template.fixed or template.pointed or template.not_zero:
                 fits = _fits(table.numerals, template, first[lines])
                 ids[lines[~fits]] = _BY_PARSER
                 lines = lines[fits]
             groups.append(_LineGroup(lines=lines, template=template))
         for group in _read_numbers(table.numerals, groups, first):
-            ids[group.drop_too_large()] = _BY_PARSER
+            ids[group.drop_odd()] = _BY_PARSER
         self._collect(ids, groups, first_line, self._parsed(table, ids, first_line))
 
     def _parsed(self, table: LineTable, ids: Ints, first_line: int) -> list[tuple[int, Row]]:
@@ -206,6 +206,8 @@ def _fits(numerals: Numerals, template: Template, first: Indices) -> Bools:
         fits &= (lengths == len(digits)) & (values == np.uint64(int(digits)))
     for numeral in template.pointed:
         fits &= numerals.lengths(first + numeral) > 1
+    for numeral in template.not_zero:
+        fits &= numerals.digits(first + numeral)[0] != 0
     return fits
 
 
@@ -217,13 +219,15 @@ class _LineGroup:
     template: Template
     numbers: list[Floats] = field(default_factory=list)
 
-    def drop_too_large(self) -> Indices:
-        """Remove the lines with a number above MAX_NUMBER, and return them."""
-        huge = np.zeros(len(self.lines), dtype=np.bool_)
+    def drop_odd(self) -> Indices:
+        """Remove the lines with a number above MAX_NUMBER or below MIN_NUMBER, and return them."""
+        odd = np.zeros(len(self.lines), dtype=np.bool_)
         for slot, numbers in zip(self.template.slots, self.numbers, strict=True):
-            huge |= np.abs(numbers) > MAX_NUMBER / max(1.0, abs(slot.times) / slot.over)
-        dropped = self.lines[huge]
-        self.lines, self.numbers = self.lines[~huge], [numbers[~huge] for numbers in self.numbers]
+            magnitudes = np.abs(numbers)
+            odd |= magnitudes > MAX_NUMBER / max(1.0, slot.times / slot.over)
+            odd |= (magnitudes < MIN_NUMBER) & (magnitudes != 0)
+        dropped = self.lines[odd]
+        self.lines, self.numbers = self.lines[~odd], [numbers[~odd] for numbers in self.numbers]
         return dropped
 
     def columns(self) -> Iterator[tuple[int, Floats]]:
@@ -234,7 +238,7 @@ class _LineGroup:
 
 
 def _read_numbers(numerals: Numerals, groups: list[_LineGroup], first: Indices) -> list[_LineGroup]:
-    """Read the numbers of all groups, those of one form at once; return the groups with large numbers.
+    """Read the numbers of all groups, those of one form at once; return the groups if there are odd numbers.
 
     Args:
         numerals: The numerals of the chunk.
@@ -247,12 +251,14 @@ def _read_numbers(numerals: Numerals, groups: list[_LineGroup], first: Indices) 
         for slot in group.template.slots:
             wanted.setdefault(slot.form, []).append((group, firsts + slot.numeral))
     found: dict[NumberForm, Iterator[Floats]] = {}
-    large = False
+    is_odd = False
     for form, parts in wanted.items():
         numbers = numerals.numbers(form, np.concatenate([at for _, at in parts]))
-        large |= bool(np.abs(numbers).max(initial=0.0) > _LARGE)
+        magnitudes = np.abs(numbers)
+        is_odd |= bool(magnitudes.max(initial=0.0) > _LARGE)
+        is_odd |= np.count_nonzero(magnitudes < MIN_NUMBER) > np.count_nonzero(magnitudes == 0)
         ends = np.cumsum([len(at) for _, at in parts]).tolist()
         found[form] = iter([numbers[start:end] for start, end in zip([0, *ends], ends, strict=False)])
     for group in groups:
         group.numbers = [next(found[slot.form]) for slot in group.template.slots]
-    return groups if large else []
+    return groups if is_odd else []

@@ -103,6 +103,13 @@ def test_a_number_above_the_limit_goes_to_the_parser() -> None:
     assert rows.op.tolist() == [1, 1, 9, 1, 9, 9]
 
 
+def test_digits_before_an_x_may_begin_a_hexadecimal_number() -> None:
+    rows = scan(b"A 1X2\nA 0X2\nA 00x2\nA 10X2\n", semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [1, 9, 9, 1]
+    rows = scan(b"A 1x2\nA 00x2\nA 0.0x2\n", semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [1, 9, 1]
+
+
 def test_many_chunks_are_read_by_two_threads_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scanner, "CHUNK", 1000)
     text = b"".join(b"A %d ; %d\n%s" % (i, i, b"? 1\n" * (i % 7 == 0)) for i in range(5000))
