@@ -36,6 +36,11 @@ def follow_each_other(rows: Indices) -> bool:
     return len(rows) > 0 and int(rows[-1]) - int(rows[0]) == len(rows) - 1 and bool((rows[1:] > rows[:-1]).all())
 
 
+def picked(column: npt.NDArray[_Number], rows: Indices) -> npt.NDArray[_Number]:
+    """Pick the values at some rows; a column with one value for all rows (stride 0) stays so and takes no memory."""
+    return np.broadcast_to(column[:1], len(rows)) if len(column) and column.strides == (0,) else column[rows]
+
+
 def distinct(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
     """Sort values without NaN, each once, as np.unique does, which imports numpy.ma for that.
 

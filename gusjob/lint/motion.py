@@ -12,7 +12,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import SPEED_WORDS, Op, Path, arcs_mm
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
 from gusjob.kinematics.geometry import CLOSES_MM, arcs_by_either
 from gusjob.kinematics.trapezoids import peak_velocity
 from gusjob.lint.context import LintContext
@@ -276,7 +276,7 @@ def may_be_slow(context: LintContext) -> bool:
     """
     path, (numbers, _) = context.path, context.job.sky_writing_by_row()
     rows = np.flatnonzero(path.moves & context.modal.any_on())
-    length, vel, acc = context.lengths(rows), path.vel[rows], path.acc[rows]
+    length, vel, acc = context.lengths(rows), picked(path.vel, rows), picked(path.acc, rows)
     rest = np.broadcast_to(0.0, len(rows))
     speeds = PlannedSpeeds(
         row=rows,

@@ -256,7 +256,7 @@ def _read_numbers(numerals: Numerals, groups: list[_LineGroup], first: Indices) 
         numbers = numerals.numbers(form, np.concatenate([at for _, at in parts]))
         magnitudes = np.abs(numbers)
         is_odd |= bool(magnitudes.max(initial=0.0) > _LARGE)
-        is_odd |= np.count_nonzero(magnitudes < MIN_NUMBER) > np.count_nonzero(magnitudes == 0)
+        is_odd |= bool(np.count_nonzero(magnitudes < MIN_NUMBER) > np.count_nonzero(magnitudes == 0))
         ends = np.cumsum([len(at) for _, at in parts]).tolist()
         found[form] = iter([numbers[start:end] for start, end in zip([0, *ends], ends, strict=False)])
     for group in groups:
