@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, follow_each_other
 from gusjob.kinematics.geometry import Ends
 
 
@@ -113,7 +113,10 @@ class Path:
         return np.concatenate([[0.0], self.x])[:-1], np.concatenate([[0.0], self.y])[:-1]
 
     def ends(self, rows: Indices) -> Ends:
-        """Position before and after some rows, unrounded: x0, y0, x1, y1, (k,) pulse each."""
+        """Position before and after some rows, unrounded: x0, y0, x1, y1, (k,) pulse each; not to be changed."""
+        if len(rows) and follow_each_other(rows) and rows[0] > 0:
+            before, after = slice(int(rows[0]) - 1, int(rows[-1])), slice(int(rows[0]), int(rows[-1]) + 1)
+            return self.x[before], self.y[before], self.x[after], self.y[after]
         x0, y0 = self.starts()
         return x0[rows], y0[rows], self.x[rows], self.y[rows]
 

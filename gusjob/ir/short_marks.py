@@ -14,7 +14,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.display import DisplayUnits
 from gusjob.ir.modal import ModalState
 from gusjob.ir.path import Op
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
 from gusjob.kinematics.slow_parts import SlowParts, slow_parts
 
 _DIGITS = 4
@@ -112,12 +112,16 @@ def _of_channel(modal: ModalState, channel: int, speeds: PlannedSpeeds, moves: B
     number = modal.mark_numbers(channel)[speeds.row]
     follows = modal.follows_velocity(channel)[speeds.row]
     rows = np.flatnonzero(moves & (number > 0) & ~follows)
-    mark, asked = number[rows], speeds.asked[rows]
+    mark, asked = number[rows], picked(speeds.asked, rows)
     # Where a part begins: a mark, a velocity, the power again after it followed the velocity.
     new_mark = np.diff(mark, prepend=-1) != 0
-    skipped = np.diff(np.cumsum(follows)[rows], prepend=0) != 0
-    part = np.cumsum(new_mark | skipped | (np.diff(asked, prepend=np.nan) != 0))
-    columns = {name: getattr(speeds, name)[rows] for name in ("length", "vel", "acc", "start", "peak", "end")}
+    begins_part = new_mark.copy()
+    if follows.any():
+        begins_part |= np.diff(np.cumsum(follows)[rows], prepend=0) != 0
+    part = np.cumsum(begins_part | (np.diff(asked, prepend=np.nan) != 0))
+    columns = {name: getattr(speeds, name) for name in ("length", "vel", "acc", "start", "peak", "end")}
+    if len(rows) < len(moves):
+        columns = {name: column[rows] for name, column in columns.items()}
     parts = slow_parts(part, **columns)
     first, last = parts.first, parts.last
     begins = new_mark

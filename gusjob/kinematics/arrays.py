@@ -31,6 +31,16 @@ def counted(counts: Indices) -> tuple[Indices, Indices]:
     return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
+def follow_each_other(rows: Indices) -> bool:
+    """Whether each of some row numbers is the one after the one before it: then a slice has these rows."""
+    return len(rows) > 0 and int(rows[-1]) - int(rows[0]) == len(rows) - 1 and bool((rows[1:] > rows[:-1]).all())
+
+
+def picked(column: npt.NDArray[_Number], rows: Indices) -> npt.NDArray[_Number]:
+    """Pick the values at some rows; a column with one value for all rows (stride 0) stays so and takes no memory."""
+    return np.broadcast_to(column[:1], len(rows)) if len(column) and column.strides == (0,) else column[rows]
+
+
 def distinct(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
     """Sort values without NaN, each once, as np.unique does, which imports numpy.ma for that.
 
@@ -87,7 +97,9 @@ def hashed(columns: list[Floats]) -> npt.NDArray[np.uint64]:
     """Hash the rows of some columns: equal rows have equal hashes, others hardly ever."""
     mixed = np.zeros(len(columns[0]), dtype=np.uint64)
     for column in columns:
-        bits = np.ascontiguousarray(column + 0.0).view(np.uint64)
-        mixed = (mixed ^ bits) * np.uint64(0x9E3779B97F4A7C15)
+        # -0 is 0. A column with one value for all rows is hashed as one value.
+        bits = (column[:1] if column.strides == (0,) else column) + 0.0
+        mixed ^= bits.view(np.uint64)
+        mixed *= np.uint64(0x9E3779B97F4A7C15)
         mixed ^= mixed >> np.uint64(29)
     return mixed

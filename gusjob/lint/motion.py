@@ -15,7 +15,7 @@ from gusjob.ir.arcs import arc_faults, drawn_arcs
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import SPEED_WORDS, Op, Path
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
 from gusjob.kinematics.trapezoids import peak_velocity
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -288,8 +288,8 @@ def may_be_slow(context: LintContext) -> bool:
     """
     path, (numbers, _) = context.path, context.job.sky_writing_by_row()
     rows = np.flatnonzero(path.moves & context.modal.any_on())
-    length, vel, acc = context.lengths(rows), path.vel[rows], path.acc[rows]
-    rest = np.zeros(len(rows))
+    length, vel, acc = context.lengths(rows), picked(path.vel, rows), picked(path.acc, rows)
+    rest = np.broadcast_to(0.0, len(rows))
     speeds = PlannedSpeeds(
         row=rows,
         op=path.op[rows],

@@ -178,7 +178,7 @@ class CallReader:
         self.card_calls += self.several_cards and not name.startswith(GSN_PREFIX)
         template = builder.build(op, constants=tuple(constants))
         # The code of a log is the only number left: only a call with code 0 had an effect.
-        return replace(template, fixed=tuple((run, 0.0) for run, _ in template.fixed))
+        return template and replace(template, fixed=tuple((run, "0") for run, _ in template.fixed))
 
     def number_of(self, name: str) -> int:
         """Return the number of a call that is passed over; a reading of the status needs no word."""
@@ -363,7 +363,8 @@ class CallReader:
     def checked(self, rows: Rows) -> Rows:
         """Check the rows of a whole text, and report what is passed over; return the rows of the other calls."""
         self.note_passed_over(rows)
-        rows = rows.pick(rows.op != PASSED_OVER_OP)
+        passed_over = rows.op == PASSED_OVER_OP
+        rows = rows.pick(~passed_over) if passed_over.any() else rows
         self.check_rows(rows)
         return self.converter.rows(rows)
 

@@ -51,9 +51,13 @@ def stream_of(
     keep = ~is_call
     before = np.cumsum(keep)
     index = rows.column(0)
+    count = int(before[-1]) if len(before) else 0
 
-    def cut(column: str, dtype: type) -> Any:
-        return np.nan_to_num(rows.column(COLUMNS.index(column))[keep]).astype(dtype)
+    def cut(name: str, dtype: type) -> Any:
+        column = rows.columns.get(COLUMNS.index(name))
+        if column is None:
+            return np.zeros(count, dtype=dtype)
+        return np.nan_to_num(column[keep], copy=False).astype(dtype, copy=False)
 
     buffered = BufferedCalls(
         kind=rows.op[keep],

@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+import numpy as np
+
 from gusjob.i18n.phrases import Phrase
 
 _NOT_CODE = re.compile(
@@ -18,7 +20,12 @@ _NOT_CODE = re.compile(
     r"|(?<=[\s,;(){}])\\[ \t\r]*\n",  # A line that goes on; inside of a word it is left, and not read.
     re.DOTALL,
 )
-_NEEDS_CLEANING = re.compile(rb"/\*|[\"'\\]|(?<![0-9A-Za-z_.])(?<![eE][-+])0[0-9]")
+_NOT_PLAIN = (b"/*", b'"', b"'", b"\\")
+"""What a text has that needs cleaning, other than octal numbers."""
+_PROBED_BYTES = 1 << 20
+_IN_NUMBER = np.zeros(256, dtype=np.bool_)
+_IN_NUMBER[list(b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_.")] = True
+"""Bytes after which a zero does not begin a number."""
 _LONE_RETURN = re.compile(rb"\r(?!\r*(?:\n|\Z))")
 _SEPARATORS = tuple((chr(code).encode(), f"U+{code:04X}") for code in (0x85, 0x2028, 0x2029))
 _ZEROS = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0+(?=0(?![0-9.xX]))")
@@ -52,7 +59,7 @@ def clean_text(data: bytes) -> CleanText:
         if separator in data:
             found = Phrase("the character {name}, which some compilers take for a line end", name=name)
             problems.append((data.count(b"\n", 0, data.index(separator)) + 1, found))
-    if not _NEEDS_CLEANING.search(data):
+    if not any(mark in data for mark in _NOT_PLAIN) and not _has_leading_zero(data):
         return CleanText(data=data, problems=tuple(problems))
     text = data.decode("utf-8")
 
@@ -83,6 +90,19 @@ def clean_text(data: bytes) -> CleanText:
     # 00 is 0 in C as well. Any other whole number with a leading zero is octal.
     cleaned = _OCTAL.sub(OCTAL_MARK, _ZEROS.sub(lambda m: " " * len(m[0]), cleaned))
     return CleanText(data=cleaned.encode(), problems=tuple(problems))
+
+
+def _has_leading_zero(data: bytes) -> bool:
+    """Whether a number begins with a zero before another digit; the exponent of a number is none."""
+    for start in range(0, len(data), _PROBED_BYTES):
+        before = (b"  " + data[max(start - 2, 0) : start])[-2:]
+        part = np.frombuffer(before + data[start : start + _PROBED_BYTES + 1], dtype=np.uint8)
+        at = np.flatnonzero((part[2:-1] == ord("0")) & (part[3:] - np.uint8(ord("0")) < 10))
+        at = at[~_IN_NUMBER[part[at + 1]]]
+        is_exponent = np.isin(part[at + 1], (ord("+"), ord("-"))) & np.isin(part[at], (ord("e"), ord("E")))
+        if not is_exponent.all():
+            return True
+    return False
 
 
 _FUNCTION = re.compile(

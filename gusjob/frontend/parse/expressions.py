@@ -47,7 +47,7 @@ PostfixStep = Constant | str | Apply
 class Literal:
     """A number in an expression, in canonical units of its kind.
 
-    A template reads it as the run of digits (and sign) at `column` (from 1), times `times` / `over`, if it is `plain`.
+    A template reads it as the number at `column` (from 1), times `times` / `over`.
     """
 
     value: float
@@ -55,7 +55,6 @@ class Literal:
     times: float
     over: float
     column: int
-    plain: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -19,7 +18,6 @@ from gusjob.frontend.parse.statement import (
     RowOp,
     Statement,
     literals_in,
-    names_in,
     row_numbers,
 )
 from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
@@ -30,9 +28,6 @@ from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import EVERYTHING, OF_LASER
 
-_DIGITS = re.compile(r"[0-9]+")
-_LEADING_ZERO = re.compile(rb"[A-Za-z_]0[0-9]")
-_EXACT_DIGITS = 15
 _MAX_CONSTANTS = 16
 """So many numbers in the expressions of a line have columns; further ones are looked up in the statement."""
 
@@ -77,7 +72,7 @@ def more_diagnostics(text: JobText) -> Diagnostic:
 
 def read_job_text(source: Source) -> JobText:
     """Parse all statements of a job text; after a diagnostic the rest is still parsed."""
-    reader = _JobReader(data=source.data)
+    reader = _JobReader()
     rows = scan(source.data, semicolon_comments=True, learn=reader.learn, parse_line=reader.parse_line)
     return JobText(
         source=source,
@@ -94,9 +89,6 @@ def read_job_text(source: Source) -> JobText:
 
 @dataclass(slots=True)
 class _JobReader:
-    data: bytes
-    leading_zeros: bool | None = None
-    """Whether a name or keyword is followed by digits with a leading zero; None: not yet known."""
     setups: list[Statement] = field(default_factory=list)
     nodes: list[Statement] = field(default_factory=list)
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -131,30 +123,17 @@ class _JobReader:
         system = 0
         for column, quantity in row_numbers(statement):
             if quantity.expression is None:
-                start, times, over = quantity.column - 1, quantity.times, quantity.over
-                if not quantity.plain or not builder.add(column, start, times=times, over=over):
+                if not builder.add(column, quantity.column - 1, times=quantity.times, over=quantity.over):
                     return None
                 system |= quantity.system << (2 * column)
         for number, literal in enumerate(literals_in(statement)):
-            start, times, over = literal.column - 1, literal.times, literal.over
-            fits = literal.plain and number < _MAX_CONSTANTS
-            if not fits or not builder.add(Column.CONSTANT + number, start, times=times, over=over):
+            target, start = Column.CONSTANT + number, literal.column - 1
+            if number >= _MAX_CONSTANTS or not builder.add(target, start, times=literal.times, over=literal.over):
                 return None
         constants: tuple[tuple[int, float], ...] = ()
         if statement.is_node:
-            if not self.names_fit_shape(names_in(statement)):
-                return None
             constants = ((Column.NODE, self.add_node(statement)),)
         return builder.build(statement.row_op, system=system, constants=constants)
-
-    def names_fit_shape(self, names: list[str]) -> bool:
-        """Whether shape and fixed digits identify these names: x1 and x01 have one shape, and digits of one value."""
-        digits = [run for name in names for run in _DIGITS.findall(name)]
-        if not digits:
-            return True
-        if self.leading_zeros is None:
-            self.leading_zeros = _LEADING_ZERO.search(self.data) is not None
-        return not self.leading_zeros and max(map(len, digits)) <= _EXACT_DIGITS
 
     def add_unclear(self, line: int) -> None:
         """Note that the statement of a line is not known."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from gusjob.diagnostics.model import Span
-from gusjob.frontend.parse.expressions import Apply, Expression, Literal
+from gusjob.frontend.parse.expressions import Expression, Literal
 from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WORD, Column, Word
 from gusjob.kinematics.units import PowerUnit
 
@@ -66,7 +66,6 @@ class Quantity:
         system: A units.UnitSystem, or a units.PowerUnit where the kind is POWER.
         column: Where it begins, from 1.
         end_column: The column after it.
-        plain: Whether it is one run of sign and digits with nothing but a unit after it: a template can read it.
         expression: The expression in parentheses that gives the value when the statement is run.
     """
 
@@ -76,7 +75,6 @@ class Quantity:
     system: int
     column: int
     end_column: int
-    plain: bool
     expression: Expression | None = None
 
 
@@ -191,13 +189,6 @@ def expressions_in(statement: Statement) -> list[Expression]:
 def literals_in(statement: Statement) -> list[Literal]:
     """The numbers in the expressions of a statement, in the order in which rows hold them."""
     return [literal for expression in expressions_in(statement) for literal in expression.constants]
-
-
-def names_in(statement: Statement) -> list[str]:
-    """Every name in a statement, those of functions included."""
-    code = [step for expression in expressions_in(statement) for step in expression.code]
-    functions = [step.function.name for step in code if isinstance(step, Apply)]
-    return [*statement.names, *functions, *(step for step in code if isinstance(step, str))]
 
 
 def unit_of(quantity: Quantity | None) -> PowerUnit:

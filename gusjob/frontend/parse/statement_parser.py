@@ -255,7 +255,6 @@ class _StatementParser:
             self.report_too_big(token, start, end)
             return None
         signed = (-magnitude if sign.type == "MINUS" else magnitude) + 0.0
-        touches = sign is token or (sign.column or 0) + 1 == token.column
         return Quantity(
             value=signed * times / over,
             times=times,
@@ -263,7 +262,6 @@ class _StatementParser:
             system=system,
             column=start,
             end_column=end,
-            plain=touches and "e" not in number_text.lower(),
         )
 
     def report_too_big(self, token: Token, start: int, end: int) -> None:
@@ -290,7 +288,6 @@ class _StatementParser:
             system=0,
             column=start,
             end_column=end,
-            plain=False,
             expression=expression,
         )
 
@@ -353,15 +350,12 @@ class _StatementParser:
         if max(value, float(number_text)) > MAX_NUMBER:
             self.report_too_big(token, start, start + len(token))
             return None
-        # A sign that touches the digits belongs to the same run as they do.
-        sign = self.text[start - 2] if start > 1 else ""
         return Literal(
             value=value,
             type=(kind, system),
-            times=-times if sign == "-" else times,
+            times=times,
             over=over,
-            column=start - (sign in ("+", "-") and sign != ""),
-            plain="e" not in number_text.lower(),
+            column=start,
         )
 
 

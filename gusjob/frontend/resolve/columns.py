@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from gusjob.ir.path import Op
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
+_Number = TypeVar("_Number", bound=np.generic)
 NOT_IN_PATH = 255
 _PATH_OPS = {
     RowOp.LINE: Op.LINE,
@@ -41,8 +43,25 @@ def last_set(is_set: Bools) -> Ints:
 
 def filled(values: Floats, start: float) -> Floats:
     """Carry values forward over NaN; `start` before the first."""
-    at = last_set(~np.isnan(values))
-    return np.where(at >= 0, values[at], start) if len(values) else values
+    gaps = np.flatnonzero(np.isnan(values))
+    if not len(gaps):
+        return values
+    # Each run of gaps has the value before it.
+    is_first = np.diff(gaps, prepend=-2) != 1
+    before = gaps[is_first] - 1
+    value = np.where(before >= 0, values[before], start)
+    found = values.copy()
+    found[gaps] = value[np.cumsum(is_first) - 1]
+    return found
+
+
+def carried(values: npt.NDArray[_Number], rows: Indices, count: int, start: _Number | float) -> npt.NDArray[_Number]:
+    """Carry values, each set at one of some ascending rows, on to the next row: (count,); `start` before the first."""
+    found = np.empty(count, dtype=values.dtype)
+    first = int(rows[0]) if len(rows) else count
+    found[:first] = start
+    found[first:] = np.repeat(values, np.diff(rows, append=count))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +134,13 @@ class ResolvedColumns:
         if pulses is None:
             return scaled, np.broadcast_to(np.True_, len(values))
         return np.where(pulses, values, scaled), ~pulses
+
+    def rate_at(self, column: Column, rows: Indices, *, acceleration: bool) -> tuple[Floats, Bools]:
+        """What `rate` is at some rows, (k,)."""
+        values, pulses = self.raw(column)[rows], self.in_pulse(column)
+        in_mm = np.ones(len(rows), dtype=np.bool_) if pulses is None else ~pulses[rows]
+        convert = acceleration_pulse_per_ms2 if acceleration else velocity_pulse_per_ms
+        return np.where(in_mm, convert(values, self.machine.pulses_per_mm[0]), values), in_mm
 
     def power_unit(self, column: Column) -> npt.NDArray[np.int8]:
         """PowerUnit in which a power was written."""

@@ -19,7 +19,7 @@ from gusjob.frontend.resolve.unknown import States, unknown_states
 from gusjob.ir.arcs import DrawnArcs, arc_faults
 from gusjob.ir.effects import POSITION
 from gusjob.ir.path import Path, with_chords
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 
 _TURNS = 1e-12
@@ -93,14 +93,13 @@ def _path(
 ) -> Path:
     """The path with every arc as it is. x, y: position after each row; `unknown`: states before and after it."""
     op = columns.op
-    keep = columns.in_path
-    count = int(np.count_nonzero(keep))
+    keep, count = _kept(columns.in_path)
 
     def cut(column: npt.NDArray[Any]) -> npt.NDArray[Any]:
         # A column with one value for all rows has stride 0 and takes no memory; it stays so.
         if len(column) and column.strides == (0,):
             return np.broadcast_to(column[0], count)
-        return column if count == len(keep) else column[keep]
+        return column[keep]
 
     def of_op(row_op: RowOp) -> Floats:
         """VALUE of the rows of one kind."""
@@ -119,8 +118,7 @@ def _path(
     return Path(
         op=cut(PATH_OP[op]),
         line=cut(columns.rows.line),
-        # A channel out of range is reported; here it is one that exists.
-        channel=np.asarray(np.clip(np.nan_to_num(cut(columns.channel())), 0, 1), dtype=np.int8),
+        channel=cut(_existing_channel(columns)),
         ccw=cut(is_ccw),
         arc_in_mm=cut(columns.arc_units()[0] if unequal else never),
         x=cut(x),
@@ -149,6 +147,22 @@ def _path(
         unknown_before=cut(unknown[0]),
         unknown=cut(unknown[1]),
     )
+
+
+def _kept(in_path: Bools) -> tuple[Bools | slice, int]:
+    """The rows of the path, as a slice if they follow each other, and how many they are."""
+    count = int(np.count_nonzero(in_path))
+    first = int(in_path.argmax()) if count else 0
+    whole = slice(first, first + count)
+    return (whole if in_path[whole].all() else in_path), count
+
+
+def _existing_channel(columns: ResolvedColumns) -> npt.NDArray[np.int8]:
+    """Channel of each row: one out of range is reported; here it is one that exists."""
+    channel = columns.channel()
+    if len(channel) and channel.strides == (0,):
+        return np.broadcast_to(np.int8(min(max(channel[0], 0), 1)), len(channel))
+    return np.asarray(np.clip(np.nan_to_num(channel), 0, 1), dtype=np.int8)
 
 
 def _centres(columns: ResolvedColumns, frames: Frames | None, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:

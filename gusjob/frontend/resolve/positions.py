@@ -59,7 +59,9 @@ def _axis_words(columns: ResolvedColumns, column: Column, axis: int) -> Floats:
     """X or Y of moves, pulse; NaN where an axis is left out."""
     if not columns.has(column):
         return np.broadcast_to(np.float64(np.nan), len(columns.op))
-    return np.where(columns.moves, columns.length(column, axis), np.nan)
+    words = columns.length(column, axis)  # An array of its own.
+    np.copyto(words, np.nan, where=~columns.moves)
+    return words
 
 
 def _axis_positions(words: Floats, relative: Bools | None) -> Floats:

@@ -61,7 +61,8 @@ def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list
     written = op == RowOp.CHANNEL
     if columns.has(Column.CHANNEL):
         written = written | (~np.isnan(columns.raw(Column.CHANNEL)) & (op != RowOp.UNREAD))
-    bad = np.flatnonzero(written & ((CHANNEL.classify(channel) > 0) | ~CHANNEL.carries(channel)))
+    bad = np.flatnonzero(written)
+    bad = bad[(CHANNEL.classify(channel[bad]) > 0) | ~CHANNEL.carries(channel[bad])]
     for row, count in columns.first_of_lines(bad):
         word, value = "value" if op[row] == RowOp.CHANNEL else "CHANNEL", float(channel[row])
         fields = {"what": "CHANNEL", "value": value, "unit": "", "range": str(CHANNEL), "hint": ""}

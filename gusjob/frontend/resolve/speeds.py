@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
-from gusjob.frontend.resolve.columns import ResolvedColumns, last_set
+from gusjob.frontend.resolve.columns import ResolvedColumns, carried
 from gusjob.ir.path import Speeds
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 
@@ -33,6 +33,8 @@ class ModalSpeed:
     def replaced(self, where: Bools, other: ModalSpeed) -> ModalSpeed:
         """This one, but `other` where it is set and `where` holds."""
         use = where & ~np.isnan(other.value)
+        if not use.any():
+            return self
         return ModalSpeed(
             np.where(use, other.value, self.value),
             np.where(use, other.in_mm, self.in_mm),
@@ -53,19 +55,23 @@ def velocity_and_acceleration(columns: ResolvedColumns) -> tuple[ModalSpeed, Mod
 
 def _modal_speed(columns: ResolvedColumns, statement: RowOp, word: Column | None, *, acceleration: bool) -> ModalSpeed:
     """A velocity or acceleration that is set by its statement or by a word of LINE and ARC."""
-    op = columns.op
-    value, in_mm = columns.rate(Column.VALUE, acceleration=acceleration)
-    is_set = op == statement
+    op, count = columns.op, len(columns.op)
+    at = np.flatnonzero(op == statement)
+    value, in_mm = columns.rate_at(Column.VALUE, at, acceleration=acceleration)
     if word is not None and columns.has(word):
-        own, own_in_mm = columns.rate(word, acceleration=acceleration)
-        by_word = ~np.isnan(own) & columns.moves
-        value, in_mm = np.where(by_word, own, value), np.where(by_word, own_in_mm, in_mm)
-        is_set = is_set | by_word
-    if not is_set.any():
-        n = len(op)
-        return ModalSpeed(np.broadcast_to(np.nan, n), np.broadcast_to(np.False_, n), np.broadcast_to(np.int32(0), n))
-    at = last_set(is_set)
-    return ModalSpeed(np.where(at >= 0, value[at], np.nan), in_mm[at], columns.rows.line[at])
+        own = np.flatnonzero(~np.isnan(columns.raw(word)) & columns.moves)
+        own_value, own_in_mm = columns.rate_at(word, own, acceleration=acceleration)
+        order = np.argsort(np.concatenate([at, own]), kind="stable")
+        at, value = np.concatenate([at, own])[order], np.concatenate([value, own_value])[order]
+        in_mm = np.concatenate([in_mm, own_in_mm])[order]
+    line = columns.rows.line[at]
+    if len(at) == 1 and not columns.in_path[: at[0]].any():
+        # It holds in the whole path; the rows before it are not in the path.
+        return ModalSpeed(*(np.broadcast_to(column[0], count) for column in (value, in_mm, line)))
+    if not len(at):
+        nothing = np.broadcast_to(np.nan, count), np.broadcast_to(np.False_, count), np.broadcast_to(np.int32(0), count)
+        return ModalSpeed(*nothing)
+    return ModalSpeed(carried(value, at, count, np.nan), carried(in_mm, at, count, 0), carried(line, at, count, 0))
 
 
 def written_speeds(columns: ResolvedColumns, path_row: Callable[[Indices], Indices]) -> Speeds:
@@ -79,13 +85,13 @@ def written_speeds(columns: ResolvedColumns, path_row: Callable[[Indices], Indic
     parts: list[tuple[Any, ...]] = []
     for number, statement in enumerate((RowOp.VEL, RowOp.ACC, RowOp.JUMPVEL, RowOp.JUMPACC)):
         at = np.flatnonzero(op == statement)
-        value, in_mm = columns.rate(Column.VALUE, acceleration=bool(number % 2))
-        parts.append((at, number, value[at], in_mm[at], False))
+        value, in_mm = columns.rate_at(Column.VALUE, at, acceleration=bool(number % 2))
+        parts.append((at, number, value, in_mm, False))
     for number, word in enumerate((Column.VEL, Column.ACC)):
         if columns.has(word):
-            value, in_mm = columns.rate(word, acceleration=bool(number))
-            at = np.flatnonzero(~np.isnan(value) & columns.moves)
-            parts.append((at, number, value[at], in_mm[at], True))
+            at = np.flatnonzero(~np.isnan(columns.raw(word)) & columns.moves)
+            value, in_mm = columns.rate_at(word, at, acceleration=bool(number))
+            parts.append((at, number, value, in_mm, True))
     provenance = columns.provenance()
     return Speeds(
         line=np.concatenate([rows.line[at] for at, *_ in parts]),

@@ -47,7 +47,7 @@ def unknown_states(
     n, op = len(columns.op), columns.op
     outside = [_outside(columns, values, axis) for axis, values in enumerate((x, y))]
     unread, channel = op == RowOp.UNREAD, columns.channel()
-    bad_channel = ~np.isin(channel, CHANNELS)
+    bad_channel = np.zeros(n, dtype=np.bool_) if channel.strides == (0,) else ~np.isin(channel, CHANNELS)
     if not unread.any() and not bad_channel.any() and not any(out.any() for out in outside):
         nothing = np.broadcast_to(np.int32(0), n)
         return nothing, nothing

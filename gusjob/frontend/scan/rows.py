@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,16 +10,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.frontend.scan.shapes import number_runs
+from gusjob.frontend.scan.numerals import NumberForm
 from gusjob.kinematics.arrays import Floats, Indices
+
+_NUMERAL = re.compile(r"[0-9.]+")
+_NUMBER = re.compile(r"([+-]?)\s*([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE]([+-]?)([0-9]+))?")
+_HEXADECIMAL = re.compile(r"x[0-9a-f]", re.IGNORECASE | re.ASCII)
+_MAX_FIXED_DIGITS = 15
+"""Digits of a word that are compared as a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberSlot:
-    """Number run `run` of a line goes to `column` as value * times / over."""
+    """The number at numeral `numeral` of a line goes to `column` as value * times / over."""
 
     column: int
-    run: int
+    numeral: int
+    form: NumberForm
     times: float = 1.0
     over: float = 1.0
 
@@ -29,47 +37,72 @@ class Template:
 
     Attributes:
         constants: Columns that have the same value in every row.
-        fixed: Runs that are part of a word (mm/s2), each with its value.
+        fixed: Numerals that are part of a word (mm/s2): the index of each, and its digits.
+        pointed: Numerals that begin with a point: a point alone is no number.
+        not_zero: Whole numbers that touch an X and a digit: 0x10 is no decimal number.
     """
 
     op: int
     system: int = 0
     slots: tuple[NumberSlot, ...] = ()
     constants: tuple[tuple[int, float], ...] = ()
-    fixed: tuple[tuple[int, float], ...] = ()
+    fixed: tuple[tuple[int, str], ...] = ()
+    pointed: tuple[int, ...] = ()
+    not_zero: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
 class TemplateBuilder:
-    """Matches the numbers that the parser found in a line with the line's runs of digits."""
+    """Matches the numbers that the parser found in a line with the line's numerals."""
 
     line: str
-    runs: list[tuple[int, int]]
-    unused: dict[int, int] = field(init=False)
-    """Runs that no number has been matched with, by their start."""
+    unused: dict[int, tuple[int, str]] = field(init=False)
+    """Numerals that are not part of a number, by their start: the index of each, and its text."""
     slots: list[NumberSlot] = field(default_factory=list)
+    pointed: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.unused = {start: i for i, (start, _) in enumerate(self.runs)}
+        self.unused = {match.start(): (i, match[0]) for i, match in enumerate(_NUMERAL.finditer(self.line))}
 
     @classmethod
     def of_line(cls, line: str) -> TemplateBuilder | None:
-        """The builder for a line; None if not all of its numbers are plain decimal numbers."""
-        runs = number_runs(line.encode()) if line.isascii() else None
-        return None if runs is None else cls(line=line, runs=runs)
+        """The builder for a line; None if it has other characters than ASCII."""
+        return cls(line=line) if line.isascii() else None
 
     def add(self, column: int, start: int, end: int | None = None, *, times: float = 1.0, over: float = 1.0) -> bool:
-        """Send the number at `start` to a column; False if it is not a run of its own (that ends at `end`)."""
-        run = self.unused.pop(start, None)
-        if run is None or (end is not None and self.runs[run][1] != end):
+        """Send the number at `start`, with its sign, to a column; False if it is not a decimal number (up to `end`)."""
+        match = _NUMBER.match(self.line, start)
+        if match is None or (end is not None and match.end() != end):
             return False
-        self.slots.append(NumberSlot(column=column, run=run, times=times, over=over))
+        groups = [group for group in (2, 4) if match[group] is not None]
+        numerals = [self.unused.pop(match.start(group), (0, "")) for group in groups]
+        if any(text != match[group] for group, (_, text) in zip(groups, numerals, strict=True)):
+            return False
+        numeral, text = numerals[0]
+        exponent = 0 if match[4] is None else (-1 if match[3] == "-" else 1)
+        form = NumberForm(has_point="." in text, exponent=exponent, is_negative=match[1] == "-")
+        self.slots.append(NumberSlot(column=column, numeral=numeral, form=form, times=times, over=over))
+        self.pointed += [numeral] if text.startswith(".") else []
         return True
 
-    def build(self, op: int, *, system: int = 0, constants: tuple[tuple[int, float], ...] = ()) -> Template:
-        """The template. Runs that no number was matched with must be the same in every line."""
-        fixed = tuple((i, float(self.line[start : self.runs[i][1]])) for start, i in self.unused.items())
-        return Template(op=op, system=system, slots=tuple(self.slots), constants=constants, fixed=fixed)
+    def begins_hexadecimal(self, numeral: re.Match[str]) -> bool:
+        """Whether a whole number touches X and a digit, so that 0 in its place would begin a hexadecimal number."""
+        return "." not in numeral[0] and _HEXADECIMAL.match(self.line, numeral.end()) is not None
+
+    def build(self, op: int, *, system: int = 0, constants: tuple[tuple[int, float], ...] = ()) -> Template | None:
+        """The template. Numerals without a number must be the same in every line; None if one can't be compared."""
+        fixed = tuple(self.unused.values())
+        if any("." in text or len(text) > _MAX_FIXED_DIGITS for _, text in fixed):
+            return None
+        return Template(
+            op=op,
+            system=system,
+            slots=tuple(self.slots),
+            constants=constants,
+            fixed=fixed,
+            pointed=tuple(self.pointed),
+            not_zero=tuple(i for i, match in enumerate(_NUMERAL.finditer(self.line)) if self.begins_hexadecimal(match)),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,29 +1,33 @@
 """Lines to columns: the template of each line shape gives the row, the numbers of all lines are read at once.
 
 What a shape means (a Template) is learned from its first line by the real parser. Lines whose shape has no template
-(setup, errors, exponents ...) go to the parser one by one.
+(setup, errors ...) go to the parser one by one.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-import orjson
 
-from gusjob.frontend.scan.rows import Row, Rows, Template, groups_of, join_rows, rows_of
-from gusjob.frontend.scan.shapes import CHUNK, MAX_LINE, MAX_NUMBER, ShapeTable, collapse_digits, has_sums, number_runs
+from gusjob.frontend.scan.line_table import LineTable, line_table
+from gusjob.frontend.scan.numerals import NumberForm, Numerals
+from gusjob.frontend.scan.rows import Row, Rows, Template, join_rows, rows_of
+from gusjob.frontend.scan.shape_ids import ShapeIds
+from gusjob.frontend.scan.shapes import MAX_NUMBER, MIN_NUMBER
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 
 MAX_DIAGNOSTICS = 1000
 """Lines with diagnostics that are parsed one by one; the rest is only counted."""
+CHUNK = 1 << 19
+"""Bytes that are read at once: what is made of them fits into the cache of a core."""
+_MANY_CHUNKS = 8
+"""From so many chunks on, two are read at the same time."""
 
-_NUMBERS_ONLY = bytes(c if c in b"0123456789.+-" else 32 for c in range(256))
-_SIGN_BEFORE_SIGN = re.compile(rb"[+-]+(?=[+-])")
-_SIGN_AFTER_DIGIT = re.compile(rb"(?<=[0-9.])(?=[+-])")
+_LARGE = 1e9
+"""Numbers up to here are not above MAX_NUMBER in any unit."""
 
 Learn = Callable[[str], Template | None]
 """Gives the template of a line (without its comment); None if lines of its shape must be parsed one by one."""
@@ -40,163 +44,112 @@ def scan(data: bytes, *, semicolon_comments: bool, learn: Learn, parse_line: Par
         learn: Called once for each line shape.
         parse_line: Called for each line whose shape has no template.
     """
-    scanner = _ShapeScanner(semicolon_comments=semicolon_comments, learn=learn, parse_line=parse_line)
-    if data and not data.endswith(b"\n"):
-        data += b"\n"
-    position, line = 0, 1
+    scanner = _ShapeScanner(learn=learn, parse_line=parse_line)
+    line = 1
+    for table in _tables(data, semicolon_comments=semicolon_comments):
+        scanner.add(table, line)
+        line += len(table)
+    return scanner.rows()
+
+
+def _tables(data: bytes, *, semicolon_comments: bool) -> Iterator[LineTable]:
+    """The tables of all chunks, in order; of a long text the next one is made while one is used."""
+
+    def table_of(chunk: bytes) -> LineTable:
+        return line_table(chunk, semicolon_comments=semicolon_comments)
+
+    chunks = _chunks(data)
+    if len(data) < _MANY_CHUNKS * CHUNK:
+        yield from map(table_of, chunks)
+        return
+    from concurrent.futures import ThreadPoolExecutor  # Start-up time is part of the tool.
+
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(table_of, next(chunks))
+        for chunk in chunks:
+            table = coming.result()
+            coming = pool.submit(table_of, chunk)
+            yield table
+        yield coming.result()
+
+
+def _chunks(data: bytes) -> Iterator[bytes]:
+    """Chunks of whole lines, each with its last line end."""
+    position = 0
     while position < len(data):
         end = data.rfind(b"\n", position, position + CHUNK) + 1
         if not end:
             end = data.find(b"\n", position) + 1
-        line += scanner.scan_chunk(data[position:end], line)
-        position = end
-    return scanner.rows()
+        chunk = data[position : end or len(data)]
+        yield chunk if chunk.endswith(b"\n") else chunk + b"\n"
+        position += len(chunk)
 
 
 _BLANK, _BY_PARSER = 0, 1
-"""Ids of the shapes of blank lines, and of shapes without a template."""
+"""Numbers of the shapes of blank lines, and of shapes without a template."""
 _BLANK_OP = 255
-_TOO_LONG = b"\0"
-"""Stands for the shape of a line above MAX_LINE; no text has a NUL byte."""
 
 
 @dataclass(slots=True)
 class _ShapeScanner:
-    semicolon_comments: bool
+    """Puts the rows of all chunks together.
+
+    Attributes:
+        templates: By the number of a shape.
+        parts: Rows of each chunk.
+        further: Rows after the first one of their line.
+    """
+
     learn: Learn
     parse_line: ParseLine
-    shape_ids: ShapeTable[int] = field(init=False)
+    shape_ids: ShapeIds = field(init=False)
     templates: list[Template | None] = field(default_factory=lambda: [Template(op=_BLANK_OP), None])
-    """By the id of a shape."""
     parts: list[Rows] = field(default_factory=list)
-    has_sums: bool = False
-    """Whether some shape has numbers that touch each other, with signs between them."""
     further: list[tuple[int, Row]] = field(default_factory=list)
-    """Rows after the first one of their line."""
 
     def __post_init__(self) -> None:
-        self.shape_ids = ShapeTable(self._learn, {_TOO_LONG: _BY_PARSER})
-
-    def scan_chunk(self, text: bytes, first_line: int) -> int:
-        """Read a chunk of whole lines; returns how many lines it has."""
-        raw = np.frombuffer(text, dtype=np.uint8)
-        ends = np.flatnonzero(raw == 10)
-        starts = np.concatenate([[0], ends[:-1] + 1])
-        comment, comment_starts = self._comments(raw, text, ends)
-        shapes = _shapes(text, comment)
-        if len(text) > MAX_LINE:
-            for i in np.flatnonzero(ends - starts > MAX_LINE).tolist():
-                shapes[i] = _TOO_LONG
-
-        def code_of(i: int) -> bytes:
-            end = ends[i] if comment_starts is None else min(int(ends[i]), int(comment_starts[i]))
-            return text[starts[i] : end]
-
-        ids = np.fromiter(self.shape_ids.look_up(shapes, code_of), dtype=np.int32, count=len(shapes))
-        numbers, offsets, ids = self._numbers(raw, comment, ids, starts, ends)
-        parsed: list[tuple[int, Row]] = []
-        for i in np.flatnonzero(ids == _BY_PARSER).tolist():
-            line = text[starts[i] : ends[i]].decode("utf-8", "replace")
-            found = self.parse_line(first_line + i, line)
-            parsed += [(i, row) for row in found[:1]]
-            self.further += [(first_line + i, row) for row in found[1:]]
-        self._collect(ids, numbers, offsets, first_line, parsed)
-        return len(ends)
-
-    def _comments(self, raw: npt.NDArray[np.uint8], text: bytes, ends: Indices) -> tuple[Bools | None, Indices | None]:
-        """Mask of the bytes of comments, and where each line's comment begins (len(text) if it has none)."""
-        slashes = b"//" in text
-        if not slashes and not (self.semicolon_comments and b";" in text):
-            return None, None
-        marks = np.zeros(len(raw), dtype=np.bool_)
-        if slashes:
-            marks[:-1] = (raw[:-1] == 47) & (raw[1:] == 47)
-        if self.semicolon_comments:
-            marks |= raw == 59
-        at = np.flatnonzero(marks)
-        lines, first = np.unique(np.searchsorted(ends, at), return_index=True)
-        begins = at[first]
-        comment_starts = np.full(len(ends), len(raw), dtype=np.intp)
-        comment_starts[lines] = begins
-        edges = np.zeros(len(raw), dtype=np.int8)
-        edges[begins] = 1
-        edges[ends[lines]] -= 1
-        return np.cumsum(edges, dtype=np.int8).astype(np.bool_), comment_starts
+        self.shape_ids = ShapeIds(self._learn)
 
     def _learn(self, code: bytes) -> int:
-        """The id of a shape by the code of one of its lines."""
+        """The number of a shape by the code of one of its lines."""
         if not code.strip():
             return _BLANK
-        if number_runs(code) is None:
-            return _BY_PARSER
         try:
             template = self.learn(code.decode("utf-8"))
         except UnicodeDecodeError:
             return _BY_PARSER
         if template is None:
             return _BY_PARSER
-        self.has_sums |= has_sums(code)
         self.templates.append(template)
         return len(self.templates) - 1
 
-    def _numbers(
-        self,
-        raw: npt.NDArray[np.uint8],
-        comment: Bools | None,
-        ids: npt.NDArray[np.int32],
-        starts: Indices,
-        ends: Indices,
-    ) -> tuple[Floats, Ints, npt.NDArray[np.int32]]:
-        """All numbers of the lines with a template, and each line's offset in them.
-
-        The third array is the ids again: lines that turn out to need the parser are marked.
-        """
-        text = raw
-        by_parser = np.flatnonzero(ids == _BY_PARSER)
-        if comment is not None or len(by_parser):
-            text = raw.copy()
-            if comment is not None:
-                text[comment] = 32
-            for i in by_parser.tolist():
-                text[starts[i] : ends[i]] = 32
-        flat = text.tobytes()
-        if self.has_sums:
-            flat = _SIGN_AFTER_DIGIT.sub(b" ", _SIGN_BEFORE_SIGN.sub(b" ", flat))
-        numbers = _decimal(flat)
-        runs = [0 if t is None else len(t.slots) + len(t.fixed) for t in self.templates]
-        counts = np.array(runs, dtype=np.int64)[ids]
-        offsets = np.cumsum(counts) - counts
-        if len(numbers) != int(counts.sum()):
-            raise AssertionError("a shape's runs and its numbers differ")
-        if len(numbers) and not (np.abs(numbers) <= MAX_NUMBER).all():
-            huge = np.flatnonzero(~(np.abs(numbers) <= MAX_NUMBER))
-            ids = ids.copy()
-            ids[np.unique(np.searchsorted(offsets + counts, huge, side="right"))] = _BY_PARSER
-        return numbers, offsets, self._with_fixed_runs(numbers, offsets, ids)
-
-    def _with_fixed_runs(self, numbers: Floats, offsets: Ints, ids: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-        """The ids, with lines marked for the parser whose fixed runs are not those of their template."""
-        for number in np.flatnonzero(np.bincount(ids)).tolist():
+    def add(self, table: LineTable, first_line: int) -> None:
+        """Read the lines of a chunk."""
+        ids, first = self.shape_ids.look_up(table, table.long_lines(), _BY_PARSER)
+        groups: list[_LineGroup] = []
+        for number, lines in _lines_by_id(ids):
             template = self.templates[number]
-            if template is None or not template.fixed:
+            if template is None or template.op == _BLANK_OP:
                 continue
-            rows = np.flatnonzero(ids == number)
-            differs = np.zeros(len(rows), dtype=np.bool_)
-            for run, value in template.fixed:
-                differs |= numbers[offsets[rows] + run] != value
-            if differs.any():
-                ids = ids.copy()
-                ids[rows[differs]] = _BY_PARSER
-        return ids
+            if template.fixed or template.pointed or template.not_zero:
+                fits = _fits(table.numerals, template, first[lines])
+                ids[lines[~fits]] = _BY_PARSER
+                lines = lines[fits]
+            groups.append(_LineGroup(lines=lines, template=template))
+        for group in _read_numbers(table.numerals, groups, first):
+            ids[group.drop_odd()] = _BY_PARSER
+        self._collect(ids, groups, first_line, self._parsed(table, ids, first_line))
 
-    def _collect(
-        self,
-        ids: npt.NDArray[np.int32],
-        numbers: Floats,
-        offsets: Ints,
-        first_line: int,
-        parsed: list[tuple[int, Row]],
-    ) -> None:
+    def _parsed(self, table: LineTable, ids: Ints, first_line: int) -> list[tuple[int, Row]]:
+        """The first rows of lines that must be parsed one by one."""
+        parsed: list[tuple[int, Row]] = []
+        for i in np.flatnonzero(ids == _BY_PARSER).tolist():
+            found = self.parse_line(first_line + i, table.lines[i].decode("utf-8", "replace"))
+            parsed += [(i, row) for row in found[:1]]
+            self.further += [(first_line + i, row) for row in found[1:]]
+        return parsed
+
+    def _collect(self, ids: Ints, groups: list[_LineGroup], first_line: int, parsed: list[tuple[int, Row]]) -> None:
         """Add the rows of one chunk: those of templates by columns, those that were parsed one by one."""
         op = np.array([_BLANK_OP if t is None else t.op for t in self.templates], dtype=np.uint8)[ids]
         system = np.array([0 if t is None else t.system for t in self.templates], dtype=np.int32)[ids]
@@ -207,18 +160,14 @@ class _ShapeScanner:
                 columns[column] = np.full(len(ids), np.nan)
             return columns[column]
 
-        for number, rows in groups_of(ids):
-            template = self.templates[number]
-            if template is None:
-                continue
-            base = offsets[rows]
-            for slot in template.slots:
-                values = numbers[base + slot.run]
-                if slot.times != 1:
-                    values = values * slot.times
-                target(slot.column)[rows] = values if slot.over == 1 else values / slot.over
-            for column, value in template.constants:
-                target(column)[rows] = value
+        for group in groups:
+            for column, values in group.columns():
+                if len(values) == len(ids):
+                    columns[column] = values
+                else:
+                    target(column)[group.lines] = values
+            for column, value in group.template.constants:
+                target(column)[group.lines] = value
         for i, row in parsed:
             op[i], system[i] = row.op, row.system
             for column, value in row.values.items():
@@ -236,24 +185,80 @@ class _ShapeScanner:
         return joined.pick(np.argsort(joined.line, kind="stable"))
 
 
-def _shapes(text: bytes, comment: Bools | None) -> list[bytes]:
-    """The shape of each line, as `shapes_of`, from arrays."""
-    flat = np.frombuffer(collapse_digits(text), dtype=np.uint8)
-    digit = flat == 48
-    keep = np.ones(len(flat), dtype=np.bool_)
-    np.logical_and(digit[1:], digit[:-1], out=keep[1:])
-    np.logical_not(keep[1:], out=keep[1:])
-    if comment is not None:
-        keep &= ~comment
-    shapes = flat[keep].tobytes().split(b"\n")
-    shapes.pop()
-    return shapes
+def _lines_by_id(ids: Ints) -> Iterator[tuple[int, Indices]]:
+    """Each number of a shape that occurs, ascending, with its lines."""
+    present = np.flatnonzero(np.bincount(ids)).tolist()
+    if len(present) == 1:
+        yield present[0], np.arange(len(ids))
+        return
+    small: npt.NDArray[np.integer] = ids.astype(np.uint16) if present[-1] < 1 << 16 else ids  # Sorted by radix.
+    order = np.argsort(small, kind="stable")
+    ends = np.cumsum(np.bincount(ids)[present]).tolist()
+    for number, start, end in zip(present, [0, *ends], ends, strict=False):
+        yield number, order[start:end]
 
 
-def _decimal(text: bytes) -> Floats:
-    """Every number in a text, correctly rounded; words are skipped."""
-    words = text.translate(_NUMBERS_ONLY).split()
-    try:
-        return np.array(orjson.loads(b"[" + b",".join(words) + b"]"), dtype=np.float64) + 0.0  # -0 is 0.
-    except (orjson.JSONDecodeError, OverflowError):  # +5, .5, 5. and 05 are not JSON; float takes them.
-        return np.array([float(word) for word in words], dtype=np.float64) + 0.0
+def _fits(numerals: Numerals, template: Template, first: Indices) -> Bools:
+    """Whether lines have the digits that are fixed in their template; `first`: the first numeral of each line."""
+    fits = np.ones(len(first), dtype=np.bool_)
+    for numeral, digits in template.fixed:
+        values, lengths = numerals.digits(first + numeral)
+        fits &= (lengths == len(digits)) & (values == np.uint64(int(digits)))
+    for numeral in template.pointed:
+        fits &= numerals.lengths(first + numeral) > 1
+    for numeral in template.not_zero:
+        fits &= numerals.digits(first + numeral)[0] != 0
+    return fits
+
+
+@dataclass(slots=True, kw_only=True)
+class _LineGroup:
+    """Lines of a chunk with one template, and their numbers, one column a slot."""
+
+    lines: Indices
+    template: Template
+    numbers: list[Floats] = field(default_factory=list)
+
+    def drop_odd(self) -> Indices:
+        """Remove the lines with a number above MAX_NUMBER or below MIN_NUMBER, and return them."""
+        odd = np.zeros(len(self.lines), dtype=np.bool_)
+        for slot, numbers in zip(self.template.slots, self.numbers, strict=True):
+            magnitudes = np.abs(numbers)
+            odd |= magnitudes > MAX_NUMBER / max(1.0, slot.times / slot.over)
+            odd |= (magnitudes < MIN_NUMBER) & (magnitudes != 0)
+        dropped = self.lines[odd]
+        self.lines, self.numbers = self.lines[~odd], [numbers[~odd] for numbers in self.numbers]
+        return dropped
+
+    def columns(self) -> Iterator[tuple[int, Floats]]:
+        """Each column with the values of the lines."""
+        for slot, numbers in zip(self.template.slots, self.numbers, strict=True):
+            scaled = numbers if slot.times == 1 else numbers * slot.times
+            yield slot.column, scaled if slot.over == 1 else scaled / slot.over
+
+
+def _read_numbers(numerals: Numerals, groups: list[_LineGroup], first: Indices) -> list[_LineGroup]:
+    """Read the numbers of all groups, those of one form at once; return the groups if there are odd numbers.
+
+    Args:
+        numerals: The numerals of the chunk.
+        groups: The groups.
+        first: First numeral of each line of the chunk, (n,).
+    """
+    wanted: dict[NumberForm, list[tuple[_LineGroup, Indices]]] = {}
+    for group in groups:
+        firsts = first[group.lines]
+        for slot in group.template.slots:
+            wanted.setdefault(slot.form, []).append((group, firsts + slot.numeral))
+    found: dict[NumberForm, Iterator[Floats]] = {}
+    is_odd = False
+    for form, parts in wanted.items():
+        numbers = numerals.numbers(form, np.concatenate([at for _, at in parts]))
+        magnitudes = np.abs(numbers)
+        is_odd |= bool(magnitudes.max(initial=0.0) > _LARGE)
+        is_odd |= bool(np.count_nonzero(magnitudes < MIN_NUMBER) > np.count_nonzero(magnitudes == 0))
+        ends = np.cumsum([len(at) for _, at in parts]).tolist()
+        found[form] = iter([numbers[start:end] for start, end in zip([0, *ends], ends, strict=False)])
+    for group in groups:
+        group.numbers = [next(found[slot.form]) for slot in group.template.slots]
+    return groups if is_odd else []

@@ -15,15 +15,13 @@ MAX_LINE = 10_000
 """Characters in a statement; a longer line is a diagnostic and is not parsed."""
 MAX_NUMBER = 1e15
 """A larger number is a diagnostic: whole numbers are exact up to here, and no product of two of them overflows."""
+MIN_NUMBER = 1e-100
+"""A smaller number other than 0 is a diagnostic: what it is divided by, or its square, would overflow or be 0."""
 CHUNK = 1 << 21
 """Bytes that are read at once."""
 
 _COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
 _COMMENT = re.compile(rb"(?:;|//)[^\n]*")
-_RUN = re.compile(rb"[0-9.+-]+")
-_NUMBER = rb"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
-_SIGNED = re.compile(rb"[+-]?" + _NUMBER)
-_SUM = re.compile(rb"[+-]*" + _NUMBER + rb"(?:[+-]+" + _NUMBER + rb")*")
 
 T = TypeVar("T")
 
@@ -92,24 +90,3 @@ class ShapeTable(Generic[T]):
     def of_line(self, code: bytes) -> T:
         """The entry of one line."""
         return next(self.look_up(shapes_of(code), lambda _: code))
-
-
-def number_runs(line: bytes) -> list[tuple[int, int]] | None:
-    """Start and end of every number in a line, each with the sign that touches it.
-
-    In a sum, 2-1 or x+-1, each number has the sign in front of it: 2 and -1, -1.
-
-    Returns:
-        None if a number is not a plain decimal number.
-    """
-    runs = []
-    for match in _RUN.finditer(line):
-        if not _SUM.fullmatch(match[0]):
-            return None
-        runs += [(match.start() + part.start(), match.start() + part.end()) for part in _SIGNED.finditer(match[0])]
-    return runs
-
-
-def has_sums(code: bytes) -> bool:
-    """Whether a line has numbers that touch each other, with signs between them."""
-    return any(not _SIGNED.fullmatch(match[0]) for match in _RUN.finditer(code))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gusjob.frontend.scan import scanner, shapes
+from gusjob.frontend.scan import scanner, shape_ids, shapes
 from gusjob.frontend.scan.rows import Row, Template, TemplateBuilder
 from gusjob.frontend.scan.scanner import scan
-from gusjob.frontend.scan.shapes import MAX_LINE, ShapeTable, chunks, number_runs, shapes_of, strip_comments
+from gusjob.frontend.scan.shapes import MAX_LINE, ShapeTable, chunks, shapes_of, strip_comments
 
 
 def test_shape_of_a_line() -> None:
@@ -46,24 +46,6 @@ def test_a_table_learns_each_shape_once_from_its_first_line() -> None:
     assert learned == [b"X 10", b"Y 2", b"Z 5"]
 
 
-@pytest.mark.parametrize(
-    ("line", "runs"),
-    [
-        ("LINE X 1.5 Y -20", ["1.5", "-20"]),
-        ("(2-1)", ["2", "-1"]),
-        ("(x+-1)", ["-1"]),
-        ("(1--2+.5)", ["1", "-2", "+.5"]),
-        ("X 5.", ["5."]),
-        ("1.2.3", None),
-        ("X -", None),
-        ("..", None),
-    ],
-)
-def test_number_runs(line: str, runs: list[str] | None) -> None:
-    found = number_runs(line.encode())
-    assert (None if found is None else [line[start:end] for start, end in found]) == runs
-
-
 def by_parser(_: int, text: str) -> list[Row]:
     return [Row(op=9, values={0: float(len(text))})]
 
@@ -72,20 +54,68 @@ def words(line: str) -> Template | None:
     """Every number is a column; those that touch a letter are part of a word."""
     builder = TemplateBuilder.of_line(line)
     assert builder is not None
-    for column, (start, end) in enumerate(builder.runs):
-        if not line[start - 1 : start].isalpha():
-            builder.add(column, start, end)
+    for start in sorted(builder.unused):
+        if start in builder.unused and not line[start - 1 : start].isalpha():
+            builder.add(len(builder.slots), start - (line[start - 1 : start] in ("+", "-")))
     return None if line.startswith("?") else builder.build(len(builder.slots))
 
 
 def test_rows_of_templates_and_of_the_parser() -> None:
-    text = b"A 1 2\n\n? 7\nB 5 ; 6\r\nA 3 40\nm2 8\nm3 9\nA 1 1e5\n"
+    text = b"A 1 2\n\n? 7\nB 5 ; 6\r\nA 3 40\nm2 8\nm3 9\nA 1 -1e5\n"
     rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
     assert rows.line.tolist() == [1, 3, 4, 5, 6, 7, 8]
     assert rows.op.tolist() == [2, 9, 1, 2, 1, 9, 2]
     assert rows.column(0)[:4].tolist() == [1, 3, 5, 3]
-    assert rows.column(1)[[0, 3, 4]].tolist() == [2, 40, 8]
+    assert rows.column(1)[[0, 3, 6]].tolist() == [2, 40, -1e5]
+    assert rows.column(0)[4:6].tolist() == [8, 4]
     assert np.isnan(rows.column(5)).all()
+
+
+def test_digits_of_words_are_compared_as_text() -> None:
+    text = b"m2 8\nm02 8\nm2 9\nm1234567890123456 1\nm12 1\n"
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [1, 9, 1, 9, 9]
+
+
+def test_comments_and_blank_lines_have_no_numbers_and_no_rows() -> None:
+    text = b"; 1\nA 1;2//3;4\r\n  // 5\n\n//\nA 6 // 7 \xe5\xa4\x96\nA 8;\n;\nA 9"
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.line.tolist() == [2, 6, 7, 9]
+    assert rows.column(0).tolist() == [1, 6, 8, 9]
+    calls = scan(b"A 1; // 2\nB 3; 4\n", semicolon_comments=False, learn=words, parse_line=by_parser)
+    assert calls.column(0).tolist() == [1, 3]
+    assert calls.column(1)[1] == 4
+
+
+def test_shapes_of_one_hash_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = b"A 1\nB 2 3\nC\nA 4\nB 5 6\nC\n" + b"D" * 200 + b" 7\n" + b"D" * 200 + b" 8\n"
+    whole = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    monkeypatch.setattr(shape_ids, "_FACTORS", np.zeros_like(shape_ids._FACTORS))
+    again = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    for rows in (whole, again):
+        assert rows.op.tolist() == [1, 2, 0, 1, 2, 0, 1, 1]
+        assert rows.column(0)[[0, 1, 3, 4, 6, 7]].tolist() == [1, 2, 4, 5, 7, 8]
+
+
+def test_a_number_above_the_limit_goes_to_the_parser() -> None:
+    text = b"A 1\nA 1000000000000000\nA 1000000000000001\nA -1e15\nA -2e15\nA 1e400\n"
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [1, 1, 9, 1, 9, 9]
+
+
+def test_digits_before_an_x_may_begin_a_hexadecimal_number() -> None:
+    rows = scan(b"A 1X2\nA 0X2\nA 00x2\nA 10X2\n", semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [1, 9, 9, 1]
+    rows = scan(b"A 1x2\nA 00x2\nA 0.0x2\n", semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [1, 9, 1]
+
+
+def test_many_chunks_are_read_by_two_threads_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scanner, "CHUNK", 1000)
+    text = b"".join(b"A %d ; %d\n%s" % (i, i, b"? 1\n" * (i % 7 == 0)) for i in range(5000))
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.column(0)[rows.op == 1].tolist() == list(range(5000))
+    assert (np.diff(rows.line) == 1).all()
 
 
 def test_a_line_that_is_too_long_goes_to_the_parser() -> None:
