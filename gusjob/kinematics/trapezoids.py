@@ -165,6 +165,27 @@ def distance_run(profile: Trapezoids, which: Indices, since_ms: Floats) -> Float
     return start * in_rise + up + peak * in_cruise + peak * in_fall - acc * in_fall * in_fall / 2
 
 
+def time_of_run(profile: Trapezoids, which: Indices, run: Floats) -> Floats:
+    """Compute when some segments have run a length, (k,) ms after their start. The inverse of distance_run.
+
+    Args:
+        which: Numbers of the segments, (k,).
+        run: Length since their start, (k,) pulse.
+    """
+    rise, cruise, fall = profile.rise_ms[which], profile.cruise_ms[which], profile.fall_ms[which]
+    start, peak, end, acc = profile.start[which], profile.peak[which], profile.end[which], profile.acc[which]
+    up = np.where(start > peak, -acc, acc)
+    cruised = run - (start + peak) / 2 * rise
+    left = np.maximum((peak + end) / 2 * fall + peak * cruise - cruised, 0.0)
+    # Quadratic equations without cancellation.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        in_rise = 2 * run / (start + np.sqrt(np.maximum(start * start + 2 * up * run, 0.0)))
+        in_cruise = rise + cruised / peak
+        in_fall = rise + cruise + fall - 2 * left / (end + np.sqrt(end * end + 2 * acc * left))
+    time = np.where(cruised < 0, in_rise, np.where(cruised < peak * cruise, in_cruise, in_fall))
+    return np.clip(np.nan_to_num(time), 0.0, rise + cruise + fall)
+
+
 def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:
     """Compute the highest velocity through each corner, (n,) pulse/ms.
 
