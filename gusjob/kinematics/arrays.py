@@ -31,6 +31,22 @@ def counted(counts: Indices) -> tuple[Indices, Indices]:
     return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
+def rows_of(numbers: Indices) -> Indices | slice:
+    """Return row numbers as a slice if they follow each other: it takes rows of columns without a copy.
+
+    Args:
+        numbers: Row numbers, (n,), none below 0.
+    """
+    if len(numbers) and numbers[-1] - numbers[0] == len(numbers) - 1 and (np.diff(numbers) == 1).all():
+        return slice(int(numbers[0]), int(numbers[-1]) + 1)
+    return numbers
+
+
+def where_true(mask: Bools) -> Indices | slice:
+    """Return where a mask is true; all of it as a slice, which copies nothing."""
+    return slice(None) if mask.all() else np.flatnonzero(mask)
+
+
 def distinct(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
     """Sort values without NaN, each once, as np.unique does, which imports numpy.ma for that.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, rows_of
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import Schedule, schedule
 from gusjob.kinematics.trapezoids import distance_run
@@ -34,9 +34,10 @@ class Motion:
         profile, schedule = self.schedule.profile, self.schedule
         if not len(self):
             return np.zeros(len(time))
-        begin, duration = schedule.times_ms[segment], schedule.duration_ms[segment]
-        start, peak, acc = profile.start[segment], profile.peak[segment], profile.acc[segment]
-        since, end = time - begin, profile.end[segment]
+        rows = rows_of(segment)
+        begin, duration = schedule.times_ms[rows], schedule.duration_ms[rows]
+        start, peak, acc = profile.start[rows], profile.peak[rows], profile.acc[rows]
+        since, end = time - begin, profile.end[rows]
         gained = acc * np.maximum(since, 0.0)
         rise = np.minimum(start + gained, peak)
         if (start > peak).any():
@@ -47,7 +48,7 @@ class Motion:
             # At the very end of a segment its end velocity still holds.
             stage_end = schedule.times_ms[schedule.stage_first[schedule.stage[segment[over]] + 1]]
             velocity[over] = np.where(time[over] > stage_end, 0.0, end[over])
-        velocity[schedule.dwell[segment]] = 0.0
+        velocity[schedule.dwell[rows]] = 0.0
         return np.asarray(velocity)
 
     def distance_run(self, segment: Indices, time: Floats) -> Floats:

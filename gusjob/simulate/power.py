@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
+from gusjob.kinematics.arrays import Bools, Floats, Indices, counted, rows_of, where_true
 from gusjob.kinematics.schedule import Schedule
 from gusjob.simulate.beam import Beam
 from gusjob.simulate.emission import Emission
@@ -22,6 +23,7 @@ from gusjob.simulate.motion import Motion
 from gusjob.simulate.power_settings import PowerSettings, PowerTimeline, StageLasers, limited, stage_lasers
 from gusjob.simulate.ticks import SampledPower
 
+_Values = TypeVar("_Values", Floats, Bools)
 _BLOCK_PARTS = 1 << 14
 """Parts that are integrated at once: their columns fit in the processor's cache."""
 
@@ -68,6 +70,14 @@ class _Integrals:
     highest: Floats
     clamped: Floats
     unpowered: Bools
+
+    @classmethod
+    def empty(cls, time: Floats, unpowered: Bools) -> _Integrals:
+        """Make room for integrals."""
+        energy, lowest, highest, clamped = (np.empty(len(time)) for _ in range(4))
+        return cls(
+            time=time, energy=energy, lowest=lowest, highest=highest, clamped=clamped, unpowered=unpowered
+        )
 
     def pick(self, at: Bools) -> _Integrals:
         return _Integrals(**{name: getattr(self, name)[at] for name in self.__slots__})
@@ -134,9 +144,10 @@ class HeldPower:
         event = np.where(ended, timeline.last_of(stage), timeline.in_force(segment, time))
         settings, _ = self._settings(event, stage)
         value, _ = limited(settings, settings.low, None)
-        at, sampled = self._sampled(settings, segment, event, time, time)
-        if len(at):
-            value[at] = sampled.at_start()
+        sampled = self._is_sampled(settings, segment)
+        if sampled.any():
+            at = where_true(sampled)
+            value[at] = self._sampled(at, settings, segment, event, time, time).at_start()
         return value
 
     @cached_property
@@ -204,35 +215,41 @@ class HeldPower:
 
     def _integrate(self, parts: _Parts, stage: Indices, event: Indices, time: Floats) -> _Integrals:
         settings, unset = self._settings(event, stage)
-        value, clamped = limited(settings, settings.low, None)
-        result = _Integrals(
-            time=time,
-            energy=value * time,
-            lowest=value,
-            highest=value.copy(),
-            clamped=np.where(clamped, time, 0.0),
-            unpowered=unset,
-        )
-        at, sampled = self._sampled(settings, parts.segment, event, parts.start, parts.end)
-        if len(at):
-            result.energy[at], result.lowest[at], result.highest[at], result.clamped[at] = sampled.integrate()
-        return result
+        sampled = self._is_sampled(settings, parts.segment)
+        if not sampled.all():
+            direct = _direct(settings, time, unset)
+            if not sampled.any():
+                return direct
+        else:
+            direct = _Integrals.empty(time, unset)
+        at = where_true(sampled)
+        found = self._sampled(at, settings, parts.segment, event, parts.start, parts.end).integrate()
+        direct.energy[at], direct.lowest[at], direct.highest[at], direct.clamped[at] = found
+        return direct
+
+    def _is_sampled(self, settings: PowerSettings, segment: Indices) -> Bools:
+        """Find the parts whose power is sampled at ticks."""
+        follows = (settings.ratio > 0) | self._stage_lasers.by_distance[settings.stage]
+        # Before the first segment of all there is neither velocity nor distance.
+        return np.asarray(follows & (segment >= 0))
 
     def _sampled(
-        self, settings: PowerSettings, segment: Indices, event: Indices, start: Floats, end: Floats
-    ) -> tuple[Indices, SampledPower]:
-        """Find the parts whose power is sampled at ticks: their numbers, and the parts."""
-        lasers = self._stage_lasers
-        # Before the first segment of all there is neither velocity nor distance.
-        at = np.flatnonzero(((settings.ratio > 0) | lasers.by_distance[settings.stage]) & (segment >= 0))
-        picked = settings.pick(at)
-        origin = self._stage_start[picked.stage]
-        sampled = SampledPower(
+        self,
+        at: Indices | slice,
+        settings: PowerSettings,
+        segment: Indices,
+        event: Indices,
+        start: Floats,
+        end: Floats,
+    ) -> SampledPower:
+        """Sample the power of some of the parts."""
+        origin = self._stage_start[settings.stage[at]]
+        return SampledPower(
             motion=self.motion,
             beam=self.beam,
-            lasers=lasers,
+            lasers=self._stage_lasers,
             period_ms=self.period_ms,
-            settings=picked,
+            settings=settings.pick(at),
             segment=segment[at],
             origin=origin,
             # A setting takes effect at the earliest at the stage's start.
@@ -240,7 +257,19 @@ class HeldPower:
             start=start[at],
             end=end[at],
         )
-        return at, sampled
+
+
+def _direct(settings: PowerSettings, time: Floats, unset: Bools) -> _Integrals:
+    """Integrate power that does not change."""
+    value, clamped = limited(settings, settings.low, None)
+    return _Integrals(
+        time=time,
+        energy=value * time,
+        lowest=value,
+        highest=value.copy(),
+        clamped=np.where(clamped, time, 0.0),
+        unpowered=unset,
+    )
 
 
 def _cut(schedule: Schedule, intervals: Intervals) -> Iterator[_Parts]:
@@ -322,9 +351,9 @@ class _SegmentTotals:
     def add(self, segment: Indices, parts: _Integrals) -> None:
         """Add parts; those of a segment follow each other."""
         begins = np.flatnonzero(np.diff(segment, prepend=-1))
-        at, single = segment[begins], len(begins) == len(segment)
+        at, single = rows_of(segment[begins]), len(begins) == len(segment)
 
-        def joined(operation: np.ufunc, values: Floats) -> Floats:
+        def joined(operation: np.ufunc, values: _Values) -> _Values:
             return values if single else np.asarray(operation.reduceat(values, begins))
 
         self.time[at] += joined(np.add, parts.time)
@@ -332,7 +361,7 @@ class _SegmentTotals:
         self.clamped[at] += joined(np.add, parts.clamped)
         self.lowest[at] = np.minimum(self.lowest[at], joined(np.minimum, parts.lowest))
         self.highest[at] = np.maximum(self.highest[at], joined(np.maximum, parts.highest))
-        self.unpowered[segment[parts.unpowered]] = True
+        self.unpowered[at] |= joined(np.logical_or, parts.unpowered)
 
     def result(self) -> SegmentEmission:
         """Return the emission of each segment."""

@@ -32,8 +32,8 @@ class PowerSettings:
     stage: Indices
     """Stage whose distance settings apply."""
 
-    def pick(self, at: Indices | Bools) -> PowerSettings:
-        """Pick the settings at indices or at a mask."""
+    def pick(self, at: Indices | Bools | slice) -> PowerSettings:
+        """Pick the settings at indices, at a mask or of a slice."""
         return PowerSettings(**{name: getattr(self, name)[at] for name in self.__slots__})
 
 
@@ -209,6 +209,9 @@ def limited(
     Returns:
         The power, and where a limit clamped it, (p,).
     """
+    mode_low, mode_high = settings.mode_low, settings.mode_high
+    if distance is None and ((base <= np.minimum(settings.high, mode_high)) & (base >= mode_low)).all():
+        return base, np.zeros(len(base), dtype=np.bool_)
     value = np.minimum(base, settings.high)
     clamped = base > settings.high * (1 + CLAMPED)
     if distance is not None:
@@ -216,7 +219,6 @@ def limited(
         raw = value + term
         value = np.clip(raw, low, high)
         clamped = clamped | _beyond(raw, low, high)
-    mode_low, mode_high = settings.mode_low, settings.mode_high
     clamped = clamped | _beyond(value, mode_low, mode_high)
     return np.minimum(np.maximum(value, mode_low), mode_high), clamped
 

@@ -13,6 +13,8 @@ from gusjob.simulate.power_settings import PowerSettings
 ON_TICK = 1e-9
 """Share of a period by which a moment may miss a tick and still count as on it: rounding."""
 
+_NOT_COLUMNS = ("settings", "period_ms")
+
 
 def ticks_before(time: Floats, period: float) -> Floats:
     """Number of ticks before each time; a tick at the time itself does not count, rounding aside."""
@@ -38,11 +40,13 @@ class TickRuns:
     still: Bools
     period_ms: float
 
-    def pick(self, at: Indices | Bools) -> TickRuns:
-        """Pick the runs at indices or at a mask."""
-        return self.parts(at, 0.0, self.count[at])
+    def pick(self, at: Indices | slice) -> TickRuns:
+        """Pick some of the runs."""
+        columns = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _NOT_COLUMNS}
+        picked = {name: column[at] for name, column in columns.items()}
+        return TickRuns(settings=self.settings.pick(at), period_ms=self.period_ms, **picked)
 
-    def parts(self, run: Indices | Bools, skipped: Floats | float, count: Floats) -> TickRuns:
+    def parts(self, run: Indices, skipped: Floats, count: Floats) -> TickRuns:
         """Take `count` ticks of some runs, after the first `skipped`."""
         skipped_ms = skipped * self.period_ms
         return TickRuns(
@@ -86,7 +90,7 @@ class RunSums:
         """Make room for runs."""
         return cls(**{f.name: np.empty(count, np.bool_ if f.name == "last_held" else np.float64) for f in fields(cls)})
 
-    def put(self, at: Indices, sums: RunSums) -> None:
+    def put(self, at: Indices | slice, sums: RunSums) -> None:
         """Set the sums of some of the runs."""
         for field in fields(self):
             getattr(self, field.name)[at] = getattr(sums, field.name)

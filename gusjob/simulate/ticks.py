@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices, counted
+from gusjob.kinematics.arrays import Bools, Floats, Indices, counted, rows_of, where_true
 from gusjob.simulate.beam import Beam
 from gusjob.simulate.distance_follow import distance_sums
 from gusjob.simulate.motion import Motion
@@ -46,16 +46,17 @@ class SampledPower:
         period, origin = self.period_ms, self.origin
         first, stop = ticks_before(self.start - origin, period), ticks_before(self.end - origin, period)
         count, first_tick = stop - first, origin + first * period
-        ticked = np.flatnonzero(count > 0)
+        has_ticks = count > 0
         # Up to the first tick inside: the sample of the last tick, or of the setting if that came later.
-        head = np.where(count > 0, first_tick, self.end) - self.start
+        head = np.where(has_ticks, first_tick, self.end) - self.start
         value, held = self._held_from(first - 1)
         with_head = head > ON_TICK * period
         energy = np.where(with_head, value * head, 0.0)
         clamped = np.where(with_head & held, head, 0.0)
         lowest, highest = np.where(with_head, value, np.inf), np.where(with_head, value, -np.inf)
-        if not len(ticked):
+        if not has_ticks.any():
             return energy, lowest, highest, clamped
+        ticked = where_true(has_ticks)
         last_tick = (origin + (stop - 1) * period)[ticked]
         # The last tick is held up to the end of the part, all others for a period.
         short = period - (self.end[ticked] - last_tick)
@@ -89,10 +90,11 @@ class SampledPower:
         first, last = schedule.stage_first[stages], schedule.stage_first[stages + 1] - 1
         return np.maximum(np.minimum(found, np.minimum(segment, last)), np.minimum(first, last))
 
-    def _runs(self, part: Indices, count: Floats, first_tick: Floats, last_tick: Floats) -> TickRuns:
+    def _runs(self, part: Indices | slice, count: Floats, first_tick: Floats, last_tick: Floats) -> TickRuns:
         """Make the runs of parts with ticks inside."""
         schedule, segment = self.motion.schedule, self.segment[part]
-        begin, duration = schedule.times_ms[segment], schedule.duration_ms[segment]
+        rows = rows_of(segment)
+        begin, duration = schedule.times_ms[rows], schedule.duration_ms[rows]
         return TickRuns(
             settings=self.settings.pick(part),
             segment=segment,
@@ -101,7 +103,7 @@ class SampledPower:
             # By rounding, a tick may lie a little before its segment.
             since_ms=np.maximum(first_tick - begin, 0.0),
             left_ms=np.maximum(duration - (last_tick - begin), 0.0),
-            still=schedule.dwell[segment] | (self.start[part] >= schedule.times_ms[segment + 1]),
+            still=schedule.dwell[rows] | (self.start[part] >= schedule.times_ms[1:][rows]),
             period_ms=self.period_ms,
         )
 

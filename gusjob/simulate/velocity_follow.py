@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats
+from gusjob.kinematics.arrays import Bools, Floats, rows_of
 from gusjob.simulate.motion import Motion
 from gusjob.simulate.power_settings import BaseLimits, PowerSettings, base_limits
 from gusjob.simulate.tick_runs import RunSums, TickRuns
@@ -123,7 +123,7 @@ def velocity_sums(motion: Motion, runs: TickRuns) -> RunSums:
 
 def _phases(motion: Motion, runs: TickRuns) -> _Phases:
     """Compute the base power of runs."""
-    profile, at, settings = motion.schedule.profile, runs.segment, runs.settings
+    profile, at, settings = motion.schedule.profile, rows_of(runs.segment), runs.settings
     start, peak, acc = profile.start[at], profile.peak[at], profile.acc[at]
     rising = runs.rising(motion)
     falling = runs.falling(motion, rising)
