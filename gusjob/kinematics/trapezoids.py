@@ -23,6 +23,9 @@ REACHED = 1e-9
 _BLOCK = 4096
 """Segments that are added up at a time in look-ahead."""
 
+_CACHED = 1 << 14
+"""Segments whose profiles are computed at a time: they fit in the processor's cache."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trapezoids:
@@ -52,6 +55,18 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
         end: Velocity at the end, (n,) pulse/ms; it must be reachable and at most `vel`.
         acc: Acceleration, (n,) pulse/ms2.
     """
+    columns = length, start, vel, end, acc
+    peak, rise, cruise, fall = (np.empty(len(length)) for _ in range(4))
+    for first in range(0, len(length), _CACHED):
+        block = slice(first, first + _CACHED)
+        peak[block], rise[block], cruise[block], fall[block] = _phases(*(column[block] for column in columns))
+    return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
+
+
+def _phases(
+    length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Compute peak, rise_ms, cruise_ms and fall_ms of some segments. Arguments as of trapezoids."""
     # Differences of squares as products of sum and difference: at speed, over a short length, the squares differ in
     # the last digits only.
     gained = (end - start) * (end + start) / 2
@@ -71,7 +86,7 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
     none = length <= 0
     for part in (rise, cruise, fall):
         part[none] = 0.0
-    return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
+    return peak, rise, cruise, fall
 
 
 def peak_velocity(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats) -> Floats:
@@ -183,7 +198,7 @@ def time_of_run(profile: Trapezoids, which: Indices, run: Floats) -> Floats:
         in_cruise = rise + cruised / peak
         in_fall = rise + cruise + fall - 2 * left / (end + np.sqrt(end * end + 2 * acc * left))
     time = np.where(cruised < 0, in_rise, np.where(cruised < peak * cruise, in_cruise, in_fall))
-    return np.clip(np.nan_to_num(time), 0.0, rise + cruise + fall)
+    return np.asarray(np.clip(np.nan_to_num(time), 0.0, rise + cruise + fall))
 
 
 def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.trapezoids import distance_run, time_of_run
 from gusjob.simulate.motion import Motion
-from gusjob.simulate.power_settings import CLAMPED, PowerSettings, StageLasers
+from gusjob.simulate.power_settings import CLAMPED, StageLasers
 from gusjob.simulate.tick_runs import RunSums, TickRuns
 
 _TOUCHES = 1e-12
@@ -33,26 +33,26 @@ def distance_sums(
         by_ticks: Sums up the pieces in which a limit is met.
     """
     run, pieces, phase = _pieces(motion, lasers, runs)
-    base, power = _quadratics(motion, lasers, pieces, phase)
-    settings, at = pieces.settings, pieces.settings.stage
+    settings, at, count = pieces.settings, pieces.settings.stage, pieces.count
     # Order of the limits: that of the base power, those of distance follow, those of the mode.
-    first, last = base.value(np.zeros(len(run))), base.value(pieces.count - 1)
+    base, is_whole, is_over = _base(pieces, phase)
+    power = _with_distance(motion, lasers, pieces, phase, base)
     low, high = np.maximum(lasers.low[at], settings.mode_low), np.minimum(lasers.high[at], settings.mode_high)
-    lowest, highest = power.extremes(pieces.count)
-    base_free = np.maximum(first, last) <= settings.high * (1 + _TOUCHES)
-    free = (low < high) & base_free
+    lowest, highest = power.extremes(count)
+    free = is_whole & (low < high)
     inside = free & (lowest >= low - _slack(low, _TOUCHES)) & (highest <= high + _slack(high, _TOUCHES))
-    below, above = free & (highest < low - _slack(low, 2 * CLAMPED)), free & (lowest > high + _slack(high, 2 * CLAMPED))
-    beyond = below | above
+    beyond = (highest < low - _slack(low, 2 * CLAMPED)) | (lowest > high + _slack(high, 2 * CLAMPED))
+    beyond &= free
+    held = is_over | beyond
     closed = RunSums(
-        total=power.total(pieces.count),
+        total=power.total(count),
         lowest=np.clip(lowest, low, high),
         highest=np.clip(highest, low, high),
-        last=np.clip(power.value(pieces.count - 1), low, high),
-        held=np.where(beyond, pieces.count, 0.0),
-        last_held=beyond,
+        last=np.clip(power.value(count - 1), low, high),
+        held=np.where(held, count, 0.0),
+        last_held=held,
     )
-    closed.total[beyond] = (pieces.count * closed.lowest)[beyond]
+    closed.total[beyond] = (count * closed.lowest)[beyond]
     mixed = np.flatnonzero(~(inside | beyond))
     if len(mixed):
         closed.put(mixed, by_ticks(pieces.pick(mixed)))
@@ -137,12 +137,23 @@ def _phase(motion: Motion, pieces: TickRuns, is_rise: Bools, is_fall: Bools) -> 
     return _Phase(velocity=np.where(pieces.still, 0.0, velocity), acc=np.where(pieces.still, 0.0, change))
 
 
-def _quadratics(
-    motion: Motion, lasers: StageLasers, pieces: TickRuns, phase: _Phase
-) -> tuple[_Quadratic, _Quadratic]:
-    """Compute the base power of pieces, and the power with the distance term, before all limits."""
-    settings, period, stage = pieces.settings, pieces.period_ms, pieces.settings.stage
-    base = _base(settings, phase, period)
+def _base(pieces: TickRuns, phase: _Phase) -> tuple[_Quadratic, Bools, Bools]:
+    """Compute the base power of pieces; whether its limit is met at all ticks or at none; whether at all."""
+    settings, period = pieces.settings, pieces.period_ms
+    slope = settings.ratio * phase.acc * period
+    base = _Quadratic(c0=settings.low + settings.ratio * phase.velocity, c1=slope, c2=np.zeros_like(slope))
+    first, last, high = base.c0, base.value(pieces.count - 1), settings.high
+    is_under = np.maximum(first, last) <= high * (1 + _TOUCHES)
+    is_over = np.minimum(first, last) > high * (1 + 2 * CLAMPED)
+    base.c0[is_over], base.c1[is_over] = high[is_over], 0.0
+    return base, is_under | is_over, is_over
+
+
+def _with_distance(
+    motion: Motion, lasers: StageLasers, pieces: TickRuns, phase: _Phase, base: _Quadratic
+) -> _Quadratic:
+    """Add the distance term to the base power of pieces."""
+    period, stage = pieces.period_ms, pieces.settings.stage
     segments, schedule, segment = motion.segments, motion.schedule, pieces.segment
     since = np.minimum(pieces.since_ms, schedule.duration_ms[segment])
     run, length = distance_run(schedule.profile, segment, since), segments.length[segment]
@@ -162,10 +173,4 @@ def _quadratics(
         away = place - reference[stage]
         ratio = per_pulse[stage] * np.where(away + unit * middle < 0, -1.0, 1.0)
         c0, c1, c2 = c0 + ratio * away, c1 + ratio * unit * by_tick, c2 + ratio * unit * bend
-    return base, _Quadratic(c0=c0, c1=c1, c2=c2)
-
-
-def _base(settings: PowerSettings, phase: _Phase, period_ms: float) -> _Quadratic:
-    ratio = settings.ratio
-    slope = ratio * phase.acc * period_ms
-    return _Quadratic(c0=settings.low + ratio * phase.velocity, c1=slope, c2=np.zeros_like(slope))
+    return _Quadratic(c0=c0, c1=c1, c2=c2)

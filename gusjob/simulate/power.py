@@ -75,9 +75,7 @@ class _Integrals:
     def empty(cls, time: Floats, unpowered: Bools) -> _Integrals:
         """Make room for integrals."""
         energy, lowest, highest, clamped = (np.empty(len(time)) for _ in range(4))
-        return cls(
-            time=time, energy=energy, lowest=lowest, highest=highest, clamped=clamped, unpowered=unpowered
-        )
+        return cls(time=time, energy=energy, lowest=lowest, highest=highest, clamped=clamped, unpowered=unpowered)
 
     def pick(self, at: Bools) -> _Integrals:
         return _Integrals(**{name: getattr(self, name)[at] for name in self.__slots__})

@@ -68,9 +68,21 @@ def stage_lasers(lasers: Sequence[LaserState], axes: Sequence[tuple[int, int]]) 
     """
     rows = [_stage_laser(laser, *driven) for laser, driven in zip(lasers, axes, strict=True)]
     columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(StageLasers.__slots__)).T
-    by_name = dict(zip(StageLasers.__slots__, columns, strict=True))
-    flags = {name: by_name.pop(name) > 0 for name in ("by_distance", "actual")}
-    return StageLasers(**by_name, **flags)
+    low, high, by_distance, actual, *distance = columns
+    per_x, per_y, reference_x, reference_y, constant, lowest, highest = distance
+    return StageLasers(
+        mode_low=low,
+        mode_high=high,
+        by_distance=by_distance > 0,
+        actual=actual > 0,
+        per_x=per_x,
+        per_y=per_y,
+        reference_x=reference_x,
+        reference_y=reference_y,
+        constant=constant,
+        low=lowest,
+        high=highest,
+    )
 
 
 def _stage_laser(laser: LaserState, x_axis: int, y_axis: int) -> tuple[float, ...]:

@@ -1,8 +1,8 @@
 """Power that follows velocity or distance: sampled when it is set and at every tick, held in between, integrated.
 
 Sums over ticks are closed where the power is a simple function of the tick's number: always under velocity follow
-(velocity_follow.py), and under distance follow on lines as long as no limit is met (distance_follow.py). Elsewhere every
-tick is computed.
+(velocity_follow.py), and under distance follow on lines as long as no limit is met (distance_follow.py). Elsewhere
+every tick is computed.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class SampledPower:
         """Sum up the power of runs tick by tick, a chunk of ticks at a time."""
         parts = np.ceil(runs.count / _CHUNK_TICKS).astype(np.intp)
         run, number = counted(parts)
-        skipped = number * float(_CHUNK_TICKS)
+        skipped = (number * _CHUNK_TICKS).astype(np.float64)
         count = np.minimum(runs.count[run] - skipped, _CHUNK_TICKS)
         pieces, sums = runs.parts(run, skipped, count), RunSums.empty(len(run))
         chunk = (np.cumsum(count) - 1) // _CHUNK_TICKS

@@ -36,11 +36,11 @@ class _Series:
 
     def below(self, limit: Floats) -> Floats:
         """Number of values below a limit."""
-        return np.clip(np.ceil((limit - self.bottom) / self.step), 0.0, self.count)
+        return np.asarray(np.clip(np.ceil((limit - self.bottom) / self.step), 0.0, self.count))
 
     def above(self, limit: Floats) -> Floats:
         """Number of values above a limit."""
-        return self.count - np.clip(np.floor((limit - self.bottom) / self.step) + 1, 0.0, self.count)
+        return np.asarray(self.count - np.clip(np.floor((limit - self.bottom) / self.step) + 1, 0.0, self.count))
 
     def limited_total(self, lowest: Floats, highest: Floats) -> Floats:
         """Sum of the values, each kept within limits."""
