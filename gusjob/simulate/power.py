@@ -24,7 +24,7 @@ from gusjob.simulate.power_settings import PowerSettings, PowerTimeline, StageLa
 from gusjob.simulate.ticks import SampledPower
 
 _Values = TypeVar("_Values", Floats, Bools)
-_BLOCK_PARTS = 1 << 14
+_BLOCK_PARTS = 1 << 15
 """Parts that are integrated at once: their columns fit in the processor's cache."""
 
 
