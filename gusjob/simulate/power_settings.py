@@ -238,12 +238,11 @@ def limited(
 def base_limits(settings: PowerSettings) -> BaseLimits:
     """Compute the limits of base powers that no distance term is added to, as `limited` applies them."""
     high, mode_low, mode_high = settings.high, settings.mode_low, settings.mode_high
-    # The mode's limits come last, and of these the upper one.
-    too_low, too_high = _edge(mode_low, -1), _edge(mode_high, 1)
+    too_high = _edge(mode_high, 1)
     return BaseLimits(
         lowest=np.minimum(mode_low, mode_high),
         highest=np.minimum(np.maximum(high, mode_low), mode_high),
-        below=np.where(high < too_low, np.inf, too_low),
+        below=_edge(mode_low, -1),
         above=np.where(too_high < high, too_high, high * (1 + CLAMPED)),
     )
 
