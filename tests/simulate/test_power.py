@@ -124,6 +124,15 @@ def test_a_dwell_after_an_abrupt_stop_has_no_velocity() -> None:
     assert ran.column("ch0_power_max")[1] == pytest.approx(5)
 
 
+@pytest.mark.parametrize(("period_us", "highest"), [(600, 60.96), (750, 60.9375)])
+def test_velocity_and_distance_follow_turn_between_two_ticks(period_us: float, highest: float) -> None:
+    """60 + v - x with v = 2t, x = t^2: the top is at 1 ms; the highest tick is at 1.2 ms, or at 0.75 ms."""
+    distance = "GT_SetLaserDisMode(1,0,{0,0,0,0},{1,1,1,1},0)\nGT_SetLaserDisRatio({-1,0,0,0},0,100,0)\n"
+    text = HEAD + distance + "GT_BufLaserPrfFollow(1,1,60,100,0,0)\nGT_BufLaserOn(1,0,0)\nGT_LnXY(1,50,0,10,2,0,0)\n"
+    ran = run_listing(text + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n", Machine(period_us=period_us))
+    assert ran.column("ch0_power_max") == [pytest.approx(highest, rel=1e-12)]
+
+
 @pytest.mark.parametrize(
     "setting",
     [
