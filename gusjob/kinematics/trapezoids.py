@@ -192,13 +192,15 @@ def time_of_run(profile: Trapezoids, which: Indices, run: Floats) -> Floats:
     up = np.where(start > peak, -acc, acc)
     cruised = run - (start + peak) / 2 * rise
     left = np.maximum((peak + end) / 2 * fall + peak * cruise - cruised, 0.0)
-    # Quadratic equations without cancellation.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        in_rise = 2 * run / (start + np.sqrt(np.maximum(start * start + 2 * up * run, 0.0)))
-        in_cruise = rise + cruised / peak
-        in_fall = rise + cruise + fall - 2 * left / (end + np.sqrt(end * end + 2 * acc * left))
-    time = np.where(cruised < 0, in_rise, np.where(cruised < peak * cruise, in_cruise, in_fall))
-    return np.asarray(np.clip(np.nan_to_num(time), 0.0, rise + cruise + fall))
+    # Quadratic equations without cancellation. A denominator of 0 is that of no length.
+    from_start = start + np.sqrt(np.maximum(start * start + 2 * up * run, 0.0))
+    to_end = end + np.sqrt(end * end + 2 * acc * left)
+    in_rise = np.divide(2 * run, from_start, out=np.zeros_like(run), where=from_start > 0)
+    in_fall = np.divide(2 * left, to_end, out=np.zeros_like(run), where=to_end > 0)
+    in_cruise = np.divide(cruised, peak, out=np.zeros_like(run), where=peak > 0)
+    duration = rise + cruise + fall
+    later = np.where(cruised < peak * cruise, rise + in_cruise, duration - in_fall)
+    return np.clip(np.where(cruised < 0, in_rise, later), 0.0, duration)
 
 
 def corner_velocity(out_x: Floats, out_y: Floats, in_x: Floats, in_y: Floats, jump: Floats) -> Floats:

@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 from oracles.power import Call, simulate
-from simulate.test_power_oracle import CORNERS, differences, listing_of, report_of
+from support.reference import CORNERS, differences, listing_of, report_of
 
 from gusjob.config.machine import Machine
 
