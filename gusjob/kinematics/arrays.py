@@ -41,6 +41,20 @@ def picked(column: npt.NDArray[_Number], rows: Indices) -> npt.NDArray[_Number]:
     return np.broadcast_to(column[:1], len(rows)) if len(column) and column.strides == (0,) else column[rows]
 
 
+def rows_of(numbers: Indices) -> Indices | slice:
+    """Return row numbers as a slice if they follow each other: it takes rows of columns without a copy.
+
+    Args:
+        numbers: Row numbers, (n,), none below 0.
+    """
+    return slice(int(numbers[0]), int(numbers[-1]) + 1) if follow_each_other(numbers) else numbers
+
+
+def where_true(mask: Bools) -> Indices | slice:
+    """Return where a mask is true; all of it as a slice, which copies nothing."""
+    return slice(None) if mask.all() else np.flatnonzero(mask)
+
+
 def distinct(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
     """Sort values without NaN, each once, as np.unique does, which imports numpy.ma for that.
 

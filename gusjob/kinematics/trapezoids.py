@@ -23,6 +23,9 @@ REACHED = 1e-9
 _BLOCK = 4096
 """Segments that are added up at a time in look-ahead."""
 
+_CACHED = 1 << 14
+"""Segments whose profiles are computed at a time: they fit in the processor's cache."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trapezoids:
@@ -52,6 +55,18 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
         end: Velocity at the end, (n,) pulse/ms; it must be reachable and at most `vel`.
         acc: Acceleration, (n,) pulse/ms2.
     """
+    columns = length, start, vel, end, acc
+    peak, rise, cruise, fall = (np.empty(len(length)) for _ in range(4))
+    for first in range(0, len(length), _CACHED):
+        block = slice(first, first + _CACHED)
+        peak[block], rise[block], cruise[block], fall[block] = _phases(*(column[block] for column in columns))
+    return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
+
+
+def _phases(
+    length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Compute peak, rise_ms, cruise_ms and fall_ms of some segments. Arguments as of trapezoids."""
     # Differences of squares as products of sum and difference: at speed, over a short length, the squares differ in
     # the last digits only.
     gained = (end - start) * (end + start) / 2
@@ -71,7 +86,7 @@ def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Flo
     none = length <= 0
     for part in (rise, cruise, fall):
         part[none] = 0.0
-    return Trapezoids(start=start, peak=peak, end=end, acc=acc, rise_ms=rise, cruise_ms=cruise, fall_ms=fall)
+    return peak, rise, cruise, fall
 
 
 def peak_velocity(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats) -> Floats:
@@ -163,6 +178,29 @@ def distance_run(profile: Trapezoids, which: Indices, since_ms: Floats) -> Float
     in_fall = np.maximum(since_ms - rise - cruise, 0.0)
     up = np.where(start > peak, -acc, acc) * in_rise * in_rise / 2
     return start * in_rise + up + peak * in_cruise + peak * in_fall - acc * in_fall * in_fall / 2
+
+
+def time_of_run(profile: Trapezoids, which: Indices, run: Floats) -> Floats:
+    """Compute when some segments have run a length, (k,) ms after their start. The inverse of distance_run.
+
+    Args:
+        which: Numbers of the segments, (k,).
+        run: Length since their start, (k,) pulse.
+    """
+    rise, cruise, fall = profile.rise_ms[which], profile.cruise_ms[which], profile.fall_ms[which]
+    start, peak, end, acc = profile.start[which], profile.peak[which], profile.end[which], profile.acc[which]
+    up = np.where(start > peak, -acc, acc)
+    cruised = run - (start + peak) / 2 * rise
+    left = np.maximum((peak + end) / 2 * fall + peak * cruise - cruised, 0.0)
+    # Quadratic equations without cancellation. A denominator of 0 is that of no length.
+    from_start = start + np.sqrt(np.maximum(start * start + 2 * up * run, 0.0))
+    to_end = end + np.sqrt(end * end + 2 * acc * left)
+    in_rise = np.divide(2 * run, from_start, out=np.zeros_like(run), where=from_start > 0)
+    in_fall = np.divide(2 * left, to_end, out=np.zeros_like(run), where=to_end > 0)
+    in_cruise = np.divide(cruised, peak, out=np.zeros_like(run), where=peak > 0)
+    duration = rise + cruise + fall
+    later = np.where(cruised < peak * cruise, rise + in_cruise, duration - in_fall)
+    return np.clip(np.where(cruised < 0, in_rise, later), 0.0, duration)
 
 
 def corner_velocity(change: Floats, jump: Floats, spacing: Floats, acc: float) -> Floats:

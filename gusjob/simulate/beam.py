@@ -47,6 +47,11 @@ class Beam:
     motion: Motion
     scanner: Scanner | None
 
+    @property
+    def is_planned(self) -> bool:
+        """Whether the beam is where the motion is planned: nothing lags."""
+        return self.scanner is None or self.scanner.tracking_error_us < _NO_LAG_US
+
     def position(self, stage: Indices, time: Floats) -> tuple[Floats, Floats]:
         """Compute positions on the machine.
 
@@ -60,7 +65,7 @@ class Beam:
             x and y, (k,) pulse.
         """
         scanner = self.scanner
-        if scanner is None or scanner.tracking_error_us < _NO_LAG_US:
+        if scanner is None or self.is_planned:
             return _commanded(self.motion, stage, time)
         if scanner.model is ScannerModel.DELAY:
             return _commanded(self.motion, stage, time - scanner.tracking_error_us / US_PER_MS)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, rows_of
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import Schedule, schedule
-from gusjob.kinematics.trapezoids import REACHED, distance_run
+from gusjob.kinematics.trapezoids import distance_run
 from gusjob.simulate.events import Events, MotionEvents
 
 
@@ -29,41 +29,27 @@ class Motion:
         """Number of segments, dwells included."""
         return len(self.schedule.dwell)
 
-    def velocity_lines(self, segment: Indices, time: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Compute three lines of which the lowest is the segments' velocity.
-
-        Returns:
-            The rising and the falling line at `time`, both pulse/ms, their slope, pulse/ms2, and the peak, pulse/ms.
-        """
-        profile, schedule = self.schedule.profile, self.schedule
-        since = time - schedule.times_ms[segment]
-        left = schedule.duration_ms[segment] - since
-        moves = left > 0  # Emission may outlast its stage, at rest.
-        acc, peak = np.where(moves, profile.acc[segment], 0.0), np.where(moves, profile.peak[segment], 0.0)
-        rise, fall = profile.start[segment] + acc * since, profile.end[segment] + acc * left
-        return np.where(moves, rise, 0.0), np.where(moves, fall, 0.0), acc, peak
-
-    def starts_above_peak(self, segment: Indices) -> bool:
-        """Whether one of the segments starts above its velocity, which then is not the lowest of three lines."""
-        profile = self.schedule.profile
-        return bool((profile.start[segment] > profile.peak[segment] * (1 + REACHED)).any())
-
     def velocity(self, segment: Indices, time: Floats) -> Floats:
         """Path velocity, (k,) pulse/ms; 0 in a dwell and after a stage's end."""
         profile, schedule = self.schedule.profile, self.schedule
         if not len(self):
             return np.zeros(len(time))
-        rise, fall, acc, peak = self.velocity_lines(segment, time)
-        since = np.maximum(time - schedule.times_ms[segment], 0.0)
-        start = profile.start[segment]
-        slows = start > peak
-        first = np.where(slows, np.maximum(start - acc * since, peak), np.minimum(rise, peak))
-        velocity = np.minimum(first, fall)
-        dwell = schedule.dwell[segment]
-        over = dwell | (time >= schedule.times_ms[segment] + schedule.duration_ms[segment])
-        # At the very end of a segment its end velocity still holds.
-        ended = np.where(time > schedule.stage_end()[schedule.stage[segment]], 0.0, profile.end[segment])
-        return np.where(over, np.where(dwell, 0.0, ended), np.maximum(velocity, 0.0))
+        rows = rows_of(segment)
+        begin, duration = schedule.times_ms[rows], schedule.duration_ms[rows]
+        start, peak, acc = profile.start[rows], profile.peak[rows], profile.acc[rows]
+        since, end = time - begin, profile.end[rows]
+        gained = acc * np.maximum(since, 0.0)
+        rise = np.minimum(start + gained, peak)
+        if (start > peak).any():
+            rise = np.where(start > peak, np.maximum(start - gained, peak), rise)
+        velocity = np.maximum(np.minimum(rise, end + acc * (duration - since)), 0.0)
+        over = np.flatnonzero(time >= begin + duration)
+        if len(over):
+            # At the very end of a segment its end velocity still holds.
+            stage_end = schedule.times_ms[schedule.stage_first[schedule.stage[segment[over]] + 1]]
+            velocity[over] = np.where(time[over] > stage_end, 0.0, end[over])
+        velocity[schedule.dwell[rows]] = 0.0
+        return np.asarray(velocity)
 
     def distance_run(self, segment: Indices, time: Floats) -> Floats:
         """Path length since the segment's start, (k,) pulse."""
@@ -78,17 +64,6 @@ class Motion:
         length = self.segments.length[segment]
         share = np.where(length > 0, self.distance_run(segment, time) / np.where(length > 0, length, 1.0), 0.0)
         return self.segments.points(segment, share)
-
-    def axis_positions(self, stage: int, x: Floats, y: Floats) -> list[Floats]:
-        """Positions of the four axes of distance follow; an axis outside the coordinate system is at 0.
-
-        They are positions of the machine: the axes know no origin of a coordinate system.
-        """
-        axes = [np.zeros(len(x)) for _ in range(4)]
-        for axis, values in zip(self.axes[stage], (x, y), strict=True):
-            if axis < 4:
-                axes[axis] = values
-        return axes
 
 
 def motion_of(events: Events) -> Motion:

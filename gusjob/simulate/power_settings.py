@@ -7,14 +7,14 @@ limits; the mode's limits.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
-from gusjob.simulate.events import ChannelEvents, Events, ImmediateAction, PowerEvents
+from gusjob.simulate.events import ChannelEvents, Events, ImmediateAction, LaserState, PowerEvents
 
 CLAMPED = 1e-9
 """Relative distance beyond a limit from which a power counts as clamped: less is rounding."""
@@ -32,9 +32,93 @@ class PowerSettings:
     stage: Indices
     """Stage whose distance settings apply."""
 
-    def pick(self, at: Indices | Bools) -> PowerSettings:
-        """Pick the settings at indices or at a mask."""
+    def pick(self, at: Indices | Bools | slice) -> PowerSettings:
+        """Pick the settings at indices, at a mask or of a slice."""
         return PowerSettings(**{name: getattr(self, name)[at] for name in self.__slots__})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageLasers:
+    """What the power of a channel depends on in each stage, (s,): limits of the mode, and distance follow.
+
+    The distance term is `constant` + `per_x` * |x - `reference_x`| + `per_y` * |y - `reference_y`|: power per pulse,
+    pulse. Axes that neither X nor Y drives are at 0. `low`, `high`: limits of the base power with the term added.
+    `actual`: x and y are the beam's position.
+    """
+
+    mode_low: Floats
+    mode_high: Floats
+    by_distance: Bools
+    actual: Bools
+    per_x: Floats
+    per_y: Floats
+    reference_x: Floats
+    reference_y: Floats
+    constant: Floats
+    low: Floats
+    high: Floats
+
+
+def stage_lasers(lasers: Sequence[LaserState], axes: Sequence[tuple[int, int]]) -> StageLasers:
+    """Collect the states of a channel's laser in each stage.
+
+    Args:
+        lasers: State in each stage, s.
+        axes: Of each stage, the axes (from 0) that X and Y drive.
+    """
+    rows = [_stage_laser(laser, *driven) for laser, driven in zip(lasers, axes, strict=True)]
+    columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(StageLasers.__slots__)).T
+    low, high, by_distance, actual, *distance = columns
+    per_x, per_y, reference_x, reference_y, constant, lowest, highest = distance
+    return StageLasers(
+        mode_low=low,
+        mode_high=high,
+        by_distance=by_distance > 0,
+        actual=actual > 0,
+        per_x=per_x,
+        per_y=per_y,
+        reference_x=reference_x,
+        reference_y=reference_y,
+        constant=constant,
+        low=lowest,
+        high=highest,
+    )
+
+
+def _stage_laser(laser: LaserState, x_axis: int, y_axis: int) -> tuple[float, ...]:
+    """Return the values of StageLasers in one stage, in its order."""
+    if not laser.follows_distance or laser.distance_limits is None:
+        return laser.low, laser.high, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -math.inf, math.inf
+    columns = laser.ratio_per_mm, laser.scale_pulse_per_mm, laser.reference_pulse
+    per_pulse = [ratio / scale if ratio else 0.0 for ratio, scale, _ in zip(*columns, strict=True)]
+    moves = dict.fromkeys((x_axis, y_axis))
+    still = (
+        per * abs(at)
+        for axis, (per, at) in enumerate(zip(per_pulse, laser.reference_pulse, strict=True))
+        if axis not in moves
+    )
+    constant = math.fsum(still)
+    # An axis that both drive follows Y.
+    (per_x, x), (per_y, y) = (
+        (per_pulse[axis], laser.reference_pulse[axis]) if axis < len(per_pulse) else (0.0, 0.0)
+        for axis in (x_axis, y_axis)
+    )
+    per_x = 0.0 if x_axis == y_axis else per_x
+    actual = float(laser.distance_actual)
+    return laser.low, laser.high, 1.0, actual, per_x, per_y, x, y, constant, *laser.distance_limits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BaseLimits:
+    """What all limits make of a base power without distance follow, (p,).
+
+    It is kept within `lowest` and `highest`. A limit clamps it if it is less than `below` or more than `above`.
+    """
+
+    lowest: Floats
+    highest: Floats
+    below: Floats
+    above: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +221,9 @@ def limited(
     Returns:
         The power, and where a limit clamped it, (p,).
     """
+    mode_low, mode_high = settings.mode_low, settings.mode_high
+    if distance is None and ((base <= np.minimum(settings.high, mode_high)) & (base >= mode_low)).all():
+        return base, np.zeros(len(base), dtype=np.bool_)
     value = np.minimum(base, settings.high)
     clamped = base > settings.high * (1 + CLAMPED)
     if distance is not None:
@@ -144,9 +231,26 @@ def limited(
         raw = value + term
         value = np.clip(raw, low, high)
         clamped = clamped | _beyond(raw, low, high)
-    mode_low, mode_high = settings.mode_low, settings.mode_high
     clamped = clamped | _beyond(value, mode_low, mode_high)
     return np.minimum(np.maximum(value, mode_low), mode_high), clamped
+
+
+def base_limits(settings: PowerSettings) -> BaseLimits:
+    """Compute the limits of base powers that no distance term is added to, as `limited` applies them."""
+    high, mode_low, mode_high = settings.high, settings.mode_low, settings.mode_high
+    too_high = _edge(mode_high, 1)
+    return BaseLimits(
+        lowest=np.minimum(mode_low, mode_high),
+        highest=np.minimum(np.maximum(high, mode_low), mode_high),
+        below=_edge(mode_low, -1),
+        above=np.where(too_high < high, too_high, high * (1 + CLAMPED)),
+    )
+
+
+def _edge(limit: Floats, side: int) -> Floats:
+    """Power from which _beyond counts it as beyond a limit. `side`: 1 above, -1 below."""
+    least = limit + side * CLAMPED
+    return np.asarray(least / (1 - side * CLAMPED * np.sign(least)))
 
 
 def _beyond(value: Floats, low: Floats, high: Floats) -> Bools:

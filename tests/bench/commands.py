@@ -116,10 +116,11 @@ def write_job(path: Path, statements: Iterator[str]) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """One run of one command. `peak_mb` is None where the system does not tell it."""
+    """One run of one command. `peak_mb` and `user_s` (CPU time) are None where the system does not tell them."""
 
     seconds: float
     peak_mb: float | None
+    user_s: float | None
     output: str
 
 
@@ -151,23 +152,23 @@ def run(command: list[str], folder: Path) -> Run:
     with tempfile.TemporaryFile(dir=folder) as out:
         start = time.perf_counter()
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, cwd=folder)
-        peak_mb, code = _wait(process)
+        peak_mb, user_s, code = _wait(process)
         seconds = time.perf_counter() - start
         out.seek(0)
         output = out.read(100_000).decode("utf-8", errors="replace")
     if code != 0:
         sys.exit(f"{' '.join(command)}\nended with {code}:\n{output}")
-    return Run(seconds=seconds, peak_mb=peak_mb, output=output)
+    return Run(seconds=seconds, peak_mb=peak_mb, user_s=user_s, output=output)
 
 
-def _wait(process: subprocess.Popen[bytes]) -> tuple[float | None, int]:
-    """Wait for a child: its own peak memory in MB (getrusage would give the largest child so far), its exit code."""
+def _wait(process: subprocess.Popen[bytes]) -> tuple[float | None, float | None, int]:
+    """Wait for a child: its peak memory in MB (getrusage would give the largest child so far), CPU time, exit code."""
     if sys.platform == "win32":
-        return None, process.wait()
+        return None, None, process.wait()
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     per_mb = 1e6 if sys.platform == "darwin" else 1e6 / 1024
-    return usage.ru_maxrss / per_mb, process.returncode
+    return usage.ru_maxrss / per_mb, usage.ru_utime, process.returncode
 
 
 def gusjob(*words: str) -> list[str]:

@@ -10,7 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gusjob.kinematics.arrays import running_sum
-from gusjob.kinematics.trapezoids import corner_velocity, even_velocity, look_ahead, reached_ends, trapezoids
+from gusjob.kinematics.trapezoids import (
+    corner_velocity,
+    even_velocity,
+    look_ahead,
+    reached_ends,
+    time_of_run,
+    trapezoids,
+)
 
 A = np.array
 
@@ -29,6 +36,19 @@ def test_triangle() -> None:
     # 100 pulse: v^2 = a*L = 200.
     peak = math.sqrt(200)
     assert one(100, 0, 50, 0, 2) == pytest.approx((peak / 2, 0, peak / 2, peak), rel=1e-14)
+
+
+def test_time_of_a_length_in_every_phase() -> None:
+    """100 pulse from 0 over 10 pulse/ms to 0 at 2 pulse/ms2: 25 pulse in 5 ms up, 5 ms level, 5 ms down.
+
+    40 pulse from 10 over 5 to 5 pulse/ms at 5 pulse/ms2: 7.5 pulse in 1 ms down, then 6.5 ms at 5 pulse/ms.
+    """
+    t = trapezoids(A([100.0, 40.0]), A([0.0, 10.0]), A([10.0, 5.0]), A([0.0, 5.0]), A([2.0, 5.0]))
+    run = A([0, 9, 25, 60, 75, 99, 100])
+    found = time_of_run(t, np.zeros(7, dtype=np.intp), run.astype(np.float64))
+    assert found == pytest.approx([0, 3, 5, 8.5, 10, 14, 15])
+    found = time_of_run(t, np.ones(4, dtype=np.intp), A([0, 10 * 0.2 - 2.5 * 0.04, 7.5, 40.0]))
+    assert found == pytest.approx([0, 0.2, 1, 7.5])
 
 
 def test_ramps_to_and_from_other_velocities() -> None:

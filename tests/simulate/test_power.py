@@ -11,6 +11,8 @@ from support.tools import MARK, run_job, run_listing, stream_of
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.model import simulate_stream
 from gusjob.frontend import check_text, read_listing
+from gusjob.simulate.tick_runs import RunSums
+from gusjob.simulate.ticks import SampledPower
 
 HEAD = """GT_SetAxisMode(7,1)
 GT_LaserPowerMode(0,100,0,0)
@@ -99,6 +101,56 @@ def test_velocity_follow_over_a_million_ticks_equals_the_sum() -> None:
     held = np.diff(np.append(ticks, duration))
     expected = math.fsum(np.minimum(0.3 * vel + 5, 20) * held)
     assert trace.channels[0].emitted.power_ms[0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_follow_late_in_a_long_job_loses_no_digits() -> None:
+    """After 2.7 hours, ten million ticks of 1 us: 1000 of them up, 1000 down, each step 0.002 pulse/ms."""
+    wait = "GT_BufDelay(1,16383,0)\n" * 600
+    text = HEAD + wait + "GT_BufLaserPrfFollow(1,10,5,100,0,0)\nGT_BufLaserOn(1,0,0)\nGT_LnXY(1,20000,0,2,2,0,0)\n"
+    ran = run_listing(text + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n", Machine(period_us=1))
+    # 1 ms over 1 pulse, 9999 ms over 19998 pulse, 1 ms over 1 pulse. The ramps sum up to 1000 steps each.
+    ramps = 2 * 1000 * 5 + 10 * 0.002 * (sum(range(1000)) + sum(range(1, 1001)))
+    expected = (ramps + 9_999_000 * 25) / 1000
+    assert ran.column("ch0_power_ms")[-1] == pytest.approx(expected, rel=1e-11)
+    assert ran.column("ch0_power_min")[-1] == pytest.approx(5, abs=1e-6)
+    assert ran.column("ch0_power_max")[-1] == pytest.approx(25)
+
+
+def test_a_dwell_after_an_abrupt_stop_has_no_velocity() -> None:
+    """25 ms up to 50 pulse/ms, 1987.5 ms at it; the dwell begins on tick 8050 and is at the lowest power."""
+    text = HEAD + "GT_BufLaserPrfFollow(1,1,5,100,0,0)\nGT_BufLaserOn(1,0,0)\nGT_LnXY(1,100000,0,50,2,50,0)\n"
+    ran = run_listing(text + "GT_BufDelay(1,10,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n")
+    assert ran.column("ch0_power_ms")[1] == pytest.approx(50)
+    assert ran.column("ch0_power_max")[1] == pytest.approx(5)
+
+
+@pytest.mark.parametrize(("period_us", "highest"), [(600, 60.96), (750, 60.9375)])
+def test_velocity_and_distance_follow_turn_between_two_ticks(period_us: float, highest: float) -> None:
+    """60 + v - x with v = 2t, x = t^2: the top is at 1 ms; the highest tick is at 1.2 ms, or at 0.75 ms."""
+    distance = "GT_SetLaserDisMode(1,0,{0,0,0,0},{1,1,1,1},0)\nGT_SetLaserDisRatio({-1,0,0,0},0,100,0)\n"
+    text = HEAD + distance + "GT_BufLaserPrfFollow(1,1,60,100,0,0)\nGT_BufLaserOn(1,0,0)\nGT_LnXY(1,50,0,10,2,0,0)\n"
+    ran = run_listing(text + "GT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n", Machine(period_us=period_us))
+    assert ran.column("ch0_power_max") == [pytest.approx(highest, rel=1e-12)]
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "LASER FOLLOW RATIO 0.001 MIN 5 MAX 90\n",
+        "LASER DISTANCE REF X 3 Y -2 RATIO X 0.5 Y 0.2 MIN 0 MAX 100\nLASER POWER 40\n",
+        "LASER DISTANCE REF X 3 Y -2 RATIO X 0.5 Y 0.2 MIN 0 MAX 100\nLASER FOLLOW MIN 5 MAX 50 AT 100mm/s\n",
+        "LASER DISTANCE REF X 3 Y -2 RATIO X 0.5 Y 0.2 MIN 0 MAX 7 SOURCE ACTUAL\nLASER POWER 40\n",
+    ],
+)
+def test_no_tick_is_computed_where_power_is_a_function_of_its_number(
+    setting: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def by_ticks(*_: object) -> RunSums:
+        raise AssertionError("computed tick by tick")
+
+    monkeypatch.setattr(SampledPower, "by_ticks", by_ticks)
+    text = MARK + setting + "LASER ON\nLINE X 10 Y 3\nLINE X -4 Y -20\nDWELL 3\nLASER OFF\n"
+    assert all(energy > 0 for energy in run_job(text).column("ch0_power_ms"))
 
 
 def test_power_held_at_moments() -> None:
