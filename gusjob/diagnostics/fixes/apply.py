@@ -41,7 +41,7 @@ def apply_fixes(loaded: Checked, check: Checker, selected: Callable[[Diagnostic]
         check: Checks an edited text.
         selected: Whether a diagnostic is to be fixed.
     """
-    state = FixResult(loaded.source.data, loaded)
+    state = FixResult(loaded.source.as_written, loaded)
     search = _FixSearch(check=check, selected=selected)
     for _ in range(MAX_ITERATIONS):
         fixes = search.find(state)
@@ -73,7 +73,8 @@ class _FixSearch:
         """Return fixes that can be tried together; first those of lines that can't be read, if there are any."""
         if state.loaded.job is None:
             return []
-        context = FixContext(state.loaded, state.data)
+        # Where the text was written with other line ends, the offsets are the same.
+        context = FixContext(state.loaded, state.loaded.source.data)
         fixable = [d for d in state.loaded.diagnostics if d.rule.code in FIXES and self.selected(d)]
         fixable = [d for d in fixable if self.is_own(state, d) and key_of(d) not in self.rejected]
         of_syntax = [fix for d in fixable if d.rule.code in SYNTAX_RULES for fix in _fixes(context, d)]

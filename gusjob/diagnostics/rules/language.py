@@ -14,6 +14,7 @@ UNEXPECTED = rule(
     bad=HEAD + "LINE X1O Y20\n",
     good=HEAD + "LINE X10 Y20\n",
 )
+UNKNOWN_UNIT = variant(UNEXPECTED, text="{found} is not a unit: {units}")
 MISSING = variant(UNEXPECTED, text="{words} is missing after {word}")
 UNKNOWN_STATEMENT = rule(
     "GJ102",
@@ -513,6 +514,15 @@ RECORDING_CUT = rule(
     bad="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n",
     good="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n"
     "// ended with exit code 0\n",
+)
+NOT_DECIMAL = rule(
+    "GJ157",
+    ERROR,
+    title="number is not decimal",
+    text="{found} is not a decimal number{hint}",
+    why="Read as two words, Y 0x10 would be Y 0 and X 10.",
+    bad=HEAD + "LINE Y 0x10\n",
+    good=HEAD + "LINE Y 16\n",
 )
 OVERRIDE_UNKNOWN = rule(
     "GJ160",

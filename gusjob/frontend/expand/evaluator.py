@@ -18,8 +18,7 @@ from gusjob.frontend.parse.expressions import Expression, Mismatch
 from gusjob.frontend.parse.forms import Word
 from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.operators import PLAIN, TRUTH, NumberType
-from gusjob.frontend.parse.statement_parser import POWER_KINDS
-from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND
+from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND, POWER_KINDS
 from gusjob.frontend.scan.shapes import MAX_NUMBER
 from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, number
 from gusjob.i18n.spelling import nearest

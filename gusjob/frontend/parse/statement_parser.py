@@ -22,14 +22,12 @@ from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WOR
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, parser, subtrees, tokens
 from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NEGATE, Function
 from gusjob.frontend.parse.statement import CONTROL_FORMS, Quantity, Statement
-from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND, syntax_error
+from gusjob.frontend.parse.syntax_errors import syntax_error
+from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND, POWER_KINDS, hexadecimal
 from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER
 from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, plural
 from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
-
-POWER_KINDS = {QuantityKind.SHARE, QuantityKind.FREQUENCY, QuantityKind.VOLTAGE}
-"""Kinds that a power can be written in."""
 
 
 def strip_comment(line: str) -> str:
@@ -241,6 +239,9 @@ class _StatementParser:
         token = parts[-1]
         sign = parts[0] if len(parts) > 1 else token
         start, end = sign.column or 1, (token.column or 1) + len(token)
+        if (found := hexadecimal(self.text, (token.column or 1) - 1, end - 1, self.line)) is not None:
+            self.diagnostics.append(found)
+            return None
         number_text, unit_text = _split_unit(str(token))
         times, over, system = 1.0, 1.0, 0
         if unit_text:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.frontend.scan.shapes import number_runs
+from gusjob.frontend.scan.shapes import begins_hexadecimal, number_runs
 from gusjob.kinematics.arrays import Floats, Indices
 
 
@@ -30,6 +30,7 @@ class Template:
     Attributes:
         constants: Columns that have the same value in every row.
         fixed: Runs that are part of a word (mm/s2), each with its value.
+        not_zero: Runs that touch an X: 0x10 is no decimal number.
     """
 
     op: int
@@ -37,6 +38,7 @@ class Template:
     slots: tuple[NumberSlot, ...] = ()
     constants: tuple[tuple[int, float], ...] = ()
     fixed: tuple[tuple[int, float], ...] = ()
+    not_zero: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
@@ -69,7 +71,10 @@ class TemplateBuilder:
     def build(self, op: int, *, system: int = 0, constants: tuple[tuple[int, float], ...] = ()) -> Template:
         """The template. Runs that no number was matched with must be the same in every line."""
         fixed = tuple((i, float(self.line[start : self.runs[i][1]])) for start, i in self.unused.items())
-        return Template(op=op, system=system, slots=tuple(self.slots), constants=constants, fixed=fixed)
+        not_zero = tuple(i for i, (start, end) in enumerate(self.runs) if begins_hexadecimal(self.line, start, end))
+        return Template(
+            op=op, system=system, slots=tuple(self.slots), constants=constants, fixed=fixed, not_zero=not_zero
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -175,15 +175,17 @@ class _ShapeScanner:
         return numbers, offsets, self._with_fixed_runs(numbers, offsets, ids)
 
     def _with_fixed_runs(self, numbers: Floats, offsets: Ints, ids: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-        """The ids, with lines marked for the parser whose fixed runs are not those of their template."""
+        """The ids, with lines marked for the parser whose fixed runs are not those of their template, or zero."""
         for number in np.flatnonzero(np.bincount(ids)).tolist():
             template = self.templates[number]
-            if template is None or not template.fixed:
+            if template is None or not (template.fixed or template.not_zero):
                 continue
             rows = np.flatnonzero(ids == number)
             differs = np.zeros(len(rows), dtype=np.bool_)
             for run, value in template.fixed:
                 differs |= numbers[offsets[rows] + run] != value
+            for run in template.not_zero:
+                differs |= numbers[offsets[rows] + run] == 0
             if differs.any():
                 ids = ids.copy()
                 ids[rows[differs]] = _BY_PARSER

@@ -20,6 +20,7 @@ CHUNK = 1 << 21
 
 _COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
 _COMMENT = re.compile(rb"(?:;|//)[^\n]*")
+_HEXADECIMAL = re.compile(r"x[0-9a-f]", re.IGNORECASE | re.ASCII)
 _RUN = re.compile(rb"[0-9.+-]+")
 _NUMBER = rb"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _SIGNED = re.compile(rb"[+-]?" + _NUMBER)
@@ -108,6 +109,11 @@ def number_runs(line: bytes) -> list[tuple[int, int]] | None:
             return None
         runs += [(match.start() + part.start(), match.start() + part.end()) for part in _SIGNED.finditer(match[0])]
     return runs
+
+
+def begins_hexadecimal(line: str, start: int, end: int) -> bool:
+    """Whether a whole number touches X and a digit, so that 0 in its place would begin a hexadecimal number."""
+    return line[start:end].lstrip("+-").isdigit() and _HEXADECIMAL.match(line, end) is not None
 
 
 def has_sums(code: bytes) -> bool:
