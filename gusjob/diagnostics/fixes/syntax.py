@@ -27,7 +27,7 @@ _IF = re.compile(r"\s*IF\b", re.IGNORECASE | re.ASCII)
 def fix_line(context: FixContext, diagnostic: Diagnostic) -> Edits:
     """Correct the slips of a line, if the line can be read then."""
     text = context.line(diagnostic.span.line)
-    new = corrected(text)
+    new = context.correct_line(text)
     if new is None:
         return ()
     start = context.start(diagnostic.span.line)

@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 from gusjob.frontend.parse.grammar import parser
 from gusjob.i18n.characters import quoted
@@ -65,7 +66,9 @@ def misread(
     """
     accepted: Sequence[str] = ()
     if isinstance(error, UnexpectedToken):
-        accepted = sorted({*(error.accepts or error.expected)}.difference(out_of_place))
+        state = error.interactive_parser
+        accepts = error.expected if state is None else _accepts(state)
+        accepted = sorted({*(accepts or error.expected)}.difference(out_of_place))
         if error.token.type == "$END":
             column = len(text.rstrip()) + 1
             return _misread(END_OF_LINE, column, column + 1, accepted, names)
@@ -87,10 +90,22 @@ def accepted_after(lark: Lark, text: str) -> Sequence[str]:
         interactive = lark.parse_interactive(text)
         for _ in interactive.iter_parse():
             pass
-        accepted: set[str] = interactive.accepts()  # type: ignore[no-untyped-call]  # lark's
-        return sorted(accepted)
+        return sorted(_accepts(interactive))
     except UnexpectedInput:
         return ()
+
+
+_known_accepts: dict[tuple[int, ...], frozenset[str]] = {}
+"""What the parser accepts, by its tables and states: lark finds it by trying every terminal."""
+
+
+def _accepts(interactive: InteractiveParser) -> frozenset[str]:
+    """The terminals that a parser accepts next."""
+    state = interactive.parser_state
+    key = (id(state.parse_conf.parse_table), *map(int, state.state_stack))
+    if key not in _known_accepts:
+        _known_accepts[key] = frozenset(interactive.accepts())  # type: ignore[no-untyped-call]  # lark's
+    return _known_accepts[key]
 
 
 def _misread(found: str, start: int, end: int, accepted: Sequence[str], names: dict[str, str]) -> Misread:
