@@ -86,7 +86,7 @@ class _FixSearch:
         return without_overlaps(of_syntax or [fix for d in fixable for fix in _fixes(context, d)])
 
     def find_unlisted(self, context: FixContext, listed: list[Fix]) -> Iterator[Fix]:
-        """Find the fixes of lines that can't be read and are not listed, but differ from listed ones in numbers only."""
+        """Find the fixes of lines that are not listed, but differ from lines that are in numbers only."""
         if not listed or all(d.rule is not NOT_LISTED for d in context.loaded.diagnostics):
             return
         last = max(d.span.line for d in context.loaded.diagnostics if d.rule.code in SYNTAX_RULES)

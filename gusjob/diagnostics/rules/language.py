@@ -61,6 +61,15 @@ NUMBER_TOO_LARGE = rule(
     bad=HEAD + "LINE X 1e300\n",
     good=HEAD + "LINE X 100\n",
 )
+NUMBER_TOO_SMALL = rule(
+    "GJ158",
+    ERROR,
+    title="number too small",
+    text="{value} is too close to 0: the smallest number is {limit}",
+    why="What is divided by such a number has no value.",
+    bad=HEAD + "LINE X 1e-300\n",
+    good=HEAD + "LINE X 0\n",
+)
 RESERVED_NAME = rule(
     "GJ108",
     ERROR,
@@ -357,6 +366,9 @@ FRAME_SCALE = rule(
     why="A scale of 0 maps everything to one point. Instead of a negative scale, write a rotation by 180 degrees.",
     bad=HEAD + "FRAME SCALE 0\nLINE X 1\nEND\n",
     good=HEAD + "FRAME SCALE 2\nLINE X 1\nEND\n",
+)
+FRAME_SCALE_RANGE = variant(
+    FRAME_SCALE, text="the scale of this frame, with that of the frames around it, is {value}; it must be {range}"
 )
 UNUSED_ROUTINE = rule(
     "GJ141",

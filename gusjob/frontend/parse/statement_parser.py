@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 
 from lark import Token, Tree, UnexpectedInput
@@ -24,10 +25,12 @@ from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NEGATE, Fu
 from gusjob.frontend.parse.statement import CONTROL_FORMS, Quantity, Statement
 from gusjob.frontend.parse.syntax_errors import syntax_error
 from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND, POWER_KINDS, hexadecimal
-from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER
+from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER, MIN_NUMBER
 from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, plural
 from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
+
+_NOT_ZERO = re.compile(r"[0.]*[1-9]")
 
 
 def strip_comment(line: str) -> str:
@@ -252,8 +255,7 @@ class _StatementParser:
                 return None
             times, over, system = unit.times, unit.over * (1000.0 if word.ms else 1.0), unit.system
         magnitude = float(number_text)
-        if magnitude > MAX_NUMBER or magnitude * times / over > MAX_NUMBER:
-            self.report_too_big(token, start, end)
+        if self.report_size(number_text, max(magnitude, magnitude * times / over), token, start, end):
             return None
         signed = (-magnitude if sign.type == "MINUS" else magnitude) + 0.0
         touches = sign is token or (sign.column or 0) + 1 == token.column
@@ -267,10 +269,16 @@ class _StatementParser:
             plain=touches and "e" not in number_text.lower(),
         )
 
-    def report_too_big(self, token: Token, start: int, end: int) -> None:
-        """Add a diagnostic for a number above MAX_NUMBER."""
+    def report_size(self, written: str, value: float, token: Token, start: int, end: int) -> bool:
+        """Add a diagnostic for a number above MAX_NUMBER, or nearer to 0 than MIN_NUMBER; return whether it is one."""
         shown = f"{token[:20]}{'...' * (len(token) > 20)}"
-        self.report(rules.NUMBER_TOO_LARGE, start, end, value=shown, limit=MAX_NUMBER)
+        if value > MAX_NUMBER:
+            self.report(rules.NUMBER_TOO_LARGE, start, end, value=shown, limit=MAX_NUMBER)
+            return True
+        if float(written) < MIN_NUMBER and _NOT_ZERO.match(written):
+            self.report(rules.NUMBER_TOO_SMALL, start, end, value=shown, limit=MIN_NUMBER)
+            return True
+        return False
 
     def group(self, value: Tree[Token]) -> Quantity | None:
         """An expression in parentheses, with or without a sign before it."""
@@ -351,8 +359,7 @@ class _StatementParser:
             known = UNITS[unit.lower()]
             kind, system, times, over = known.kind, known.system, known.times, known.over
         value = float(number_text) * times / over
-        if max(value, float(number_text)) > MAX_NUMBER:
-            self.report_too_big(token, start, start + len(token))
+        if self.report_size(number_text, max(value, float(number_text)), token, start, start + len(token)):
             return None
         # A sign that touches the digits belongs to the same run as they do.
         sign = self.text[start - 2] if start > 1 else ""

@@ -15,7 +15,16 @@ import numpy.typing as npt
 import orjson
 
 from gusjob.frontend.scan.rows import Row, Rows, Template, groups_of, join_rows, rows_of
-from gusjob.frontend.scan.shapes import CHUNK, MAX_LINE, MAX_NUMBER, ShapeTable, collapse_digits, has_sums, number_runs
+from gusjob.frontend.scan.shapes import (
+    CHUNK,
+    MAX_LINE,
+    MAX_NUMBER,
+    MIN_NUMBER,
+    ShapeTable,
+    collapse_digits,
+    has_sums,
+    number_runs,
+)
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 
 MAX_DIAGNOSTICS = 1000
@@ -168,10 +177,10 @@ class _ShapeScanner:
         offsets = np.cumsum(counts) - counts
         if len(numbers) != int(counts.sum()):
             raise AssertionError("a shape's runs and its numbers differ")
-        if len(numbers) and not (np.abs(numbers) <= MAX_NUMBER).all():
-            huge = np.flatnonzero(~(np.abs(numbers) <= MAX_NUMBER))
+        magnitudes = np.abs(numbers)
+        if not (fits := (magnitudes <= MAX_NUMBER) & ((magnitudes >= MIN_NUMBER) | (magnitudes == 0))).all():
             ids = ids.copy()
-            ids[np.unique(np.searchsorted(offsets + counts, huge, side="right"))] = _BY_PARSER
+            ids[np.unique(np.searchsorted(offsets + counts, np.flatnonzero(~fits), side="right"))] = _BY_PARSER
         return numbers, offsets, self._with_fixed_runs(numbers, offsets, ids)
 
     def _with_fixed_runs(self, numbers: Floats, offsets: Ints, ids: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:

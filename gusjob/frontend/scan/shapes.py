@@ -15,6 +15,8 @@ MAX_LINE = 10_000
 """Characters in a statement; a longer line is a diagnostic and is not parsed."""
 MAX_NUMBER = 1e15
 """A larger number is a diagnostic: whole numbers are exact up to here, and no product of two of them overflows."""
+MIN_NUMBER = 1e-100
+"""A smaller number other than 0 is a diagnostic: what it is divided by, or its square, would overflow or be 0."""
 CHUNK = 1 << 21
 """Bytes that are read at once."""
 
