@@ -27,13 +27,18 @@ def report_hidden(data: bytes, path: str) -> list[Diagnostic]:
     return collector.finish(rules.NOT_LISTED)
 
 
-def without_consequences(found: list[Diagnostic], hidden: list[Diagnostic]) -> list[Diagnostic]:
-    """Join the diagnostics of a text's statements and of its characters: one cause gives one diagnostic."""
-    lines = {diagnostic.span.line for diagnostic in hidden if diagnostic.rule.code == rules.HIDDEN_TEXT.code}
-    errors = {diagnostic.span.line for diagnostic in found if diagnostic.severity is Severity.ERROR}
-    if not lines & errors:
-        return [*found, *hidden]
-    return [d for d in found if d.span.line not in lines or d.severity is not Severity.ERROR] + hidden
+def without_consequences(found: list[Diagnostic]) -> list[Diagnostic]:
+    """Leave out the other errors of lines with characters that hide text: one cause gives one diagnostic."""
+    lines = {_line(diagnostic) for diagnostic in found if diagnostic.rule.code == rules.HIDDEN_TEXT.code}
+    return [d for d in found if d.rule.code == rules.HIDDEN_TEXT.code or not _is_consequence(d, lines)]
+
+
+def _is_consequence(diagnostic: Diagnostic, lines: set[tuple[str, int]]) -> bool:
+    return diagnostic.severity is Severity.ERROR and _line(diagnostic) in lines
+
+
+def _line(diagnostic: Diagnostic) -> tuple[str, int]:
+    return diagnostic.span.path, diagnostic.span.line
 
 
 def _rule(character: str) -> Rule:

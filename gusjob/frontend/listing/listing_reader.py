@@ -226,7 +226,7 @@ class _ListingReader:
             found.clear()
             self.diagnostics.add(rules.WHOLE_PROGRAM, line, 1, 2, kind=name)
             return stream_of(self.source.name, self.rows.pick(slice(0, 0)), []), found
-        return stream_of(self.source.name, self.rows, self.calls.calls), without_consequences(found, hidden)
+        return stream_of(self.source.name, self.rows, self.calls.calls), without_consequences([*found, *hidden])
 
     def whole_program(self, unread: int) -> tuple[str, int] | None:
         """Find out whether the text is a whole program: its kind, and the line that shows it."""

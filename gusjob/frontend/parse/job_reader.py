@@ -86,7 +86,7 @@ def read_job_text(source: Source) -> JobText:
         rows=rows,
         setups=tuple(reader.setups),
         nodes=tuple(reader.nodes),
-        diagnostics=tuple(without_consequences(reader.diagnostics, hidden)),
+        diagnostics=tuple(without_consequences([*reader.diagnostics, *hidden])),
         diagnostics_not_listed=reader.not_listed,
         unread_names=frozenset(reader.unread_names),
         unclear_lines=reader.unclear_lines,

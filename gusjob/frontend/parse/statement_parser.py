@@ -73,7 +73,10 @@ class _StatementParser:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
     def report(self, rule: Rule, column: int, end_column: int, **fields: object) -> None:
-        """Add a diagnostic."""
+        """Add a diagnostic; of a text within a number that is not decimal there is one already."""
+        last = self.diagnostics[-1] if self.diagnostics else None
+        if last is not None and last.rule is rules.NOT_DECIMAL and column < last.span.end_column:
+            return
         span = Span(line=self.line, column=column, end_line=self.line, end_column=end_column)
         self.diagnostics.append(Diagnostic(rule=rule, span=span, fields=fields))
 

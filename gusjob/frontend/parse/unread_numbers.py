@@ -83,8 +83,10 @@ def not_decimal(text: str, words: list[Word], at: int, line: int) -> Diagnostic 
             return found
     start = numbers[-1][0] if numbers else at
     run = _RUN.match(text, start)
-    hint = _not_decimal(run[0]) if run is not None and start < at < run.end() else None
-    return None if run is None or hint is None else _diagnostic(rules.NOT_DECIMAL, line, start, run[0], hint=hint)
+    if run is None or not start < at < run.end() or not text[run.end() : run.end() + 1].isascii():
+        return None  # A character outside ASCII is another cause: 1E＋4.
+    hint = _not_decimal(run[0])
+    return None if hint is None else _diagnostic(rules.NOT_DECIMAL, line, start, run[0], hint=hint)
 
 
 def unknown_unit(text: str, words: list[Word], at: int, line: int) -> Diagnostic | None:
