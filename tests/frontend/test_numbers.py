@@ -39,14 +39,14 @@ def found_in(line: str) -> list[Diagnostic]:
 @pytest.mark.parametrize(
     ("line", "number", "hint"),
     [
-        ("LINE Y 0x10", "0x10", "; write 16, or a blank before x"),
+        ("LINE Y 0x10", "0x10", "; write 16, or a blank before X"),
         ("LINE Y0X10", "0X10", "; write 16, or a blank before X"),
-        ("LINE Y=-0x1f X 3", "0x1f", "; write 31, or a blank before x"),
-        ("LINE Y 0xA", "0xA", "; write 10, or a blank before x"),
-        ("LINE Y 0x10Y5", "0x10Y5", "; write a blank before x"),
-        ("LET a = 0xff", "0xff", "; write 255, or a blank before x"),
-        ("REPEAT 0x10", "0x10", "; write 16, or a blank before x"),
-        ("LINE Y (1 + 0x10)", "0x10", "; write 16, or a blank before x"),
+        ("LINE Y=-0x1f X 3", "0x1f", "; write 31, or a blank before X"),
+        ("LINE Y 0xA", "0xA", "; write 10, or a blank before X"),
+        ("LINE Y 0x10Y5", "0x10Y5", "; write a blank before X"),
+        ("LET a = 0xff", "0xff", "; write 255, or a blank before X"),
+        ("REPEAT 0x10", "0x10", "; write 16, or a blank before X"),
+        ("LINE Y (1 + 0x10)", "0x10", "; write 16, or a blank before X"),
         ("LINE Y 0b101", "0b101", "; write 5"),
         ("LINE Y 0o17", "0o17", "; write 15"),
         ("LINE X 1_000", "1_000", "; write 1000"),
@@ -88,7 +88,7 @@ def test_glued_words_that_have_one_meaning(line: str, x: float, y: float) -> Non
 @given(st.integers(0, 10**15))
 def test_any_hexadecimal_number_is_named_by_its_value(value: int) -> None:
     (found,) = found_in(f"LINE Y {value:#x}")
-    assert found.message == f"'{value:#x}' is not a decimal number; write {value}, or a blank before x"
+    assert found.message == f"'{value:#x}' is not a decimal number; write {value}, or a blank before X"
 
 
 UNITS_BY_KIND: dict[int, set[str]] = {}

@@ -112,7 +112,7 @@ def hexadecimal(text: str, start: int, end: int, line: int) -> Diagnostic | None
     run = _RUN.match(text, start)
     if run is None or end - start != 1 or _BASES[0][0].match(text, start) is None:
         return None
-    hint = _not_decimal(run[0]) or Phrase("; write a blank before {word}", word=text[end])
+    hint = _not_decimal(run[0]) or Phrase("; write a blank before {word}", word="X")
     return _diagnostic(rules.NOT_DECIMAL, line, start, run[0], hint=hint)
 
 
@@ -127,7 +127,7 @@ def _not_decimal(run: str) -> str | None:
         if pattern.fullmatch(run):
             value = str(int(run[2:], base)) if len(run) <= _MAX_SHOWN else Phrase("the decimal number")
             if base == 16:
-                return Phrase("; write {value}, or a blank before {word}", value=value, word=run[1])
+                return Phrase("; write {value}, or a blank before {word}", value=value, word="X")
             return Phrase("; write {value}", value=value)
     if _GROUPED.fullmatch(run):
         return Phrase("; write {value}", value=run.replace("_", "")[:_MAX_SHOWN])
