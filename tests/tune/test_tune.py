@@ -415,8 +415,8 @@ NEW = {
 
 @pytest.mark.parametrize("name", NEW)
 def test_a_new_statement_goes_behind_the_mode(tune: Tune, tmp_path: Path, name: str) -> None:
-    lines = NEW[name].split(b"\n")
-    result = tune(b"\n".join(line for line in lines if b"<" not in line), "--write")
+    lines = re.split(rb"(?<=\n)|(?<=\r)(?!\n)", NEW[name])
+    result = tune(b"".join(line for line in lines if b"<" not in line), "--write")
     assert result.exit_code == 0, result.output
     assert (tmp_path / "a.job").read_bytes() == NEW[name].replace(b"<LASER DELAY>", TUNED)
 
