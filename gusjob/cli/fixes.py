@@ -64,7 +64,7 @@ class FileFixer:
         fixed = self._fixed(loaded, data)
         if data is not None and not self.diffs and not loaded.is_unreadable:
             if fixed is not loaded and isinstance(fixed, Checked):
-                data = BOM * data.startswith(BOM) + fixed.source.data
+                data = BOM * data.startswith(BOM) + fixed.source.as_written
             write([data], None)
         return fixed
 
@@ -76,7 +76,7 @@ class FileFixer:
         if not result.count:
             return loaded
         bom = _bom_of(path) if data is None else BOM * data.startswith(BOM)
-        before, after = bom + source.data, bom + result.data
+        before, after = bom + source.as_written, bom + result.data
         if self.diffs:
             from gusjob.frontend.format.unified_diff import unified_diff
 

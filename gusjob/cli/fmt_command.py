@@ -101,11 +101,12 @@ class _Formatting:
             show(FileResult(path=file.path, diagnostics=tuple(diagnostics), sources={source.name: source}))
             self.fail(1)
             return
-        changed = data != source.data
+        before = source.as_written
+        changed = data != before
         if self.writes and file.data is not None:
             write([bom, data], None)
         elif self.writes and changed:
-            reason = rewrite(file.path, bom + source.data, bom + data)
+            reason = rewrite(file.path, bom + before, bom + data)
             if reason:
                 failed = Phrase("{path}: can't write: {reason}", path=source.name, reason=reason)
                 click.echo(f"gusjob: {printable(localized(failed))}", err=True)
@@ -113,7 +114,7 @@ class _Formatting:
                 return
         elif changed:
             self.exit_code = max(self.exit_code, 1)
-            self.show_change(source.name, bom + source.data, bom + data)
+            self.show_change(source.name, bom + before, bom + data)
         self.counts[_CHANGED if changed else _UNCHANGED] += 1
 
     def show_change(self, name: str, before: bytes, after: bytes) -> None:

@@ -159,7 +159,7 @@ def _write_job(path: Path, before: Source, source: Source) -> None:
         bom = bom_of(path)
     except OSError as error:
         _not_written(path, reason_of(error))
-    reason = rewrite(path, bom + before.data, bom + source.data)
+    reason = rewrite(path, bom + before.as_written, bom + source.as_written)
     if reason:
         _not_written(path, reason)
 

@@ -5,7 +5,6 @@ profile.py reads them from gusjob.toml, which docs/profile.md describes.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -37,10 +36,6 @@ def _whole(name: str, low: float, high: float) -> Range:
     return Range(name=name, unit="", low=low, high=high, whole=True, section="profile")
 
 
-def _positive(name: str, unit: str, high: float = math.inf) -> Range:
-    return Range(name=name, unit=unit, low=0, high=high, low_open=True, high_open=True, section="profile")
-
-
 def _budget(unit: str) -> Range:
     return Range(name="budget", unit=unit, low=0, high=1e12, section="profile")
 
@@ -57,7 +52,7 @@ class Laser:
     name: str = field(default="", metadata=entry(str, "Name in reports", example='"30 W CO2"'))
     rated_w: float | None = field(
         default=None,
-        metadata=entry(_positive("rated power", "W", 1e6), "Power at 100 %, for watts and joules", example="30"),
+        metadata=entry(_closed("rated power", "W", 1e-6, 1e6), "Power at 100 %, for watts and joules", example="30"),
     )
     max_frequency_khz: float | None = field(
         default=None, metadata=entry(CARRIER_KHZ, "Highest response frequency", example="25")
@@ -238,7 +233,9 @@ class Machine:
     name: str = field(default=DEFAULT_NAME, metadata=entry(str, "Name of the machine"))
     pulses_per_mm: tuple[float, float] = field(
         default=(1000.0, 1000.0),
-        metadata=entry(_positive("pulses per mm", "pulse/mm", 1e7), "Resolution, or [x, y]", pair=True, single=True),
+        metadata=entry(
+            _closed("pulses per mm", "pulse/mm", 0.001, 1e7), "Resolution, or [x, y]", pair=True, single=True
+        ),
     )
     field_x_mm: tuple[float, float] = field(
         default=(-150.0, 150.0), metadata=entry(_COORDINATE_MM, "Field in X", pair=True, ascending=True)
@@ -247,10 +244,10 @@ class Machine:
         default=(-150.0, 150.0), metadata=entry(_COORDINATE_MM, "Field in Y", pair=True, ascending=True)
     )
     max_velocity_mm_s: float = field(
-        default=10_000.0, metadata=entry(_positive("velocity", "mm/s", 1e9), "Highest velocity")
+        default=10_000.0, metadata=entry(_closed("velocity", "mm/s", 0.001, 1e9), "Highest velocity")
     )
     max_acceleration_mm_s2: float = field(
-        default=1e6, metadata=entry(_positive("acceleration", "mm/s2", 1e12), "Highest acceleration")
+        default=1e6, metadata=entry(_closed("acceleration", "mm/s2", 0.001, 1e12), "Highest acceleration")
     )
     period_us: float = field(default=250.0, metadata=entry(_closed("period", "us", 1, 1e6), "Controller's tick"))
     scanner: Scanner | None = field(
@@ -271,7 +268,7 @@ class Machine:
     host_calls_per_s: float | None = field(
         default=None,
         metadata=entry(
-            _positive("calls per second", "1/s", 1e9),
+            _closed("calls per second", "1/s", 0.001, 1e9),
             "Calls per second that the host can send, for GJ515",
             example="20000",
         ),

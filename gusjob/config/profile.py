@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.ranges import ACCELERATION, VELOCITY
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.characters import report_hidden
 from gusjob.diagnostics.model import NOWHERE, Diagnostic, Rule, Span
 from gusjob.diagnostics.select import RuleSelection
 from gusjob.i18n.phrases import Phrase, number, reason_of
@@ -84,6 +85,9 @@ def parse_profile(text: str, name: str = "") -> Profile:
     from gusjob.config.table_reader import TableReader
     from gusjob.config.toml_spans import error_span, long_integer_span, parse_toml
 
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if hidden := report_hidden(text.encode("utf-8", "surrogatepass"), name):
+        return Profile(diagnostics=tuple(hidden))
     try:
         root = parse_toml(text)
     except tomllib.TOMLDecodeError as error:

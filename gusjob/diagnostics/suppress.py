@@ -19,7 +19,7 @@ _COMMENT = re.compile(
     r"(?:;|//)\s*allow(?P<gap>[\s:：,，]*)(?P<codes>GJ\w*(?:[\s,，]+GJ\w*)*)\s*(?:[:：]\s*(?P<reason>\S))?",
     re.IGNORECASE,
 )
-_CODE = re.compile(r"GJ\w*", re.IGNORECASE)
+_CODE = re.compile(r"GJ\w*", re.IGNORECASE | re.ASCII)
 
 _UNKNOWN = Phrase("there is no such rule")
 _ERROR = Phrase("an error can't be suppressed")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gusjob.config.machine import Abi, Machine
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.characters import without_consequences
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
@@ -54,7 +55,7 @@ def read_job(source: Source, machine: Machine, overrides: Overrides = NO_OVERRID
         found.append(note)
     if not len(expanded.rows.op) and not found:
         found.append(Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": Phrase("statements")}))
-    return job, [_with_path(diagnostic, source.name) for diagnostic in found]
+    return job, [_with_path(diagnostic, source.name) for diagnostic in without_consequences(found)]
 
 
 def _unknown_names(text: JobText, overrides: Overrides) -> list[Diagnostic]:

@@ -20,7 +20,10 @@ MAX_FILE_MB = 1000
 _JOB_SUFFIXES = {".job"}
 _LISTING_SUFFIXES = {".gts", ".c", ".cc", ".cpp", ".cxx", ".h", ".hpp", ".cs"}
 _LISTING_CALL = re.compile(rb"\bGTN?_[A-Za-z]+\s*\(")
-_JOINED_COMMENT = re.compile(rb"//[^\n]*[\x80-\xff]\\[ \t\r]*\n")
+_LONE_RETURN = re.compile(rb"\r(?!\n)")
+"""A CR that ends a line by itself, as on old systems: editors and compilers show a line end there."""
+_LINE = re.compile(rb"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+\Z")
+_JOINED_COMMENT = re.compile(rb"//[^\r\n]*[\x80-\xff]\\[ \t]*[\r\n]")
 _SEARCHED_BYTES = 200_000
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_ENCODING = "GB18030"
@@ -33,8 +36,9 @@ class Source:
 
     Attributes:
         name: What messages call it.
-        data: UTF-8 bytes without BOM, lines ended by LF.
+        data: UTF-8 bytes without BOM, lines ended by LF or CR LF.
         path: The file it was read from, None for none.
+        written: The same text before a CR alone was replaced by an LF, None if there was none.
         encoding: The encoding of a listing that is not UTF-8, else ''.
         joined_line: In such a listing the first line with a // comment whose last byte is that of a backslash, so that
             some compilers go on with the comment in the next line; 0 for none.
@@ -45,8 +49,23 @@ class Source:
     path: Path | None = None
     encoding: str = ""
     joined_line: int = 0
+    written: bytes | None = field(default=None, repr=False)
     _ends: Indices | None = field(default=None, repr=False)
     """Positions of line ends; computed when the first line is looked up."""
+
+    def __post_init__(self) -> None:
+        """End the lines that a CR alone ends by LF: everything that reads lines then sees the same ones."""
+        if b"\r" in self.data and _LONE_RETURN.search(self.data):
+            self.written, self.data = self.data, _LONE_RETURN.sub(b"\n", self.data)
+
+    @property
+    def as_written(self) -> bytes:
+        """The text with the line ends of its file."""
+        return self.data if self.written is None else self.written
+
+    def lines_as_written(self) -> list[bytes]:
+        """The lines of `as_written`, each with its end."""
+        return [found[0] for found in _LINE.finditer(self.as_written)]
 
     def count_lines(self) -> int:
         """Count the lines."""
@@ -109,16 +128,16 @@ def check_text(data: bytes, name: str, path: Path | None = None) -> tuple[Source
         data, encoding = decoded, "UTF-16"
     nul = data.find(b"\0")
     if nul >= 0:
-        line = data.count(b"\n", 0, nul) + 1
+        line = _line_at(data, nul)
         return None, [_diagnostic(rules.NOT_TEXT, name, line, reason=Phrase("it holds NUL bytes (a binary file?)"))]
     try:
         data.decode("utf-8") if not data.isascii() else None
     except UnicodeDecodeError as error:
         if (decoded := _decoded(data, _OTHER_ENCODING, name)) is not None:
             joined = _JOINED_COMMENT.search(data)
-            line = 0 if joined is None else data.count(b"\n", 0, joined.start()) + 1
+            line = 0 if joined is None else _line_at(data, joined.start())
             return Source(name=name, data=decoded, path=path, encoding=_OTHER_ENCODING, joined_line=line), []
-        line = data.count(b"\n", 0, error.start) + 1
+        line = _line_at(data, error.start)
         reason = Phrase("byte {byte} in line {line}", byte=f"0x{data[error.start]:02x}", line=line)
         return None, [_diagnostic(rules.NOT_TEXT, name, line, reason=reason)]
     return Source(name=name, data=data, path=path, encoding=encoding), []
@@ -130,6 +149,11 @@ def is_listing_text(name: str, data: bytes) -> bool:
     if suffix in _JOB_SUFFIXES | _LISTING_SUFFIXES:
         return suffix in _LISTING_SUFFIXES
     return _LISTING_CALL.search(data[:_SEARCHED_BYTES]) is not None
+
+
+def _line_at(data: bytes, offset: int) -> int:
+    """Line of an offset in a text with any line ends, from 1."""
+    return _LONE_RETURN.sub(b"\n", data[: offset + 1]).count(b"\n", 0, offset) + 1
 
 
 def _decoded(data: bytes, encoding: str, name: str) -> bytes | None:

@@ -98,7 +98,7 @@ def _name_items(query: Query, cursor: Cursor, head: str, allowed: list[str]) -> 
     files = query.files()
     own = query.own(files)
     if "QUANTITY" not in allowed:
-        if re.fullmatch(r"\s*CALL\s+", head, re.IGNORECASE):
+        if re.fullmatch(r"\s*CALL\s+", head, re.IGNORECASE | re.ASCII):
             routines = {e.name: e for file in files for e in file.symbols if e.form == "def"}
             for name, symbol in routines.items():
                 item = _item(name, lsp.CompletionItemKind.Function)

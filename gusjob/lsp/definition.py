@@ -21,7 +21,7 @@ def definitions_of(
 ) -> list[tuple[FileSymbols, Symbol]]:
     """Return the statements that may define a name at a position, the most likely first."""
     all_symbols = [(file, symbol) for file in files for symbol in file.symbols]
-    if re.search(rf"(?:CALL|DEF)\s+{re.escape(name)}(?!\w)", cursor.line, re.IGNORECASE):
+    if re.search(rf"(?:CALL|DEF)\s+{re.escape(name)}(?!\w)", cursor.line, re.IGNORECASE | re.ASCII):
         return [(file, symbol) for file, symbol in all_symbols if symbol.form == "def" and symbol.name == name]
     at_line = [s for s in own_file.symbols if s.contains(cursor.number) or s.line == cursor.number] if own_file else []
     blocks = [s for s in at_line if s.form in ("for", "repeat", "def") and defines_number(s, name)]

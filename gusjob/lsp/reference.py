@@ -15,7 +15,7 @@ from gusjob.controllers.gus.calls import SIGNATURES
 from gusjob.controllers.gus.ranges import PowerMode, Range
 from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, Word
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, grammar_path, keywords
-from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND
+from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND
 
 _POWERS = tuple(ranges.POWER[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
 _POWERS_NOW = tuple(ranges.POWER_NOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))

@@ -1,7 +1,7 @@
 """The text of a file, with positions in the editor's units and in gusjob's.
 
-LSP 3.17 ends a line at LF, CR LF or CR and counts UTF-16 units unless another unit is agreed; gusjob ends it at LF
-(frontend/source.py) and counts characters. Both convert to an offset in bytes.
+LSP 3.17 ends a line at LF, CR LF or CR, as gusjob does (frontend/source.py). It counts UTF-16 units unless another unit
+is agreed; gusjob counts characters. Both convert to an offset in bytes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Text:
 
     Attributes:
         unit: Unit of the editor's columns.
-        known: Offsets of the editor's lines, if they are known already.
+        known: Offsets of the lines, if they are known already.
     """
 
     data: bytes
@@ -42,23 +42,15 @@ class Text:
 
     @cached_property
     def starts(self) -> Ints:
-        """Offsets of the editor's lines."""
+        """Offsets of the lines."""
         return _line_starts(self.data) if self.known is None else self.known
 
-    @cached_property
-    def _own_starts(self) -> Ints:
-        """Offsets of gusjob's lines: a CR alone does not end a line."""
-        if b"\r" not in self.data or self.data.count(b"\r") == self.data.count(b"\r\n"):
-            return self.starts
-        ends = np.flatnonzero(np.frombuffer(self.data, dtype=np.uint8) == _LF)
-        return np.concatenate([[0], ends + 1])
-
     def line(self, number: int) -> str:
-        """Return a line of the editor's, from 0, without its end; '' if there is none."""
+        """Return a line, from 0, without its end; '' if there is none."""
         return self.data[slice(*self._bounds(number))].decode("utf-8", "replace")
 
     def _bounds(self, number: int) -> tuple[int, int]:
-        """Return the offsets where a line of the editor's begins and where its text ends."""
+        """Return the offsets where a line begins and where its text ends."""
         if not 0 <= number < len(self.starts):
             return len(self.data), len(self.data)
         start = int(self.starts[number])
@@ -97,12 +89,12 @@ class Text:
         return len(self.data[start : self.offset(position)].decode("utf-8", "replace"))
 
     def own_line(self, position: Position) -> int:
-        """Return gusjob's line number of a position, from 1."""
-        return bisect_right(self._own_starts, self.offset(position))
+        """Return the line number of a position, from 1."""
+        return bisect_right(self.starts, self.offset(position))
 
     def _own_offset(self, line: int, column: int) -> int:
-        """Return the offset of gusjob's line and column, both from 1."""
-        starts = self._own_starts
+        """Return the offset of a line and column, both from 1."""
+        starts = self.starts
         if line > len(starts):
             return len(self.data)
         start = int(starts[line - 1])

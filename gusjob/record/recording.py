@@ -140,9 +140,16 @@ def parse_fault(text: str) -> Fault | Phrase:
 
 def refusal(options: RecordOptions) -> Phrase | None:
     """Return why the listing must not be written where the options say, None if it may be."""
-    output = options.output
     if not options.command or not options.command[0]:
         return Phrase("there is no program: write it after --")
+    try:
+        return _refusal_of_output(options)
+    except OSError as error:
+        return Phrase("{path}: can't write: {reason}", path=options.output, reason=reason_of(error))
+
+
+def _refusal_of_output(options: RecordOptions) -> Phrase | None:
+    output = options.output
     if not target_of(output).parent.is_dir():
         return Phrase("{path}: can't write: {reason}", path=output, reason=Phrase("no such file or directory"))
     if not os.access(target_of(output).parent, os.W_OK | os.X_OK):

@@ -44,7 +44,7 @@ def with_statement(
             line=spans[0].line,
         )
     if own:
-        return replace(source, data=_replaced(source, spans[0], text), _ends=None)
+        return replace(source, data=_replaced(source, spans[0], text), written=None, _ends=None)
     modes = [s for s in job.setups if isinstance(s.statement, LaserMode) and s.channel == channel]
     if not modes:
         return Phrase(
@@ -52,7 +52,8 @@ def with_statement(
             channel=channel,
             name=name,
         )
-    return replace(source, data=_inserted(source, _line_of(job, found[-1] if found else modes[0]), text), _ends=None)
+    data = _inserted(source, _line_of(job, found[-1] if found else modes[0]), text)
+    return replace(source, data=data, written=None, _ends=None)
 
 
 def _line_of(job: Job, setup: Setup) -> int:
@@ -74,16 +75,17 @@ def _statement_spans(job: Job, setups: list[Setup]) -> list[Span]:
 
 
 def _replaced(source: Source, span: Span, text: str) -> bytes:
-    lines = source.data.split(b"\n")
+    lines = source.lines_as_written()
     line = lines[span.line - 1].decode()
     lines[span.line - 1] = (line[: span.column - 1] + text + line[span.end_column - 1 :]).encode()
-    return b"\n".join(lines)
+    return b"".join(lines)
 
 
 def _inserted(source: Source, number: int, text: str) -> bytes:
     """Insert a line after another, with the same indentation and line end."""
-    lines = source.data.split(b"\n")
+    lines = source.lines_as_written()
     line = lines[number - 1].decode()
-    indent = line[: len(line) - len(line.lstrip())]
-    lines.insert(number, (indent + text).encode() + b"\r" * line.endswith("\r"))
-    return b"\n".join(lines)
+    new = line[: len(line) - len(line.lstrip())] + text
+    end = line[len(line.rstrip("\r\n")) :]
+    lines.insert(number, (new + end if end else f"\n{new}").encode())
+    return b"".join(lines)

@@ -237,7 +237,7 @@ def code_of(line: str) -> str:
 
 def allowed_in(diagnostic: Diagnostic, text: str) -> set[str]:
     """Words that may stay as they are in a diagnostic of a text."""
-    lines = [code_of(line) for line in text.splitlines()]
+    lines = [code_of(line) for line in text.split("\n")]
     spans = [diagnostic.span, *(remark.span for remark in diagnostic.remarks)]
     allowed = words_of(*(lines[s.line - 1] for s in spans if s.line <= len(lines)))
     # A user's names: they may be set in another line than the one that uses them.

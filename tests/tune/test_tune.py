@@ -384,9 +384,10 @@ OWN = {
     "no line end at the end": MODE + b"<LASER DELAY ON 1 OFF 2>\n" + BODY[:-1],
     "other scripts": "; Übergröße 激光 😀\n".encode()
     + MODE
-    + "<LASER DELAY ON 1 OFF 2> ; 😀é\u2028x\n".encode()
+    + "<LASER DELAY ON 1 OFF 2> ; 😀é\u200bx\n".encode()
     + BODY,
-    "controls in a comment": MODE + b"<LASER DELAY ON 1 OFF 2> ; \x0b\x0c\x1c\n" + BODY,
+    "CR": (MODE + b"  <LASER DELAY ON 1 OFF 2> ; mine\n" + BODY).replace(b"\n", b"\r"),
+    "three line ends": MODE.replace(b"\n", b"\r") + b"<LASER DELAY ON 1 OFF 2>\r\n" + BODY,
 }
 
 
@@ -405,6 +406,7 @@ NEW = {
     "in a loop": b"REPEAT 2\n  LASER MODE DUTY CARRIER 10\n  <LASER DELAY>\n" + BODY + b"END\n",
     "in a routine": b"DEF go()\n    LASER MODE DUTY CARRIER 10\n    <LASER DELAY>\nEND\nCALL go()\n" + BODY,
     "CRLF": (b"  LASER MODE DUTY CARRIER 10 \n  <LASER DELAY>\n" + BODY).replace(b"\n", b"\r\n"),
+    "CR": (b"  LASER MODE DUTY CARRIER 10 \n  <LASER DELAY>\n" + BODY).replace(b"\n", b"\r"),
     "BOM": b"\xef\xbb\xbf" + MODE + b"<LASER DELAY>\n" + BODY,
     "the first of two": MODE + b"<LASER DELAY>\n" + BODY + b"LASER MODE DUTY2 CARRIER 20\nJUMP X 0\n" + BODY,
     "other scripts": "; 激光\n".encode() + MODE[:-1] + " ; 😀\n<LASER DELAY>\n; é".encode() + b"\n" + BODY[:-1],
@@ -413,8 +415,8 @@ NEW = {
 
 @pytest.mark.parametrize("name", NEW)
 def test_a_new_statement_goes_behind_the_mode(tune: Tune, tmp_path: Path, name: str) -> None:
-    lines = NEW[name].split(b"\n")
-    result = tune(b"\n".join(line for line in lines if b"<" not in line), "--write")
+    lines = re.split(rb"(?<=\n)|(?<=\r)(?!\n)", NEW[name])
+    result = tune(b"".join(line for line in lines if b"<" not in line), "--write")
     assert result.exit_code == 0, result.output
     assert (tmp_path / "a.job").read_bytes() == NEW[name].replace(b"<LASER DELAY>", TUNED)
 

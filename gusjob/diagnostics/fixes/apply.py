@@ -6,17 +6,20 @@ problems are left out and the text is checked again. Only if that does not help 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 
-from gusjob.diagnostics.fixes.edits import Fix, FixContext, apply_edits, without_overlaps
+from gusjob.diagnostics.fixes.edits import Edit, Fix, FixContext, apply_edits, without_overlaps
 from gusjob.diagnostics.fixes.proof import Key, key_of, prove
+from gusjob.diagnostics.fixes.similar_lines import SimilarLines
 from gusjob.diagnostics.fixes.table import FIXES, SYNTAX_RULES
-from gusjob.diagnostics.model import Diagnostic, has_errors
+from gusjob.diagnostics.model import Diagnostic, Span, has_errors
+from gusjob.diagnostics.rules import NOT_LISTED
 from gusjob.pipeline import Checked, FileResult, examine
 
 MAX_ITERATIONS = 200
-"""1000 diagnostics of a rule are listed at once, so a file with 100,000 of them is fixed completely."""
+"""1000 diagnostics of a rule are listed at once, so a file with 100,000 of them is fixed completely. Of lines
+that can't be read, those that differ in numbers only are fixed together, also where they are not listed."""
 MAX_CHECKS = 100
 """How often a file is checked in search of fixes whose proof fails; fixes that were not tried are not made."""
 
@@ -41,7 +44,7 @@ def apply_fixes(loaded: Checked, check: Checker, selected: Callable[[Diagnostic]
         check: Checks an edited text.
         selected: Whether a diagnostic is to be fixed.
     """
-    state = FixResult(loaded.source.data, loaded)
+    state = FixResult(loaded.source.as_written, loaded)
     search = _FixSearch(check=check, selected=selected)
     for _ in range(MAX_ITERATIONS):
         fixes = search.find(state)
@@ -68,16 +71,31 @@ class _FixSearch:
     rejected: set[Key] = field(default_factory=set)
     """Diagnostics whose fix could not be proved."""
     checks: int = 0
+    lines: SimilarLines = field(default_factory=SimilarLines)
 
     def find(self, state: FixResult) -> list[Fix]:
         """Return fixes that can be tried together; first those of lines that can't be read, if there are any."""
         if state.loaded.job is None:
             return []
-        context = FixContext(state.loaded, state.data)
+        # Where the text was written with other line ends, the offsets are the same.
+        context = FixContext(state.loaded, state.loaded.source.data, self.lines.corrected)
         fixable = [d for d in state.loaded.diagnostics if d.rule.code in FIXES and self.selected(d)]
         fixable = [d for d in fixable if self.is_own(state, d) and key_of(d) not in self.rejected]
         of_syntax = [fix for d in fixable if d.rule.code in SYNTAX_RULES for fix in _fixes(context, d)]
+        of_syntax += self.find_unlisted(context, of_syntax)
         return without_overlaps(of_syntax or [fix for d in fixable for fix in _fixes(context, d)])
+
+    def find_unlisted(self, context: FixContext, listed: list[Fix]) -> Iterator[Fix]:
+        """Find the fixes of lines that are not listed, but differ from lines that are in numbers only."""
+        if not listed or all(d.rule is not NOT_LISTED for d in context.loaded.diagnostics):
+            return
+        last = max(d.span.line for d in context.loaded.diagnostics if d.rule.code in SYNTAX_RULES)
+        for number, old, new in self.lines.others(context.data, last + 1):
+            start = context.start(number)
+            diagnostic = replace(listed[0].diagnostic, span=Span(line=number))
+            if self.selected(diagnostic) and key_of(diagnostic) not in self.rejected:
+                edit = Edit(start, start + len(old.encode()), new.encode())
+                yield Fix(diagnostic=diagnostic, edits=(edit,))
 
     def is_own(self, state: FixResult, diagnostic: Diagnostic) -> bool:
         """Whether a diagnostic is in this text: that of an included file may not exist in another job."""

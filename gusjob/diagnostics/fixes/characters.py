@@ -25,7 +25,7 @@ _REPLACEMENTS = {
     "\u2265": ">=",
     "\u2260": "!=",
 }
-_PER_TIME = re.compile(r"\d\s*(?:mm|m|pulse)/m?s$", re.IGNORECASE)
+_PER_TIME = re.compile(r"\d\s*(?:mm|m|pulse)/m?s$", re.IGNORECASE | re.ASCII)
 _SQUARE = "\u00b2"
 
 

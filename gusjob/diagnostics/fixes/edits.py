@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,10 +34,14 @@ class Fix:
 
 @dataclass(slots=True)
 class FixContext:
-    """A checked job with its text, in which fixes look up lines and positions."""
+    """A checked job with its text, in which fixes look up lines and positions.
+
+    `correct_line`: returns a line that can't be read without its slips, None if that is not enough.
+    """
 
     loaded: Checked
     data: bytes
+    correct_line: Callable[[str], str | None]
     _starts: Indices | None = field(default=None, repr=False)
 
     def start(self, line: int) -> int:

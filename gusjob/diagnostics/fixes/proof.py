@@ -44,7 +44,13 @@ def prove(before: Checked, after: FileResult, fixes: Iterable[Fix]) -> Proof:
     if not isinstance(after, Checked) or after.job is None:  # The text is no longer read as a job.
         return Proof(remaining=fixes, new_problems=frozenset({0}))
     keys = {key_of(diagnostic) for diagnostic in after.diagnostics}
-    remaining = tuple(fix for fix in fixes if key_of(fix.diagnostic) in keys)
+    unread = {line for code, path, line in keys if code in SYNTAX_RULES and not path}
+    remaining = tuple(
+        fix
+        for fix in fixes
+        if key_of(fix.diagnostic) in keys
+        or (fix.diagnostic.rule.code in SYNTAX_RULES and fix.diagnostic.span.line in unread)
+    )
     if any(fix.diagnostic.rule.code in SYNTAX_RULES for fix in fixes):
         return Proof(remaining=remaining, new_problems=frozenset())
     return Proof(remaining=remaining, new_problems=frozenset(_new_problems(before.diagnostics, after.diagnostics)))

@@ -13,7 +13,7 @@ from gusjob.diagnostics.fixes.characters import normalized
 from gusjob.diagnostics.fixes.edits import Edit, Edits, FixContext
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.foreign import comment_of
-from gusjob.frontend.parse.keyword_case import words_of
+from gusjob.frontend.parse.grammar import words_of
 from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
 from gusjob.frontend.parse.syntax_errors import UNIT
 
@@ -21,13 +21,13 @@ MAX_SLIPS = 32
 """The number of slips that are corrected in a line: a statement has no more numbers."""
 
 _NUMBER_AND_BLANKS = re.compile(r"[0-9.][ \t]+$")
-_IF = re.compile(r"\s*IF\b", re.IGNORECASE)
+_IF = re.compile(r"\s*IF\b", re.IGNORECASE | re.ASCII)
 
 
 def fix_line(context: FixContext, diagnostic: Diagnostic) -> Edits:
     """Correct the slips of a line, if the line can be read then."""
     text = context.line(diagnostic.span.line)
-    new = corrected(text)
+    new = context.correct_line(text)
     if new is None:
         return ()
     start = context.start(diagnostic.span.line)

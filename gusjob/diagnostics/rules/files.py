@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule
+from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule, variant
 
 UNREADABLE = rule(
     "GJ001",
@@ -47,4 +47,18 @@ LINE_TOO_LONG = rule(
     title="line is too long",
     text="this line has {size} characters; the limit is {limit}",
     why="A line of this length is usually not job text, or its line ends are missing.",
+)
+HIDDEN_TEXT = rule(
+    "GJ007",
+    ERROR,
+    title="character that hides text",
+    text="the character {character} ends a line in some programs only: write a line end or a blank instead",
+    why="What an editor shows and what gusjob reads would differ: a statement may look like part of a comment. This "
+    "holds in comments and strings, too.",
+    bad="WAIT ; cool down\u2028DWELL 5\n",
+    good="WAIT ; cool down\nDWELL 5\n",
+)
+HIDDEN_BY_CONTROL = variant(HIDDEN_TEXT, text="the control character {character} is not allowed: remove it")
+HIDDEN_BY_DIRECTION = variant(
+    HIDDEN_TEXT, text="the character {character} changes the order in which text is shown: remove it"
 )

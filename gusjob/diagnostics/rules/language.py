@@ -14,6 +14,7 @@ UNEXPECTED = rule(
     bad=HEAD + "LINE X1O Y20\n",
     good=HEAD + "LINE X10 Y20\n",
 )
+UNKNOWN_UNIT = variant(UNEXPECTED, text="{found} is not a unit: {units}")
 MISSING = variant(UNEXPECTED, text="{words} is missing after {word}")
 UNKNOWN_STATEMENT = rule(
     "GJ102",
@@ -59,6 +60,15 @@ NUMBER_TOO_LARGE = rule(
     why="Above this limit not every whole number can be represented.",
     bad=HEAD + "LINE X 1e300\n",
     good=HEAD + "LINE X 100\n",
+)
+NUMBER_TOO_SMALL = rule(
+    "GJ158",
+    ERROR,
+    title="number too small",
+    text="{value} is too close to 0: the smallest number is {limit}",
+    why="What is divided by such a number has no value.",
+    bad=HEAD + "LINE X 1e-300\n",
+    good=HEAD + "LINE X 0\n",
 )
 RESERVED_NAME = rule(
     "GJ108",
@@ -357,6 +367,9 @@ FRAME_SCALE = rule(
     bad=HEAD + "FRAME SCALE 0\nLINE X 1\nEND\n",
     good=HEAD + "FRAME SCALE 2\nLINE X 1\nEND\n",
 )
+FRAME_SCALE_RANGE = variant(
+    FRAME_SCALE, text="the scale of this frame, with that of the frames around it, is {value}; it must be {range}"
+)
 UNUSED_ROUTINE = rule(
     "GJ141",
     NOTE,
@@ -513,6 +526,15 @@ RECORDING_CUT = rule(
     bad="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n",
     good="// recorded by gusjob record, ABI gus, time fast\n[0] GT_BufDelay(1,10,0) = 0\n[0.1] GT_CrdStart(1,0) = 0\n"
     "// ended with exit code 0\n",
+)
+NOT_DECIMAL = rule(
+    "GJ157",
+    ERROR,
+    title="number is not decimal",
+    text="{found} is not a decimal number{hint}",
+    why="Read as two words, Y 0x10 would be Y 0 and X 10.",
+    bad=HEAD + "LINE Y 0x10\n",
+    good=HEAD + "LINE Y 16\n",
 )
 OVERRIDE_UNKNOWN = rule(
     "GJ160",

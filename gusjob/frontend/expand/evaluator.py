@@ -18,9 +18,8 @@ from gusjob.frontend.parse.expressions import Expression, Mismatch
 from gusjob.frontend.parse.forms import Word
 from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.operators import PLAIN, TRUTH, NumberType
-from gusjob.frontend.parse.statement_parser import POWER_KINDS
-from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND
-from gusjob.frontend.scan.shapes import MAX_NUMBER
+from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND, POWER_KINDS
+from gusjob.frontend.scan.shapes import MAX_NUMBER, MIN_NUMBER
 from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, number
 from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import QuantityKind, UnitSystem
@@ -149,6 +148,12 @@ class Evaluator:
             count = int(np.count_nonzero(large))
             self.report_where(rules.NUMBER_TOO_LARGE, site, large, count, value=shown, limit=MAX_NUMBER)
             value = np.where(large, np.nan, value)[()]
+        small = (abs(value) < MIN_NUMBER) & (value != 0)
+        if any_lane(small):
+            shown = number(float(np.min(np.abs(np.asarray(value)[small]))))
+            count = int(np.count_nonzero(small))
+            self.report_where(rules.NUMBER_TOO_SMALL, site, small, count, value=shown, limit=MIN_NUMBER)
+            value = np.where(small, np.nan, value)[()]
         return value, kind[1] if kind != PLAIN else 0
 
     def report_wrong_kind(self, kind: NumberType, word: Word, site: Site, what: str) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords
-from gusjob.frontend.parse.keyword_case import words_of
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, words_of
 from gusjob.kinematics.units import spelling
 
 SpelledWord = tuple[str, str]
@@ -15,7 +14,7 @@ _SIGNS = {"PLUS", "MINUS"}
 _LOWER_CASE = {"AND", "OR", "NOT"}
 _OPERANDS_END = {"QUANTITY", "NAME", "RPAR"}
 """Terminals that can end an operand: a + or - after them is an operator."""
-_NUMBER = re.compile(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?", re.IGNORECASE)
+_NUMBER = re.compile(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?", re.IGNORECASE | re.ASCII)
 
 
 def canonical(text: str) -> tuple[str, str]:

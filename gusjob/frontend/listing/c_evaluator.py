@@ -50,7 +50,7 @@ from gusjob.i18n.phrases import Phrase, did_you_mean
 from gusjob.i18n.spelling import nearest
 
 _CONSTANTS = {"true": 1.0, "false": 0.0, "TRUE": 1.0, "FALSE": 0.0}
-_NOT_EVALUATED = re.compile(r"\w*(?:assert|debug|trace)\w*|DCHECK\w*", re.IGNORECASE)
+_NOT_EVALUATED = re.compile(r"\w*(?:assert|debug|trace)\w*|DCHECK\w*", re.IGNORECASE | re.ASCII)
 """Functions and macros whose arguments some builds leave out."""
 _MACRO_DEPTH = 8
 """Levels of macros in macros."""

@@ -26,8 +26,6 @@ _PROBED_BYTES = 1 << 20
 _IN_NUMBER = np.zeros(256, dtype=np.bool_)
 _IN_NUMBER[list(b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_.")] = True
 """Bytes after which a zero does not begin a number."""
-_LONE_RETURN = re.compile(rb"\r(?!\r*(?:\n|\Z))")
-_SEPARATORS = tuple((chr(code).encode(), f"U+{code:04X}") for code in (0x85, 0x2028, 0x2029))
 _ZEROS = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0+(?=0(?![0-9.xX]))")
 _OCTAL = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0(?=[0-9]+(?![0-9.eE]))")
 JOINS_LINES = Phrase("a comment that joins this line with the next one")
@@ -52,13 +50,6 @@ def clean_text(data: bytes) -> CleanText:
     A comment mark inside a string or inside another comment is none, as in C.
     """
     problems: list[tuple[int, str]] = []
-    if b"\r" in data and (lone := _LONE_RETURN.search(data)) is not None:
-        found = Phrase("a carriage return inside a line, which some compilers take for a line end")
-        problems.append((data.count(b"\n", 0, lone.start()) + 1, found))
-    for separator, name in _SEPARATORS:
-        if separator in data:
-            found = Phrase("the character {name}, which some compilers take for a line end", name=name)
-            problems.append((data.count(b"\n", 0, data.index(separator)) + 1, found))
     if not any(mark in data for mark in _NOT_PLAIN) and not _has_leading_zero(data):
         return CleanText(data=data, problems=tuple(problems))
     text = data.decode("utf-8")

@@ -18,6 +18,7 @@ from gusjob.config.machine import Abi
 from gusjob.controllers.gus.calls import Stream
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.characters import report_hidden, without_consequences
 from gusjob.diagnostics.model import Diagnostic, Span, has_errors
 from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro
 from gusjob.frontend.listing.c_numbers import CNumber, literal
@@ -33,6 +34,7 @@ from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder, join
 from gusjob.frontend.scan.scanner import MAX_DIAGNOSTICS, scan
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.frontend.source import Source
+from gusjob.i18n.characters import quoted
 from gusjob.i18n.phrases import Phrase
 
 _TERMINALS = {
@@ -212,6 +214,7 @@ class _ListingReader:
 
     def result(self) -> tuple[Stream, list[Diagnostic]]:
         """Return the calls and the diagnostics."""
+        hidden = report_hidden(self.source.data, self.source.name)
         found = self.diagnostics.found
         if self.statements.checks:
             self.diagnostics.add(rules.ERROR_CHECKS, self.first_check, 1, 2, count=self.statements.checks)
@@ -223,7 +226,8 @@ class _ListingReader:
             found.clear()
             self.diagnostics.add(rules.WHOLE_PROGRAM, line, 1, 2, kind=name)
             return stream_of(self.source.name, self.rows.pick(slice(0, 0)), []), found
-        return stream_of(self.source.name, self.rows, self.calls.calls, self.calls.converter.found), found
+        stream = stream_of(self.source.name, self.rows, self.calls.calls, self.calls.converter.found)
+        return stream, without_consequences([*found, *hidden])
 
     def whole_program(self, unread: int) -> tuple[str, int] | None:
         """Find out whether the text is a whole program: its kind, and the line that shows it."""
@@ -385,7 +389,7 @@ class _ListingReader:
             return
         found = misread(error, LISTING_GRAMMAR, code, _TERMINALS)
         line, column = _place(error, code, found.column)
-        text = found.found.replace(OCTAL_MARK, "0")
+        text = quoted(found.word.replace(OCTAL_MARK, "0")[:40]) if OCTAL_MARK in found.word else found.found
         width = max(found.end_column - found.column, 1)
         self.diagnostics.add(rules.CALL_SYNTAX, starts + line, column, column + width, found=text)
 

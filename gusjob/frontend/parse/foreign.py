@@ -23,7 +23,7 @@ _GCODE = re.compile(f"(?:{_WORD.pattern})+", re.IGNORECASE | re.ASCII)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _AXIS = re.compile(rf"\b([XYRWHIJ])\s*=?\s*({_VALUE})", re.IGNORECASE | re.ASCII)
 _QUANTITY = re.compile(rf"\s*=?\s*({_VALUE})\s*([a-zA-Z%][a-zA-Z/%0-9]*)?\s*$", re.ASCII)
-_ASSIGNMENT = re.compile(r"(?:(?:SET|VAR|CONST|DIM)\s+)?([A-Za-z_]\w*)\s*=\s*([^=].*)", re.IGNORECASE)
+_ASSIGNMENT = re.compile(r"(?:(?:SET|VAR|CONST|DIM)\s+)?([A-Za-z_]\w*)\s*=\s*([^=].*)", re.IGNORECASE | re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

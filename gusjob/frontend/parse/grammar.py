@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from lark import Lark, Token, Tree
+from lark import Lark, Token, Tree, UnexpectedInput
 
 from gusjob.frontend.parse.tables import parser_from_tables
 
@@ -31,6 +31,21 @@ def parser(name: str) -> Lark:
 def keywords(name: str) -> frozenset[str]:
     """The keywords of a grammar: terminals that spell their own name."""
     return frozenset(t.name for t in parser(name).terminals if t.pattern.value.startswith(t.name))
+
+
+def words_of(code: str) -> list[tuple[str, int, int]]:
+    """Each word of a line without its comment: its terminal in the grammar, its start and its end.
+
+    Stops where the line can't be parsed.
+    """
+    found = []
+    try:
+        for token in parser(JOB_GRAMMAR).parse_interactive(code).iter_parse():
+            start = token.start_pos or 0
+            found.append((str(token.type), start, start + len(token)))
+    except UnexpectedInput:
+        pass
+    return found
 
 
 def tokens(tree: Tree[Token]) -> list[Token]:

@@ -77,13 +77,13 @@ COMMENT = "comment"
 """Form of a comment of another language."""
 ANY_NAME = ""
 """Among names that may be set: any name may be."""
-_AS = re.compile(r"\bAS?\b", re.IGNORECASE)
+_AS = re.compile(r"\bAS?\b", re.IGNORECASE | re.ASCII)
 _WORD = re.compile(r"[A-Za-z_]+")
 _NAME = re.compile(r"[A-Za-z_]\w*")
-_OWN_CHANNEL = re.compile(r"\bCHANNEL\s*=?\s*([01])\b", re.IGNORECASE)
+_OWN_CHANNEL = re.compile(r"\bCHANNEL\s*=?\s*([01])\b", re.IGNORECASE | re.ASCII)
 _SPEED_WORDS = (
-    (re.compile(r"\b_?V", re.IGNORECASE), StateEffect.VEL),
-    (re.compile(r"\b_?A", re.IGNORECASE), StateEffect.ACC),
+    (re.compile(r"\b_?V", re.IGNORECASE | re.ASCII), StateEffect.VEL),
+    (re.compile(r"\b_?A", re.IGNORECASE | re.ASCII), StateEffect.ACC),
 )
 _MAX_READ = 200
 """Characters of a line that are read to find its statement."""

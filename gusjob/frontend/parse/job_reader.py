@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
+from gusjob.diagnostics.characters import report_hidden, without_consequences
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.intent import LineIntent, intent_of
@@ -73,13 +74,14 @@ def more_diagnostics(text: JobText) -> Diagnostic:
 def read_job_text(source: Source) -> JobText:
     """Parse all statements of a job text; after a diagnostic the rest is still parsed."""
     reader = _JobReader()
+    hidden = report_hidden(source.data, source.name)
     rows = scan(source.data, semicolon_comments=True, learn=reader.learn, parse_line=reader.parse_line)
     return JobText(
         source=source,
         rows=rows,
         setups=tuple(reader.setups),
         nodes=tuple(reader.nodes),
-        diagnostics=tuple(reader.diagnostics),
+        diagnostics=tuple(without_consequences([*reader.diagnostics, *hidden])),
         diagnostics_not_listed=reader.not_listed,
         unread_names=frozenset(reader.unread_names),
         unclear_lines=reader.unclear_lines,

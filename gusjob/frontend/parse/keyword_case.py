@@ -10,11 +10,9 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lark import UnexpectedInput
-
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
-from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, parser
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, words_of
 from gusjob.frontend.parse.statement_parser import parse_statement
 from gusjob.frontend.scan.shapes import MAX_LINE, ShapeTable, chunks, shapes_of, strip_comments
 from gusjob.kinematics.units import UNITS
@@ -22,21 +20,6 @@ from gusjob.kinematics.units import UNITS
 _LOWER_CASE = {"AND", "OR", "NOT"}
 _LETTERS = re.compile(r"[A-Za-z_]+")
 _LETTER_RUN = re.compile(rb"([A-Za-z_]+)")
-
-
-def words_of(code: str) -> list[tuple[str, int, int]]:
-    """Each word of a line without its comment: its terminal in the grammar, its start and its end.
-
-    Stops where the line can't be parsed.
-    """
-    found = []
-    try:
-        for token in parser(JOB_GRAMMAR).parse_interactive(code).iter_parse():
-            start = token.start_pos or 0
-            found.append((str(token.type), start, start + len(token)))
-    except UnexpectedInput:
-        pass
-    return found
 
 
 def has_lower_case_keywords(code: str) -> bool:

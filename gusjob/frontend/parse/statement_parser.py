@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 
 from lark import Token, Tree, UnexpectedInput
@@ -22,14 +23,14 @@ from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WOR
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, parser, subtrees, tokens
 from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NEGATE, Function
 from gusjob.frontend.parse.statement import CONTROL_FORMS, Quantity, Statement
-from gusjob.frontend.parse.syntax_errors import EXPECTED_KIND, syntax_error
-from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER
+from gusjob.frontend.parse.syntax_errors import syntax_error
+from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND, POWER_KINDS, hexadecimal
+from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER, MIN_NUMBER
 from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, plural
 from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
 
-POWER_KINDS = {QuantityKind.SHARE, QuantityKind.FREQUENCY, QuantityKind.VOLTAGE}
-"""Kinds that a power can be written in."""
+_NOT_ZERO = re.compile(r"[0.]*[1-9]")
 
 
 def strip_comment(line: str) -> str:
@@ -72,7 +73,10 @@ class _StatementParser:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
     def report(self, rule: Rule, column: int, end_column: int, **fields: object) -> None:
-        """Add a diagnostic."""
+        """Add a diagnostic; of a text within a number that is not decimal there is one already."""
+        last = self.diagnostics[-1] if self.diagnostics else None
+        if last is not None and last.rule is rules.NOT_DECIMAL and column < last.span.end_column:
+            return
         span = Span(line=self.line, column=column, end_line=self.line, end_column=end_column)
         self.diagnostics.append(Diagnostic(rule=rule, span=span, fields=fields))
 
@@ -241,6 +245,9 @@ class _StatementParser:
         token = parts[-1]
         sign = parts[0] if len(parts) > 1 else token
         start, end = sign.column or 1, (token.column or 1) + len(token)
+        if (found := hexadecimal(self.text, (token.column or 1) - 1, end - 1, self.line)) is not None:
+            self.diagnostics.append(found)
+            return None
         number_text, unit_text = _split_unit(str(token))
         times, over, system = 1.0, 1.0, 0
         if unit_text:
@@ -251,8 +258,7 @@ class _StatementParser:
                 return None
             times, over, system = unit.times, unit.over * (1000.0 if word.ms else 1.0), unit.system
         magnitude = float(number_text)
-        if magnitude > MAX_NUMBER or magnitude * times / over > MAX_NUMBER:
-            self.report_too_big(token, start, end)
+        if self.report_size(number_text, max(magnitude, magnitude * times / over), token, start, end):
             return None
         signed = (-magnitude if sign.type == "MINUS" else magnitude) + 0.0
         return Quantity(
@@ -264,10 +270,16 @@ class _StatementParser:
             end_column=end,
         )
 
-    def report_too_big(self, token: Token, start: int, end: int) -> None:
-        """Add a diagnostic for a number above MAX_NUMBER."""
+    def report_size(self, written: str, value: float, token: Token, start: int, end: int) -> bool:
+        """Add a diagnostic for a number above MAX_NUMBER, or nearer to 0 than MIN_NUMBER; return whether it is one."""
         shown = f"{token[:20]}{'...' * (len(token) > 20)}"
-        self.report(rules.NUMBER_TOO_LARGE, start, end, value=shown, limit=MAX_NUMBER)
+        if value > MAX_NUMBER:
+            self.report(rules.NUMBER_TOO_LARGE, start, end, value=shown, limit=MAX_NUMBER)
+            return True
+        if float(written) < MIN_NUMBER and _NOT_ZERO.match(written):
+            self.report(rules.NUMBER_TOO_SMALL, start, end, value=shown, limit=MIN_NUMBER)
+            return True
+        return False
 
     def group(self, value: Tree[Token]) -> Quantity | None:
         """An expression in parentheses, with or without a sign before it."""
@@ -347,8 +359,7 @@ class _StatementParser:
             known = UNITS[unit.lower()]
             kind, system, times, over = known.kind, known.system, known.times, known.over
         value = float(number_text) * times / over
-        if max(value, float(number_text)) > MAX_NUMBER:
-            self.report_too_big(token, start, start + len(token))
+        if self.report_size(number_text, max(value, float(number_text)), token, start, start + len(token)):
             return None
         return Literal(
             value=value,

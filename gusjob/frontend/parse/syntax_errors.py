@@ -9,28 +9,18 @@ from lark import UnexpectedInput
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.frontend.parse.foreign import foreign_of
-from gusjob.frontend.parse.grammar import JOB_GRAMMAR
+from gusjob.frontend.parse.grammar import JOB_GRAMMAR, words_of
 from gusjob.frontend.parse.misread import END_OF_LINE, Misread, misread
+from gusjob.frontend.parse.unread_numbers import not_decimal, out_of_place, unknown_unit
 from gusjob.i18n.phrases import Phrase, any_of
-from gusjob.kinematics.units import UNITS, QuantityKind
+from gusjob.kinematics.units import UNITS
 
-UNIT = re.compile("(?:" + "|".join(sorted(map(re.escape, UNITS), key=len, reverse=True)) + ")(?![A-Za-z0-9_])", re.I)
+UNIT = re.compile(
+    "(?:" + "|".join(sorted(map(re.escape, UNITS), key=len, reverse=True)) + ")(?![A-Za-z0-9_])", re.I | re.A
+)
 """A unit that no word begins with."""
 _AROUND_SLASH = re.compile(r"[ \t]*/[ \t]*")
 COMPARISON_HINT = Phrase("; write a comparison with ==")
-EXPECTED_KIND = {
-    QuantityKind.LENGTH: Phrase("a length (um, mm, pulse)"),
-    QuantityKind.VELOCITY: Phrase("a velocity (mm/s, m/s, mm/min, pulse/ms)"),
-    QuantityKind.ACCELERATION: Phrase("an acceleration (mm/s2, m/s2, pulse/ms2)"),
-    QuantityKind.TIME: Phrase("a time (us, ms, s)"),
-    QuantityKind.FREQUENCY: Phrase("a frequency (Hz, kHz, MHz)"),
-    QuantityKind.SHARE: Phrase("a share (%)"),
-    QuantityKind.VOLTAGE: Phrase("a voltage (V, mV)"),
-    QuantityKind.ANGLE: Phrase("an angle (deg)"),
-    QuantityKind.PLAIN: Phrase("a plain number without unit"),
-    QuantityKind.POWER: Phrase("a power (%, kHz, V)"),
-}
-"""What a word takes, by the kind of its number."""
 _TERMINALS = {
     **dict.fromkeys(("QUANTITY", "PLUS", "MINUS", "LPAR"), Phrase("a number")),
     **dict.fromkeys(("STAR", "SLASH", "MODULO", "POWER_OF"), Phrase("an operator")),
@@ -44,13 +34,19 @@ _TERMINALS = {
 
 def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     """The diagnostic of a line (without its comment) that can't be parsed."""
-    found = misread(error, JOB_GRAMMAR, text, _TERMINALS)
+    words = words_of(text)
+    found = misread(error, JOB_GRAMMAR, text, _TERMINALS, out_of_place(words))
     span = Span(line=line, column=found.column, end_line=line, end_column=found.end_column)
     if not text[: found.column - 1].strip():
         foreign = foreign_of(text)
         hint = Phrase("; write {meant}", meant=foreign.meant) if foreign else found.hint
         fields: dict[str, object] = {"found": found.found, "hint": hint}
         return Diagnostic(rule=rules.UNKNOWN_STATEMENT, span=span, fields=fields)
+    number = not_decimal(text, words, found.column - 1, line)
+    if number is None and not found.near:
+        number = unknown_unit(text, words, found.column - 1, line)
+    if number is not None:
+        return number
     if found.found is END_OF_LINE and found.expected:
         missing = {"words": any_of(found.expected), "word": text.split()[-1][-40:], "found": found.found}
         return Diagnostic(rule=rules.MISSING, span=span, fields=missing)
@@ -62,7 +58,7 @@ def _hint(text: str, misread: Misread) -> str:
     """Hint at the probable intention."""
     if misread.found is END_OF_LINE:
         return ""
-    found = misread.found.strip("'")
+    found = misread.word
     before = text[: misread.column - 1].split()
     if found == "=" and before and before[0].upper() == "IF":
         return COMPARISON_HINT

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gusjob.controllers.gus.ranges import Membership, Range
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns
@@ -14,12 +15,16 @@ from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, running_sum
 from gusjob.kinematics.geometry import arcs_by_either, sin_cos_deg
 
+SCALE_RANGE = Range(name="frame scale", unit="", low=1e-6, high=1e6, section="job language")
+"""Size of a frame, with the frames around it: in a smaller one no field is left, in a larger one no pulse."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frames:
     """Maps x' = a x + b y + e, y' = c x + d y + f from a frame to the machine, in pulse.
 
-    All columns are (frames + 1,); frame 0 is the machine itself. `scale`: the frame's size in mm.
+    All columns are (frames + 1,); frame 0 is the machine itself. `scale`: the frame's size in mm. `written_scale`: the
+    same with a SCALE that makes it too large or too small, which `scale` leaves out.
     """
 
     a: Floats
@@ -29,6 +34,7 @@ class Frames:
     e: Floats
     f: Floats
     scale: Floats
+    written_scale: Floats
 
     def to_machine(self, frame: Ints | int, x: Floats | float, y: Floats | float) -> tuple[Floats, Floats]:
         """Map points of a frame to the machine."""
@@ -64,20 +70,16 @@ def frames_of(columns: ResolvedColumns, parent: Ints) -> Frames:
         np.nan_to_num(columns.length(column, axis)[rows]) for axis, column in enumerate((Column.X, Column.Y))
     )
     sine, cosine = sin_cos_deg(np.nan_to_num(columns.raw(Column.VALUE)[rows]))
-    scale = columns.raw(Column.RATIO)[rows]
-    scale = np.where(np.isnan(scale) | ~(scale > 0), 1.0, scale)
     count = len(parent)
+    level = _levels(parent)
+    size, written, own_scale = _scales(columns.raw(Column.RATIO)[rows], number, parent, level)
+    scale = own_scale[number]
     a, b, c, d = np.ones(count), np.zeros(count), np.zeros(count), np.ones(count)
-    e, f, size = np.zeros(count), np.zeros(count), np.ones(count)
+    e, f = np.zeros(count), np.zeros(count)
     a[number], b[number] = scale * cosine, -scale * sine * (px / py)
     c[number], d[number] = scale * sine * (py / px), scale * cosine
-    e[number], f[number], size[number] = shift_x, shift_y, scale
+    e[number], f[number] = shift_x, shift_y
     # From the outside in: a frame is finished when the one around it is.
-    level = np.zeros(count, dtype=np.int64)
-    above = parent
-    while np.any(above > 0):
-        level += above > 0
-        above = np.where(above > 0, parent[above], 0)
     for one in range(1, int(level.max(initial=0)) + 1):
         own = np.flatnonzero(level == one)
         around = parent[own]
@@ -89,8 +91,39 @@ def frames_of(columns: ResolvedColumns, parent: Ints) -> Frames:
             a[around] * e[own] + b[around] * f[own] + e[around],
             c[around] * e[own] + d[around] * f[own] + f[around],
         )
-        size[own] *= size[around]
-    return Frames(a=a, b=b, c=c, d=d, e=e, f=f, scale=size)
+    return Frames(a=a, b=b, c=c, d=d, e=e, f=f, scale=size, written_scale=written)
+
+
+def _levels(parent: Ints) -> Ints:
+    """How many frames are around each one."""
+    level = np.zeros(len(parent), dtype=np.int64)
+    above = parent
+    while np.any(above > 0):
+        level += above > 0
+        above = np.where(above > 0, parent[above], 0)
+    return level
+
+
+def _scales(written: Floats, number: Ints, parent: Ints, level: Ints) -> tuple[Floats, Floats, Floats]:
+    """Size of each frame; the same with its own SCALE in any case; and its own SCALE, 1 if that leaves SCALE_RANGE.
+
+    Args:
+        written: The SCALE of each FRAME, NaN where it has none.
+        number: The frame that each of them begins.
+        parent: For each frame (from 1) the one around it, or 0.
+        level: How many frames are around each one.
+    """
+    own_scale = np.ones(len(parent))
+    own_scale[number] = np.where(np.isnan(written) | ~(written > 0), 1.0, written)
+    size, total = np.ones(len(parent)), np.ones(len(parent))
+    for one in range(int(level.max(initial=0)) + 1):
+        own = np.flatnonzero(level == one)
+        own = own[own > 0]
+        around = size[parent[own]]
+        total[own] = around * own_scale[own]
+        own_scale[own] = np.where(SCALE_RANGE.classify(total[own]) == Membership.INSIDE, own_scale[own], 1.0)
+        size[own] = around * own_scale[own]
+    return size, total, own_scale
 
 
 def positions_in_frames(x: Floats, y: Floats, relative: Bools, frame: Ints, frames: Frames) -> tuple[Floats, Floats]:

@@ -7,17 +7,18 @@ from typing import Any
 import numpy as np
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.ranges import CHANNEL
+from gusjob.controllers.gus.ranges import CHANNEL, Membership
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule
 from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns
-from gusjob.frontend.resolve.frames import frames_of
+from gusjob.frontend.resolve.frames import SCALE_RANGE, Frames, frames_of
 from gusjob.frontend.resolve.path import ResolvedPath, resolve_path
 from gusjob.frontend.resolve.setups import resolve_setups
 from gusjob.frontend.resolve.speeds import written_speeds
+from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import POSITION, is_known
 from gusjob.ir.job import Job
 
@@ -45,11 +46,11 @@ def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnost
         provenance=expanded.provenance,
         with_override_notes=None if expanded.override_notes is None else expanded.override_notes.add_to,
     )
-    return job, _diagnostics(job, columns, path)
+    return job, _diagnostics(job, columns, frames, path)
 
 
-def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list[Diagnostic]:
-    """Channels that do not exist, frames without a size, arcs in frames that are none."""
+def _diagnostics(job: Job, columns: ResolvedColumns, frames: Frames | None, path: ResolvedPath) -> list[Diagnostic]:
+    """Channels that do not exist, frames without a usable size, arcs in frames that are none."""
     provenance = columns.provenance()
     found = []
 
@@ -67,11 +68,15 @@ def _diagnostics(job: Job, columns: ResolvedColumns, path: ResolvedPath) -> list
         word, value = "value" if op[row] == RowOp.CHANNEL else "CHANNEL", float(channel[row])
         fields = {"what": "CHANNEL", "value": value, "unit": "", "range": str(CHANNEL), "hint": ""}
         report(rules.OUT_OF_RANGE, row, word, count, **fields)
-    if (op == RowOp.FRAME).any():
-        scale = columns.raw(Column.RATIO)
-        bad = np.flatnonzero((op == RowOp.FRAME) & ~(scale > 0) & ~np.isnan(scale))
-        for row, count in columns.first_of_lines(bad):
+    if frames is not None:
+        begins, scale = op == RowOp.FRAME, columns.raw(Column.RATIO)
+        for row, count in columns.first_of_lines(np.flatnonzero(begins & ~(scale > 0) & ~np.isnan(scale))):
             report(rules.FRAME_SCALE, row, "SCALE", count, value=float(scale[row]))
+        size = frames.written_scale[columns.frame()]
+        outside = begins & (SCALE_RANGE.classify(size) == Membership.OUTSIDE)
+        for row, count in columns.first_of_lines(np.flatnonzero(outside)):
+            allowed = Phrase("in {range}", range=str(SCALE_RANGE))
+            report(rules.FRAME_SCALE_RANGE, row, "SCALE", count, value=float(size[row]), range=allowed)
     if not columns.machine.equal_axes and columns.is_arc.any():
         in_mm, in_pulse = columns.arc_units()
         i_pulse = columns.in_pulse(Column.I)

@@ -24,7 +24,7 @@ from gusjob.i18n.language import language
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 
 _PROGRAM = Path(__file__).with_name("process.py")
-_INTERPRETER = re.compile(r"(python|pypy)[\d.]*[a-z_]{0,2}(\.exe)?", re.IGNORECASE)
+_INTERPRETER = re.compile(r"(python|pypy)[\d.]*[a-z_]{0,2}(\.exe)?", re.IGNORECASE | re.ASCII)
 """Names of Python's program: in an application that embeds Python sys.executable may be the application."""
 _START_S = 10.0
 """Longest time until the guard is ready."""

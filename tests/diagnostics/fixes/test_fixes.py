@@ -426,6 +426,47 @@ def test_many_fixes_are_proved_together() -> None:
     assert len(asked) == 2
 
 
+def test_lines_that_differ_in_numbers_only_are_fixed_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far more lines than are listed: one check of the fixed text, and one line of each form is corrected."""
+    count = 6000
+    rows = [
+        ("LINE X {0} mm Y {1} mm ; a {0}", "LINE X {0}mm Y {1}mm ; a {0}"),
+        ("IF {0} = {1}", "IF {0} == {1}"),
+        ("END # of {0}", "END ; of {0}"),
+        ("VEL {0}.5 mm/s；{1}", "VEL {0}.5mm/s;{1}"),
+        ("ACC {0} mm/s2", "ACC {0}mm/s2"),
+        ("LINE X {0} foo", "LINE X {0} foo"),
+        ("ACC {0} mm/s3", "ACC {0} mm/s3"),
+    ]
+    lines = [(old.format(i, i + 1), new.format(i, i + 1)) for i in range(count // 5) for old, new in rows[:5]]
+    lines += [(old.format(i), new.format(i)) for i in range(3) for old, new in rows[5:]]
+    asked: list[int] = []
+    tried: list[str] = []
+
+    def counted(data: bytes) -> FileResult:
+        asked.append(1)
+        return check(data)
+
+    def corrected_one(text: str) -> str | None:
+        tried.append(text)
+        return corrected(text)
+
+    monkeypatch.setattr("gusjob.diagnostics.fixes.similar_lines.corrected", corrected_one)
+    done = apply_fixes(checked("\n".join(old for old, _ in lines)), counted, lambda _: True)
+    assert done.data.decode().split("\n") == [new for _, new in lines]
+    assert done.count == count
+    assert len(asked) <= 2
+    assert len(tried) <= len(rows)
+
+
+def test_a_fix_keeps_the_line_ends_of_the_file(tmp_path: Path) -> None:
+    """A CR alone stays one where the line is not changed."""
+    path = tmp_path / "a.job"
+    path.write_bytes(b"WAIT\rDWELL 5 ms ; a\r\nDWELL 6 ms\n\rWAIT")
+    assert gusjob("--fix", path).exit_code == 0
+    assert path.read_bytes() == b"WAIT\rDWELL 5ms ; a\r\nDWELL 6ms\n\rWAIT"
+
+
 def test_a_search_without_success_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(apply, "MAX_CHECKS", 10)
     asked: list[int] = []

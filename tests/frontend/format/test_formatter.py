@@ -191,7 +191,8 @@ def test_aligned_with_tabs() -> None:
         ("\ufeffwait", "\ufeffWAIT\n"),
         ("wait\r\nwait\nwait", "WAIT\r\nWAIT\r\nWAIT\r\n"),
         ("wait\nwait\r\n\r\nwait\r\n", "WAIT\nWAIT\n\nWAIT\n"),
-        ("vel\r5 ; a\rb\r\r\n", "VEL 5  ; a\rb\r\n"),
+        ("wait\rvel 5 ; a\rwait\r\r\n", "WAIT\nVEL 5  ; a\nWAIT\n"),
+        ("wait\r\nwait\rwait", "WAIT\r\nWAIT\r\nWAIT\r\n"),
         ("wait ; é\nline x1;é", "WAIT  ; é\nLINE X 1  ;é\n"),
     ],
 )

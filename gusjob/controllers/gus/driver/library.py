@@ -91,6 +91,8 @@ def open_library(path: str) -> Any | str:
         return ctypes.CDLL(path)
     except OSError as error:
         return _load_error(path, printable(str(error)))
+    except UnicodeDecodeError as error:  # The loader's text has bytes of a name, or of a language, as they are.
+        return _load_error(path, printable(error.object.decode("utf-8", "backslashreplace")))
 
 
 def _refusal(path: str) -> str:
@@ -157,7 +159,7 @@ def has_symbol(handle: Any, symbol: str) -> bool:
     """Return whether a library exports a symbol."""
     try:
         handle[symbol]
-    except AttributeError:
+    except (AttributeError, UnicodeDecodeError):  # The latter as in open_library.
         return False
     return True
 
