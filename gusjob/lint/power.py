@@ -26,6 +26,7 @@ from gusjob.ir.modal import ModeSpan
 from gusjob.ir.path import Op
 from gusjob.ir.setup import PowerNow, Setup, SwitchNow
 from gusjob.kinematics.arrays import Floats, Indices, hashed
+from gusjob.kinematics.float_noise import exceeds, settled, settled_one
 from gusjob.lint.context import LintContext, same_remarks
 from gusjob.lint.reporter import Reporter
 
@@ -95,7 +96,7 @@ def power_now(context: LintContext, report: Reporter) -> None:
                 remarks=context.mode_remark(span),
             )
         highest = context.machine.laser(setup.channel).max_frequency_khz
-        if mode.mode is PowerMode.FREQUENCY and highest is not None and power > highest:
+        if mode.mode is PowerMode.FREQUENCY and highest is not None and exceeds(power, highest):
             report.setup(rules.CARRIER_TOO_FAST, setup, "value", what=what, value=power, limit=highest)
         check_pulse_fits(report, setup, "value", span, power)
 
@@ -112,7 +113,8 @@ def check_pulse_fits(
     width_us = span.mode.pulse_width_us
     if not width_us or frequency_khz <= 0 or span.setup.line in report.faulty:
         return
-    duty_pct = min(max(frequency_khz, span.mode.low), span.mode.high) * width_us / _US_KHZ_PER_PCT
+    frequency_in_force_khz = min(max(frequency_khz, span.mode.low), span.mode.high)
+    duty_pct = settled_one(frequency_in_force_khz * width_us / _US_KHZ_PER_PCT)
     if PULSE_DUTY_PCT.classify_one(duty_pct) is not Membership.INSIDE:
         report.setup(
             rules.PULSE_TOO_WIDE,
@@ -292,7 +294,7 @@ def _check_frequency(
     if mode.mode is not PowerMode.FREQUENCY or not mode.pulse_width_us or span.setup.line in report.faulty:
         return
     # The frequency in force is within the mode's limits.
-    duty_pct = np.clip(values, mode.low, mode.high) * mode.pulse_width_us / _US_KHZ_PER_PCT
+    duty_pct = settled(np.clip(values, mode.low, mode.high) * mode.pulse_width_us / _US_KHZ_PER_PCT)
     bad = (values > 0) & (PULSE_DUTY_PCT.classify(duty_pct) != Membership.INSIDE)
     if bad.any():
         report.rows(
@@ -305,6 +307,6 @@ def _check_frequency(
             range=str(PULSE_DUTY_PCT),
         )
     highest = context.machine.laser(span.channel).max_frequency_khz
-    if highest is not None and (values > highest).any():
-        fast = values > highest
+    if highest is not None and exceeds(values, highest).any():
+        fast = exceeds(values, highest)
         report.rows(rules.CARRIER_TOO_FAST, rows[fast], word, what=what, value=values[fast], limit=highest)

@@ -26,6 +26,7 @@ from gusjob.ir.setup import (
     Wait,
 )
 from gusjob.ir.stages import opens_stage
+from gusjob.kinematics.float_noise import exceeds
 from gusjob.lint.context import LintContext
 from gusjob.lint.power import check_pulse_fits
 from gusjob.lint.reporter import Reporter
@@ -61,7 +62,7 @@ def _check_response(
 ) -> None:
     """Check a frequency against the laser's highest response frequency."""
     highest = context.machine.laser(setup.channel).max_frequency_khz
-    if highest is not None and frequency_khz > highest:
+    if highest is not None and exceeds(frequency_khz, highest):
         report.setup(rules.CARRIER_TOO_FAST, setup, word, what=what, value=frequency_khz, limit=highest)
 
 
