@@ -8,7 +8,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import laser, motion, power, setup, skywriting
+from gusjob.lint import laser, motion, power, repeated, setup, skywriting
 from gusjob.lint.context import LintContext, lint_context
 from gusjob.lint.reporter import Reporter
 
@@ -42,7 +42,7 @@ CHECKS: tuple[Check, ...] = (
     skywriting.laser_changes,
     skywriting.forced_ends,
     power.saturation,
-    laser.marked_twice,
+    repeated.marked_twice,
     laser.delays_against_path,
     motion.speeds_along,
     motion.arcs_close,
@@ -59,7 +59,7 @@ NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, laser
 DERIVED = (
     power.saturation,
     laser.delays_against_path,
-    laser.marked_twice,
+    repeated.marked_twice,
     motion.speeds_along,
     motion.arcs_close,
     motion.arc_speed,
@@ -94,7 +94,7 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     laser.dwells,
     laser.waits,
     laser.switching,
-    laser.marked_twice_outside_passes,
+    repeated.marked_twice_outside_passes,
     laser.delays_against_path,
     motion.speeds,
     motion.speeds_along,

@@ -42,6 +42,7 @@ HOLD_FOR_CALLS = (
     rules.WAIT_WITH_LASER_ON,
     rules.LASER_ON_WITHOUT_MOTION,
     rules.MARKED_TWICE,
+    rules.PARTLY_MARKED_TWICE,
     rules.ALREADY_ON,
     rules.TOO_FAST,
     rules.ARC_TOO_FAST,
