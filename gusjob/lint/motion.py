@@ -127,8 +127,8 @@ def field(context: LintContext, report: Reporter) -> None:
         outside, out = out, out & (~again | _has_both_words(context, rows, again))
         reported |= out
         report.rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=end_mm[out], low=low, high=high, hint="")
-        within = rows[~outside & context.known_after(rows, effect)]
-        report.rows_in_range(within, np.rint(values[within]), ranges.COORDINATE_PULSE, axis, axis)
+        within = np.flatnonzero(~outside & context.known_after(rows, effect))
+        report.rows_in_range(rows[within], sent[within], ranges.COORDINATE_PULSE, axis, axis)
     arcs = _certain(context, context.arc_rows())
     if not len(arcs):
         return

@@ -13,7 +13,7 @@ from gusjob.diagnostics import rules
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import Op, Path, arcs_mm
 from gusjob.ir.setup import PowerNow
-from gusjob.kinematics.arrays import Bools, Floats, Indices, hashed
+from gusjob.kinematics.arrays import Bools, Floats, Indices, hashed, mixed
 from gusjob.kinematics.overlaps import arc_overlaps, line_overlaps
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -83,7 +83,8 @@ def _marks_twice(context: LintContext, channel: int) -> tuple[RepeatedMarks, ...
     keys = _segment_keys(context.path, rows, dose)
     first = _first_of_shape(keys.shape)
     if first is None:
-        return (_partly_repeated(context, rows[keys.has_length], dose[keys.has_length]),)
+        long = slice(None) if keys.has_length.all() else keys.has_length
+        return (_partly_repeated(context, rows[long], dose[long]),)
     fresh = first.of_each == np.arange(len(rows))
     again = np.flatnonzero(~fresh & keys.has_length)
     in_pass = _in_passes(keys, first.order, first.begins)[again]
@@ -119,7 +120,7 @@ def _first_of_shape(shape: npt.NDArray[np.uint64]) -> _FirstOfShape | None:
     return _FirstOfShape(order=order, begins=begins, of_each=of_each)
 
 
-def _partly_repeated(context: LintContext, rows: Indices, dose: Floats) -> RepeatedMarks:
+def _partly_repeated(context: LintContext, rows: Indices, dose: npt.NDArray[np.uint64]) -> RepeatedMarks:
     """Find overlaps of marks of different shapes."""
     path, (px, py) = context.path, context.machine.pulses_per_mm
     is_arc = path.is_arc[rows]
@@ -181,46 +182,58 @@ class _SegmentKeys:
     closed: Bools
 
 
-def _segment_keys(path: Path, rows: Indices, dose: Floats) -> _SegmentKeys:
-    ax, ay, bx, by = (np.rint(v) for v in path.ends(rows))
-    reverse = (ax > bx) | ((ax == bx) & (ay > by))
-    low_x, high_x = np.where(reverse, bx, ax), np.where(reverse, ax, bx)
-    low_y, high_y = np.where(reverse, by, ay), np.where(reverse, ay, by)
-    not_line = path.op[rows] != Op.LINE
-    parts = [low_x, low_y, high_x, high_y, dose]
-    if not_line.any():
-        bend = np.where(path.ccw[rows] != reverse, 1.0, -1.0)
-        by_radius = path.op[rows] == Op.ARC_RADIUS  # It has no centre of its own.
-        arc = [np.rint(np.nan_to_num(np.where(by_radius, 0.0, v[rows]))) for v in (path.cx, path.cy)]
-        arc.append(np.rint(np.nan_to_num(path.radius[rows])))
-        parts += [np.where(not_line, v, 0.0) for v in (*arc, bend)]
-    shape, closed = hashed(parts), (ax == bx) & (ay == by)
-    directed = shape + reverse.astype(np.uint64)
-    return _SegmentKeys(shape=shape, directed=directed, has_length=~closed | not_line, closed=closed)
+def _segment_keys(path: Path, rows: Indices, dose: npt.NDArray[np.uint64]) -> _SegmentKeys:
+    # Well mixed, so that the sums of the keys of both ends differ where the ends do; the path begins at 0, 0.
+    point = mixed(hashed([np.rint(np.append(v, 0.0)) for v in (path.x, path.y)]))
+    start, end = point[rows - 1], point[rows]
+    closed = start == end
+    shape: npt.NDArray[np.uint64] = start + end + dose
+    directed: npt.NDArray[np.uint64] = shape + start * _BY_DIRECTION
+    arcs = np.flatnonzero(path.is_arc[rows])
+    has_length = ~closed
+    if len(arcs):
+        of_arcs = _arc_keys(path, rows[arcs], start[arcs] > end[arcs])
+        shape[arcs] += of_arcs
+        directed[arcs] += of_arcs
+        has_length[arcs] = True
+    return _SegmentKeys(shape=shape, directed=directed, has_length=has_length, closed=closed)
 
 
-def _dose_keys(context: LintContext, channel: int) -> Floats:
+_BY_DIRECTION = np.uint64(0x9E3779B97F4A7C15)
+
+
+def _arc_keys(path: Path, rows: Indices, is_reverse: Bools) -> npt.NDArray[np.uint64]:
+    """Keys of arcs: equal where circle and side are equal. `is_reverse`: one of both directions, (k,)."""
+    by_radius = path.op[rows] == Op.ARC_RADIUS  # It has no centre of its own.
+    centre = [np.rint(np.where(by_radius, 0.0, v[rows])) for v in (path.cx, path.cy)]
+    side = np.where(path.ccw[rows] != is_reverse, 1.0, -1.0)
+    return hashed([*centre, np.rint(np.nan_to_num(path.radius[rows])), side])
+
+
+def _dose_keys(context: LintContext, channel: int) -> npt.NDArray[np.uint64]:
     """A key of each row, (n,): equal where mode, power and velocity are equal."""
     path = context.path
-    mode = np.zeros(len(path))
+    dose = _power_keys(context, channel)
     for span in context.modal.modes(channel):
         key = (span.mode.mode, span.mode.carrier_khz, span.mode.pulse_width_us)
-        mode[span.first : span.last] = hash(key) % 1_000_003
-    return hashed([_power_keys(context, channel), mode, np.nan_to_num(path.vel)]).astype(np.float64)
+        dose[span.first : span.last] += np.uint64(hash(key) % 1_000_003)
+    vel = path.vel
+    if len(vel) and np.nanmin(vel) != np.nanmax(vel):
+        dose += hashed([np.nan_to_num(vel)])
+    return dose
 
 
-def _power_keys(context: LintContext, channel: int) -> Floats:
+def _power_keys(context: LintContext, channel: int) -> npt.NDArray[np.uint64]:
     """A key of each row, (n,): equal where the same power is in force."""
     path = context.path
     rows = np.flatnonzero(path.sets_power & (path.channel == channel))
     now = [(setup, power) for setup, power in context.modal.statements(PowerNow) if setup.channel == channel]
     at_rest = np.array([context.modal.stage_first[setup.order] * 2 for setup, _ in now], dtype=np.intp)
     instants = np.concatenate([rows * 2 + 1, at_rest])
-    if not len(instants):
-        return np.zeros(len(path))
     power = np.concatenate([path.power[rows], [power.power for _, power in now]])
     follow = [np.concatenate([v[rows], np.full(len(now), np.nan)]) for v in (path.low, path.high, path.ratio)]
     order = np.argsort(instants, kind="stable")
-    keys = hashed([np.nan_to_num(v[order]) for v in (power, *follow)]).astype(np.float64)
-    at = np.searchsorted(instants[order], np.arange(len(path)) * 2 + 1, side="left") - 1
-    return np.where(at >= 0, keys[at], 0.0)
+    keys = hashed([np.nan_to_num(v[order]) for v in (power, *follow)])
+    # Each power is in force from the row behind its instant on.
+    firsts = np.concatenate([[0], (instants[order] + 1) // 2, [len(path)]])
+    return np.repeat(np.concatenate([np.zeros(1, dtype=np.uint64), keys]), np.diff(firsts))
