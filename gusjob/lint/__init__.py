@@ -8,7 +8,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import laser, motion, power, repeated, setup, skywriting
+from gusjob.lint import laser, motion, power, repeated, setup, skywriting, unused
 from gusjob.lint.context import LintContext, lint_context
 from gusjob.lint.reporter import Reporter
 
@@ -31,7 +31,8 @@ CHECKS: tuple[Check, ...] = (
     power.power_now,
     power.follow,
     power.kept,
-    power.unused,
+    unused.channels,
+    unused.powers,
     laser.left_on,
     laser.jumps,
     laser.no_power,
@@ -53,7 +54,14 @@ CHECKS: tuple[Check, ...] = (
 )
 """In the order in which they run: what looks at one value comes before what combines several."""
 
-NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, laser.delays_against_path, motion.no_length)
+NEED_COMPLETE_JOB = (
+    unused.channels,
+    unused.powers,
+    unused.powers_in_calls,
+    laser.switching,
+    laser.delays_against_path,
+    motion.no_length,
+)
 """Skipped where a line could not be read: what they miss may be in that line."""
 
 DERIVED = (
@@ -71,6 +79,9 @@ DERIVED = (
 
 RULES_OF_A_COMPLETE_TEXT = (
     rules.UNUSED_POWER,
+    rules.UNUSED_LAST_POWER,
+    rules.NOTHING_MARKED,
+    rules.UNUSED_CHANNEL,
     rules.LASER_ON_WITHOUT_MOTION,
     rules.ALREADY_ON,
     rules.DELAY_LONGER_THAN_MARK,
@@ -90,7 +101,8 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     power.follow,
     power.kept,
     power.saturation,
-    power.unused_in_calls,
+    unused.channels,
+    unused.powers_in_calls,
     laser.dwells,
     laser.waits,
     laser.switching,

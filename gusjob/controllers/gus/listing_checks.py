@@ -33,6 +33,7 @@ HOLD_FOR_CALLS = (
     rules.CARRIER_TOO_FAST,
     rules.FOLLOW_SATURATES,
     rules.UNUSED_POWER,
+    rules.UNUSED_LAST_POWER,
     rules.OFF_DELAY_BELOW_ON,
     rules.DISTANCE_UNIT_CHANGED,
     rules.FPK_IN_DUTY2,
@@ -44,6 +45,8 @@ HOLD_FOR_CALLS = (
     rules.MARKED_TWICE,
     rules.PARTLY_MARKED_TWICE,
     rules.ALREADY_ON,
+    rules.NOTHING_MARKED,
+    rules.UNUSED_CHANNEL,
     rules.TOO_FAST,
     rules.ARC_TOO_FAST,
     rules.MARK_WITHOUT_LENGTH,
@@ -58,6 +61,7 @@ _XY = 2
 
 _IN_CALLS: dict[str, str] = {
     "LINE": "GT_LnXY",
+    "ARC": Phrase("this arc"),
     "VEL": Phrase("the segment's velocity"),
     "ACC": Phrase("the segment's acceleration"),
     "DWELL": "GT_BufDelay",

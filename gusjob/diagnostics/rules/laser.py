@@ -84,3 +84,23 @@ ALREADY_ON = rule(
     bad=LASER_ON + "LINE X 5\nLASER ON\nLINE X 6\nLASER OFF\n",
     good=LASER_ON + "LINE X 5\nLASER OFF\nJUMP X 6\nLASER ON\nLINE X 7\nLASER OFF\n",
 )
+NOTHING_MARKED = rule(
+    "GJ409",
+    WARNING,
+    title="nothing is marked",
+    text="channel {channel} has a power, but no laser is ever switched on: neither this {word} nor another one marks "
+    "anything",
+    why="The head moves, and the laser stays off. Put LASER ON before the marks and LASER OFF after them; a move that "
+    "marks nothing is a JUMP.",
+    bad=HEAD + "LASER POWER 30\nLINE X 1\n",
+    good=LASER_ON + "LINE X 1\nLASER OFF\n",
+)
+UNUSED_CHANNEL = rule(
+    "GJ410",
+    WARNING,
+    title="channel never on",
+    text="the laser of channel {channel} is never switched on: its {word} has no effect",
+    why="A mode or a power was set for a channel that nothing uses. Often CHANNEL is missing at LASER ON, or is wrong.",
+    bad=LASER_ON + "LINE X 1\nLASER OFF\nLASER MODE ANALOG CHANNEL 1\n",
+    good=LASER_ON + "LINE X 1\nLASER OFF\n",
+)
