@@ -41,7 +41,7 @@ class Overlaps:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Spans:
+class _CarrierSpans:
     """Parts of carriers, (n,) each: the carrier, begin and end along it in mm, the first of the segments, how many."""
 
     carrier: npt.NDArray[np.uint64]
@@ -50,9 +50,9 @@ class _Spans:
     first: Indices
     count: Indices
 
-    def pick(self, at: Indices) -> _Spans:
+    def pick(self, at: Indices) -> _CarrierSpans:
         """Pick some of the spans."""
-        return _Spans(
+        return _CarrierSpans(
             carrier=self.carrier[at],
             low=self.low[at],
             high=self.high[at],
@@ -86,7 +86,7 @@ def line_overlaps(x0: Floats, y0: Floats, x1: Floats, y1: Floats, key: npt.NDArr
     count = np.diff(np.append(first, len(carrier)))
     begin, end = along0[first], along1[first + count - 1]
     low, high = np.minimum(begin, end), np.maximum(begin, end)
-    spans = _Spans(carrier=carrier[first], low=low, high=high, first=first, count=count)
+    spans = _CarrierSpans(carrier=carrier[first], low=low, high=high, first=first, count=count)
     return _overlaps(spans, np.minimum(along0, along1), np.maximum(along0, along1))
 
 
@@ -103,7 +103,7 @@ def arc_overlaps(arcs: Arcs, key: npt.NDArray[np.uint64]) -> Overlaps:
     for shift in (_SHIFT, _SHIFT + 0.5):
         circle = hashed([np.floor(v / _CIRCLE_STEP_MM + shift) for v in (arcs.cx, arcs.cy, arcs.radius)])
         carrier = (circle + key)[member]
-        spans = _Spans(carrier=carrier, low=begins, high=ends, first=member, count=np.ones_like(member))
+        spans = _CarrierSpans(carrier=carrier, low=begins, high=ends, first=member, count=np.ones_like(member))
         found.append(_overlaps(spans, low * arcs.radius, high * arcs.radius))
     return _longest(found)
 
@@ -126,7 +126,7 @@ def _shared(carrier: npt.NDArray[np.uint64]) -> Indices:
     return np.flatnonzero(several[at] == carrier)
 
 
-def _overlaps(spans: _Spans, low: Floats, high: Floats) -> Overlaps:
+def _overlaps(spans: _CarrierSpans, low: Floats, high: Floats) -> Overlaps:
     """Find overlaps of spans; `low`, `high`: begin and end of each segment, (n,)."""
     spans = spans.pick(_shared(spans.carrier))
     spans = spans.pick(np.lexsort((spans.low, spans.carrier)))
@@ -156,7 +156,7 @@ def _overlaps(spans: _Spans, low: Floats, high: Floats) -> Overlaps:
     )
 
 
-def _first_in(spans: _Spans, begin: Floats, end: Floats, low: Floats, high: Floats) -> Indices:
+def _first_in(spans: _CarrierSpans, begin: Floats, end: Floats, low: Floats, high: Floats) -> Indices:
     """Find the first segment of each span that lies between a begin and an end."""
     if (spans.count == 1).all():
         return spans.first

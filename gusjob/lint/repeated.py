@@ -84,14 +84,14 @@ def _marks_twice(context: LintContext, channel: int) -> tuple[RepeatedMarks, ...
     first = _first_of_shape(keys.shape)
     if first is None:
         long = slice(None) if keys.has_length.all() else keys.has_length
-        return (_partly_repeated(context, rows[long], dose[long]),)
+        return (_partly_repeated(context, channel, rows[long], dose[long]),)
     fresh = first.of_each == np.arange(len(rows))
     again = np.flatnonzero(~fresh & keys.has_length)
     in_pass = _in_passes(keys, first.order, first.begins)[again]
     once = fresh & keys.has_length
     return (
         RepeatedMarks(rows=rows[again], first=rows[first.of_each[again]], in_pass=in_pass),
-        _partly_repeated(context, rows[once], dose[once]),
+        _partly_repeated(context, channel, rows[once], dose[once]),
     )
 
 
@@ -120,21 +120,36 @@ def _first_of_shape(shape: npt.NDArray[np.uint64]) -> _FirstOfShape | None:
     return _FirstOfShape(order=order, begins=begins, of_each=of_each)
 
 
-def _partly_repeated(context: LintContext, rows: Indices, dose: npt.NDArray[np.uint64]) -> RepeatedMarks:
+def _partly_repeated(context: LintContext, channel: int, rows: Indices, dose: npt.NDArray[np.uint64]) -> RepeatedMarks:
     """Find overlaps of marks of different shapes."""
     path, (px, py) = context.path, context.machine.pulses_per_mm
     is_arc = path.is_arc[rows]
     lines, arcs = (np.flatnonzero(~is_arc), np.flatnonzero(is_arc)) if is_arc.any() else (None, None)
     x0, y0, x1, y1 = path.ends(rows if lines is None else rows[lines])
-    found = line_overlaps(x0 / px, y0 / py, x1 / px, y1 / py, dose if lines is None else dose[lines])
-    later, first, length_mm = found.later, found.earlier, found.length_mm
+    of_lines = line_overlaps(x0 / px, y0 / py, x1 / px, y1 / py, dose if lines is None else dose[lines])
+    later, first, length_mm = of_lines.later, of_lines.earlier, of_lines.length_mm
     if lines is not None and arcs is not None:
         of_arcs = arc_overlaps(arcs_mm(path, rows[arcs], context.machine), dose[arcs])
         later = np.concatenate([lines[later], arcs[of_arcs.later]])
         first = np.concatenate([lines[first], arcs[of_arcs.earlier]])
         length_mm = np.concatenate([length_mm, of_arcs.length_mm])
     never = np.zeros(len(later), dtype=np.bool_)
-    return RepeatedMarks(rows=rows[later], first=rows[first], in_pass=never, length_mm=length_mm)
+    found = RepeatedMarks(rows=rows[later], first=rows[first], in_pass=never, length_mm=length_mm)
+    return found.pick(~_closes_mark(context, channel, rows, later, first)) if len(later) else found
+
+
+def _closes_mark(context: LintContext, channel: int, rows: Indices, later: Indices, first: Indices) -> Bools:
+    """Find overlaps that close a contour: a mark's last segment goes on over its first one, in the same direction."""
+    path, mark = context.path, context.modal.mark_numbers(channel)[rows]
+    begins = np.concatenate([[True], mark[1:] != mark[:-1]])
+    ends = np.append(begins[1:], True)
+    (x0, y0, x1, y1), (u0, v0, u1, v1) = path.ends(rows[later]), path.ends(rows[first])
+    same_way = np.where(
+        path.is_arc[rows[later]],
+        path.ccw[rows[later]] == path.ccw[rows[first]],
+        (x1 - x0) * (u1 - u0) + (y1 - y0) * (v1 - v0) > 0,
+    )
+    return np.asarray((mark[later] == mark[first]) & begins[first] & ends[later] & same_way)
 
 
 _PERIODS = 16

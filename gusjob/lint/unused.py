@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import rules
+from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.path import Op
 from gusjob.ir.setup import PowerNow
 from gusjob.kinematics.arrays import Floats, Indices, hashed
@@ -20,15 +21,24 @@ def channels(context: LintContext, report: Reporter) -> None:
     """A laser has a mode or a power, but is never switched on, where marks are made without it."""
     path, modal = context.path, context.modal
     lines = np.flatnonzero(path.moves & (path.op != Op.JUMP))
-    off = [channel for channel in CHANNELS if not modal.switches(channel).on.any()]
+    off = [channel for channel in CHANNELS if _is_never_on(context, channel)]
     powered = [channel for channel in off if len(modal.power_instants(channel))]
     if len(off) == len(CHANNELS):
         # One cause: nothing is on. Without a power, or without a line, the job may only move.
         if powered and len(lines):
-            report.rows(rules.NOTHING_MARKED, lines[:1], "", channel=powered[0], word=Op(int(path.op[lines[0]])).word)
+            report.rows(rules.NOTHING_MARKED, lines[:1], "", channel=powered[0])
         return
     for channel in off:
         _report_unused(context, report, channel)
+
+
+def _is_never_on(context: LintContext, channel: int) -> bool:
+    """Whether nothing switches a channel on, and no statement that can't be read may do so."""
+    switch = StateEffect.SWITCH
+    known = np.all(is_known(context.path.unknown, switch, channel)) and is_known(
+        context.job.unknown_at_end, switch, channel
+    )
+    return bool(known) and not context.modal.switches(channel).on.any()
 
 
 def _report_unused(context: LintContext, report: Reporter, channel: int) -> None:
@@ -73,6 +83,9 @@ def _unused(context: LintContext, report: Reporter, statement: npt.NDArray[Any])
         # The lowest power is one to leave behind: an analog output has it while the laser is off.
         idle = ~used & ~(path.power[rows] <= _lowest(context, channel, rows))
         idle &= ~np.isin(statement[rows], statement[rows[used]])
+        # The last one may leave a low power behind for the next program.
+        low = np.append(np.fmin(path.power[rows[used]], path.low[rows[used]]), np.inf).min()
+        idle &= ~(is_last & (path.power[rows] < low))
         for op in (Op.POWER, Op.FOLLOW):
             of_op = idle & (path.op[rows] == op)
             report.rows(rules.UNUSED_POWER, rows[of_op & ~is_last], "", word=op.word)

@@ -61,7 +61,6 @@ _XY = 2
 
 _IN_CALLS: dict[str, str] = {
     "LINE": "GT_LnXY",
-    "ARC": Phrase("this arc"),
     "VEL": Phrase("the segment's velocity"),
     "ACC": Phrase("the segment's acceleration"),
     "DWELL": "GT_BufDelay",

@@ -88,8 +88,7 @@ NOTHING_MARKED = rule(
     "GJ409",
     WARNING,
     title="nothing is marked",
-    text="channel {channel} has a power, but no laser is ever switched on: neither this {word} nor another one marks "
-    "anything",
+    text="channel {channel} has a power, but no laser is ever switched on: nothing is marked",
     why="The head moves, and the laser stays off. Put LASER ON before the marks and LASER OFF after them; a move that "
     "marks nothing is a JUMP.",
     bad=HEAD + "LASER POWER 30\nLINE X 1\n",
