@@ -1,7 +1,8 @@
 """Overlaps of lines and arcs: what lies on the same straight line or the same circle, and there on the same part.
 
 Each line or arc is a span of a carrier: its straight line or its circle. Spans of a carrier are sorted by their begin,
-so that an overlap is a begin before the furthest end up to there.
+so that an overlap is a begin before the furthest end up to there. Where several overlap on one part, not every pair is
+found.
 """
 
 from __future__ import annotations

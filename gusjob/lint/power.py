@@ -82,7 +82,7 @@ def power_now(context: LintContext, report: Reporter) -> None:
         mode = span.mode
         if not report.in_range(setup, power, POWER_NOW[mode.mode], what):
             continue
-        if not mode.low <= power <= mode.high and span.setup.line not in report.faulty:
+        if (exceeds(mode.low, power) or exceeds(power, mode.high)) and span.setup.line not in report.faulty:
             report.setup(
                 rules.POWER_CLAMPED,
                 setup,
@@ -226,7 +226,7 @@ def _check_mode_limits(
 ) -> None:
     """Check powers, one a row, against the limits of the mode in force: the controller clamps them."""
     mode = span.mode
-    out = (values < mode.low) | (values > mode.high)
+    out = exceeds(mode.low, values) | exceeds(values, mode.high)
     if out.any() and span.setup.line not in report.faulty:
         report.rows(
             rules.POWER_CLAMPED,

@@ -179,7 +179,7 @@ def _check_distance_limits(
         report.setup(rules.MIN_ABOVE_MAX, setup, "MIN", what="LASER DISTANCE", low=low, high=high)
     remarks = context.mode_remark(span)
     for word, value in (("MIN", settings.low), ("MAX", settings.high)):
-        if not mode.low <= value <= mode.high and span.setup.line not in report.faulty:
+        if (exceeds(mode.low, value) or exceeds(value, mode.high)) and span.setup.line not in report.faulty:
             report.setup(
                 rules.POWER_CLAMPED,
                 setup,

@@ -31,3 +31,24 @@ def test_emission_of_the_delays_alone_needs_a_power(delays: str, expected: list[
 
 def test_what_an_unreadable_line_may_contain_is_not_reported_as_missing() -> None:
     assert codes(MARK + "LASER POWER 30\nLASER ON\nLNE X 5\nLASER OFF\n") == ["GJ102"]
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        ("LASER ON\nDWELL 5\nLINE X 1\nLASER OFF\n", []),  # A pierce.
+        ("LASER ON\nDWELL 5\nLASER POWER 20\nDWELL 6\nLINE X 1\nLASER OFF\n", []),
+        ("LASER ON\nDWELL 5\nLASER OFF\n", []),  # A shot.
+        ("LASER ON NOW\nDWELL 5\nLINE X 1\nLASER OFF NOW\n", []),
+        ("LASER ON\nLINE X 1\nLASER OFF\nDWELL 5\n", []),
+        ("LASER ON\nLINE X 1\nDWELL 5\nLASER OFF\n", [7]),  # The end of a mark.
+        ("LASER ON\nLINE X 1\nDWELL 5\nLASER OFF NOW\n", [7]),
+        ("LASER ON\nLINE X 1\nDWELL 5\nDWELL 6\nLASER OFF\n", [7, 8]),
+        ("LASER ON\nLINE X 1\nWAIT\nDWELL 5\nLASER OFF\n", [8]),  # Another stage.
+        ("LASER ON\nREPEAT 2\nDWELL 5\nLINE X 1\nLASER POWER 20\nLINE X 0\nEND\nLASER OFF\n", [7]),
+        ("LASER ON NOW\nLINE X 1\nLASER OFF NOW\nLASER ON NOW\nDWELL 5\nLASER OFF NOW\n", []),  # Another mark.
+        ("CHANNEL 1\nLASER MODE ANALOG\nLASER POWER 3\nLASER ON\nLINE X 1\nDWELL 5\nLASER OFF\n", [10]),
+    ],
+)
+def test_only_the_start_of_a_mark_may_stand_still(path: str, expected: list[int]) -> None:
+    assert [line for line, code in diagnostics_in(f"{MARK}LASER POWER 30\n{path}") if code == "GJ404"] == expected
