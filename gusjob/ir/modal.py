@@ -60,7 +60,8 @@ class Switches:
     @property
     def begins(self) -> Indices:
         """Instants at which a mark begins: the laser is switched on while it is off, ascending."""
-        return self.instant[self.on & ~np.concatenate([[False], self.on[:-1]])[: len(self)]]
+        found: Indices = self.instant[self.on & ~np.concatenate([[False], self.on[:-1]])[: len(self)]]
+        return found
 
     def on_at(self, instants: Indices) -> Bools:
         """Whether the laser is commanded on just before some instants."""
