@@ -79,11 +79,13 @@ def line_overlaps(x0: Floats, y0: Floats, x1: Floats, y1: Floats, key: npt.NDArr
     if not _has_equal(carrier):
         return _NO_OVERLAPS
     # Lines that continue each other are one span.
+    joined = (carrier[1:] == carrier[:-1]) & ((advance[1:] > 0) == (advance[:-1] > 0))
+    joined &= (np.abs(x0[1:] - x1[:-1]) < _TOUCH_MM) & (np.abs(y0[1:] - y1[:-1]) < _TOUCH_MM)
+    first = np.flatnonzero(np.concatenate([[True], ~joined]))
+    if not _has_equal(carrier[first]):
+        return _NO_OVERLAPS
     per_mm = np.hypot(1.0, slope)
     along0, along1 = ((x * _COSINE + y * _SINE) * per_mm for x, y in ((x0, y0), (x1, y1)))
-    joined = (carrier[1:] == carrier[:-1]) & ((advance[1:] > 0) == (advance[:-1] > 0))
-    joined &= np.abs(along0[1:] - along1[:-1]) < _TOUCH_MM
-    first = np.flatnonzero(np.concatenate([[True], ~joined]))
     count = np.diff(np.append(first, len(carrier)))
     begin, end = along0[first], along1[first + count - 1]
     low, high = np.minimum(begin, end), np.maximum(begin, end)

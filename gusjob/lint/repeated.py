@@ -233,7 +233,7 @@ def _dose_keys(context: LintContext, channel: int) -> npt.NDArray[np.uint64]:
         key = (span.mode.mode, span.mode.carrier_khz, span.mode.pulse_width_us)
         dose[span.first : span.last] += np.uint64(hash(key) % 1_000_003)
     vel = path.vel
-    if len(vel) and np.nanmin(vel) != np.nanmax(vel):
+    if len(vel) and np.fmin.reduce(vel) != np.fmax.reduce(vel):
         dose += hashed([np.nan_to_num(vel)])
     return dose
 

@@ -109,3 +109,7 @@ def test_random_lines_overlap_where_fractions_say_so() -> None:
         assert bool(found) == bool(shared)
         pairs += len(shared)
     assert pairs > 15
+
+
+def test_marks_without_a_velocity() -> None:
+    assert {code for _, code in diagnostics_in(f"LASER MODE DUTY CARRIER 10\nLASER POWER 30\n{CIRCLE}")} >= {"GJ501"}
