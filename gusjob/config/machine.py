@@ -5,6 +5,7 @@ profile.py reads them from gusjob.toml, which docs/profile.md describes.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -22,6 +23,7 @@ from gusjob.controllers.gus.ranges import (
     Range,
 )
 from gusjob.i18n.phrases import Phrase, printable
+from gusjob.kinematics.float_noise import settled_one
 from gusjob.kinematics.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 DEFAULT_NAME = "default"
@@ -318,6 +320,15 @@ class Machine:
     def equal_axes(self) -> bool:
         """Whether X and Y have the same pulses per mm."""
         return self.pulses_per_mm[0] == self.pulses_per_mm[1]
+
+    @property
+    def field_pulse(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The lowest and highest whole pulse of X and of Y in the field: positions are sent in whole pulses."""
+        (x_low, x_high), (y_low, y_high) = (
+            (settled_one(low * scale), settled_one(high * scale))
+            for (low, high), scale in zip((self.field_x_mm, self.field_y_mm), self.pulses_per_mm, strict=True)
+        )
+        return (math.ceil(x_low), math.floor(x_high)), (math.ceil(y_low), math.floor(y_high))
 
     @property
     def max_velocity_pulse_per_ms(self) -> float:

@@ -14,6 +14,7 @@ from gusjob.controllers.gus.ranges import Range
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase, all_of, did_you_mean, number, printable
+from gusjob.kinematics.float_noise import settled_one
 
 _NUMBER, _TEXT, _TABLE, _BOOLEAN = Phrase("a number"), Phrase("a text"), Phrase("a table"), Phrase("true or false")
 _TWO_NUMBERS = Phrase("a list of two numbers")
@@ -166,7 +167,7 @@ class TableReader:
             self.report_type(node, key, _NUMBER)
             return None
         try:
-            value = float(node.value)
+            value = settled_one(float(node.value))
         except OverflowError:
             value = math.inf
         if limits.classify_one(value) or not limits.carries(value):

@@ -8,6 +8,9 @@ from typing import Any, Self
 
 from gusjob.i18n.language import translated, typeset
 
+_FLOAT_NOISE = 1e-12
+"""Error of a number by float arithmetic, as a share of it."""
+
 
 def _filled(text: str, fields: dict[str, Any]) -> str:
     """Fill fields into a template; a field that is empty takes its blank with it."""
@@ -18,10 +21,17 @@ def _filled(text: str, fields: dict[str, Any]) -> str:
 
 
 def number(value: float) -> str:
-    """Format a number: no trailing .0, at most ten significant digits."""
+    """Format a number: no trailing .0, at most ten significant digits.
+
+    A number that is almost a short one, but not by float noise, has all its digits: 150.0000000002 is not 150.
+    """
     if value != value or value in (float("inf"), float("-inf")):
         return str(value)
-    return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else f"{value:.10g}"
+    if value == int(value) and abs(value) < 1e15:
+        return f"{value:.0f}"
+    shown = f"{value:.10g}"
+    is_short = float(shown) in (float(f"{value:.7g}"), round(value))
+    return repr(value) if is_short and abs(float(shown) - value) > _FLOAT_NOISE * abs(value) else shown
 
 
 class Phrase(str):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,11 @@ class DrawnArcs:
     def to_end_mm(self) -> Floats:
         """Distance of each end from its centre, (k,)."""
         return np.asarray(np.hypot(self.ends[2] - self.arcs.cx, self.ends[3] - self.arcs.cy) * self.mm)
+
+    def in_mm(self) -> Arcs:
+        """Return the arcs in mm; where the axes differ, circles in pulses by their largest unit."""
+        mm, arcs = self.mm, self.arcs
+        return replace(arcs, cx=arcs.cx * mm, cy=arcs.cy * mm, radius=arcs.radius * mm)
 
     def extent_mm(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Compute the bounding boxes: x low, x high, y low, y high, (k,) mm each."""

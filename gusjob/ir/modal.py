@@ -57,6 +57,12 @@ class Switches:
         """Row of the path of each buffered switch, or the row before which the other ones act."""
         return self.instant // 2
 
+    @property
+    def begins(self) -> Indices:
+        """Instants at which a mark begins: the laser is switched on while it is off, ascending."""
+        found: Indices = self.instant[self.on & ~np.concatenate([[False], self.on[:-1]])[: len(self)]]
+        return found
+
     def on_at(self, instants: Indices) -> Bools:
         """Whether the laser is commanded on just before some instants."""
         last = np.searchsorted(self.instant, instants, side="left") - 1
@@ -144,10 +150,8 @@ class ModalState:
 
     def mark_numbers(self, channel: int) -> Indices:
         """Number the marks of a channel: for each row the number of its mark, 0 while the laser is off, (n,)."""
-        switches = self.switches(channel)
-        turns_on = switches.on & ~np.concatenate([[False], switches.on[:-1]])[: len(switches)]
         instants = np.arange(len(self.job.path)) * 2
-        number = np.searchsorted(switches.instant[turns_on], instants, side="right")
+        number = np.searchsorted(self.switches(channel).begins, instants, side="right")
         return np.where(self.laser(channel).on, number, 0)
 
     def follows_velocity(self, channel: int) -> Bools:

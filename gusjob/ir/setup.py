@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from gusjob.controllers.gus.ranges import AUTO_SHARE, RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
+from gusjob.kinematics.float_noise import settled_one
 from gusjob.kinematics.units import PowerUnit
 
 
@@ -137,7 +138,7 @@ class SkyWriting:
 
 def auto_steps(word: str, timelag_us: float) -> float:
     """Compute NPREV or NPOST where it is AUTO, in 10 us: its share of the time lag, rounded (RTC5)."""
-    return math.floor(AUTO_SHARE[word] * timelag_us + 0.5)
+    return math.floor(settled_one(AUTO_SHARE[word] * timelag_us) + 0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import delays, frequency, laser, motion, power, setup, skywriting
+from gusjob.lint import delays, frequency, laser, motion, power, repeated, setup, skywriting, unused
 from gusjob.lint.context import LintContext, lint_context
 from gusjob.lint.reporter import Reporter
 
@@ -35,7 +35,8 @@ CHECKS: tuple[Check, ...] = (
     frequency.distance,
     frequency.power_now,
     frequency.powers,
-    power.unused,
+    unused.channels,
+    unused.powers,
     laser.left_on,
     laser.jumps,
     laser.no_power,
@@ -46,7 +47,7 @@ CHECKS: tuple[Check, ...] = (
     skywriting.laser_changes,
     skywriting.forced_ends,
     power.saturation,
-    laser.marked_twice,
+    repeated.marked_twice,
     delays.delays_against_path,
     motion.speeds_along,
     motion.arcs_close,
@@ -58,13 +59,20 @@ CHECKS: tuple[Check, ...] = (
 )
 """In the order in which they run: what looks at one value comes before what combines several."""
 
-NEED_COMPLETE_JOB = (power.unused, power.unused_in_calls, laser.switching, delays.delays_against_path, motion.no_length)
+NEED_COMPLETE_JOB = (
+    unused.channels,
+    unused.powers,
+    unused.powers_in_calls,
+    laser.switching,
+    delays.delays_against_path,
+    motion.no_length,
+)
 """Skipped where a line could not be read: what they miss may be in that line."""
 
 DERIVED = (
     power.saturation,
     delays.delays_against_path,
-    laser.marked_twice,
+    repeated.marked_twice,
     motion.speeds_along,
     motion.arcs_close,
     motion.arcs_without_length,
@@ -77,6 +85,9 @@ DERIVED = (
 
 RULES_OF_A_COMPLETE_TEXT = (
     rules.UNUSED_POWER,
+    rules.UNUSED_LAST_POWER,
+    rules.NOTHING_MARKED,
+    rules.UNUSED_CHANNEL,
     rules.LASER_ON_WITHOUT_MOTION,
     rules.ALREADY_ON,
     rules.DELAY_LONGER_THAN_MARK,
@@ -101,11 +112,12 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     frequency.power_now,
     frequency.powers,
     power.saturation,
-    power.unused_in_calls,
+    unused.channels,
+    unused.powers_in_calls,
     laser.dwells,
     laser.waits,
     laser.switching,
-    laser.marked_twice_outside_passes,
+    repeated.marked_twice_outside_passes,
     delays.delays_against_path,
     motion.speeds,
     motion.speeds_along,

@@ -21,6 +21,7 @@ from gusjob.ir.modal import ModeSpan
 from gusjob.ir.path import Op
 from gusjob.ir.setup import DistanceFollow, LaserDistance, PowerNow, Setup
 from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.float_noise import exceeds, settled
 from gusjob.kinematics.units import PowerUnit
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -123,7 +124,7 @@ def _check_end(
         report.setup(rules.PULSE_TOO_WIDE, setup, word, **_pulse_fields(span, float(khz[0])), remarks=remarks)
         return True
     highest = context.machine.laser(span.channel).max_frequency_khz
-    if word == "MAX" and highest is not None and khz[0] > highest:
+    if word == "MAX" and highest is not None and exceeds(khz, highest)[0]:
         fields: dict[str, Any] = {"what": DISTANCE_ENDS[word], "value": float(khz[0]), "limit": highest}
         report.setup(rules.CARRIER_TOO_FAST, setup, word, **fields, remarks=remarks)
         return True
@@ -203,7 +204,7 @@ def _check_now(context: LintContext, report: Reporter, setup: Setup, statement: 
     if _is_bad(span, khz, np.array([limits.rises]))[0] and khz[0] not in limits.reported():
         report.setup(rules.PULSE_TOO_WIDE, setup, "value", **_pulse_fields(span, float(khz[0])))
     highest = context.machine.laser(setup.channel).max_frequency_khz
-    if highest is not None and khz[0] > highest:
+    if highest is not None and exceeds(khz, highest)[0]:
         value = float(khz[0])
         report.setup(rules.CARRIER_TOO_FAST, setup, "value", what="LASER POWER NOW", value=value, limit=highest)
 
@@ -242,7 +243,7 @@ class _RowCheck:
         if bad.any():
             self.report.rows(rules.PULSE_TOO_WIDE, rows[bad], word, **_pulse_fields(span, khz[bad]))
         highest = self.context.machine.laser(span.channel).max_frequency_khz
-        fast = khz > (np.inf if highest is None else highest)
+        fast = np.asarray(exceeds(khz, np.inf if highest is None else highest), dtype=np.bool_)
         if fast.any():
             self.report.rows(rules.CARRIER_TOO_FAST, rows[fast], word, what=what, value=khz[fast], limit=highest)
         return rows[bad | fast]
@@ -256,7 +257,7 @@ def _is_bad(span: ModeSpan, khz: Floats, passes: Bools) -> Bools:
     width_us = span.mode.pulse_width_us
     if not width_us:
         return np.zeros(len(khz), dtype=np.bool_)
-    outside = PULSE_DUTY_PCT.classify(khz * width_us / US_KHZ_PER_PCT) != Membership.INSIDE
+    outside = PULSE_DUTY_PCT.classify(settled(khz * width_us / US_KHZ_PER_PCT)) != Membership.INSIDE
     return np.asarray(outside & ((khz > 0) | passes))
 
 

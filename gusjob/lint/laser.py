@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
-from gusjob.ir.effects import POSITION, StateEffect, is_known
-from gusjob.ir.path import Op, Path
-from gusjob.ir.setup import PowerNow
+from gusjob.ir.effects import StateEffect, is_known
+from gusjob.ir.path import Op
 from gusjob.ir.stages import opens_stage
-from gusjob.kinematics.arrays import Bools, Floats, Indices, hashed
 from gusjob.lint.context import LintContext
 from gusjob.lint.delays import delays_in_force
 from gusjob.lint.reporter import Reporter
@@ -40,19 +35,18 @@ def jumps(context: LintContext, report: Reporter) -> None:
 
 
 def dwells(context: LintContext, report: Reporter) -> None:
-    """A dwell inside a mark burns a point; at the start of a mark it pierces."""
-    path, rows = context.path, context.rows(Op.DWELL)
+    """A dwell burns a point, but at the start of a mark, before any motion, it pierces."""
+    rows = context.rows(Op.DWELL)
     if not len(rows):
         return
-    moved, sky = np.concatenate([[0], np.cumsum(path.moves)]), context.job.sky_writing_by_row()[0]
+    moved, sky = np.concatenate([[0], np.cumsum(context.path.moves)]), context.job.sky_writing_by_row()[0]
     for channel in CHANNELS:
         laser = context.modal.laser(channel)
-        own = rows[laser.on[rows]]
-        begins = np.flatnonzero(laser.on & ~np.concatenate([[False], laser.on[:-1]]))
-        ends = np.flatnonzero(laser.on & ~np.concatenate([laser.on[1:], [False]])) + 1
-        number = np.searchsorted(begins, own, side="right") - 1
         # Under sky writing a dwell with the laser on is an error anyway.
-        bad = own[(moved[own] > moved[begins[number]]) & (moved[ends[number]] > moved[own]) & (sky[own] < 0)]
+        own = rows[laser.on[rows] & (sky[rows] < 0)]
+        begins = context.modal.switches(channel).begins
+        begin = (begins[np.searchsorted(begins, own * 2, side="right") - 1] + 1) // 2
+        bad = own[moved[own] > moved[begin]]
         remarks = context.line_remarks(d.ON_HERE, laser.on_line[bad])
         report.rows(rules.DWELL_WITH_LASER_ON, bad, "", word="DWELL", channel=channel, remarks=remarks)
 
@@ -89,161 +83,6 @@ def switching(context: LintContext, report: Reporter) -> None:
         nothing = timed_before[:-1] == timed_before[1:]
         empty = np.flatnonzero(on[:-1] & ~on[1:] & nothing & buffered[:-1] & buffered[1:])
         report.rows(rules.LASER_ON_WITHOUT_MOTION, switches.rows[empty], "", channel=channel)
-
-
-def marked_twice(context: LintContext, report: Reporter) -> None:
-    """The same segment is marked with the same power from two lines of the job; passes of a loop are intended."""
-    for channel in CHANNELS:
-        found = repeated_marks(context, channel)
-        found = found.pick(_is_certain(context, found.rows, channel) & _is_certain(context, found.first, channel))
-        _report_repeated(context, report, found.pick(found.from_another_line(context.path)))
-
-
-def _is_certain(context: LintContext, rows: Indices, channel: int) -> Bools:
-    """Whether position, power and velocity of some marks are known."""
-    where = context.known(rows, StateEffect.POWER | StateEffect.MODE | POSITION, channel)
-    return where & context.known_after(rows, POSITION | StateEffect.VEL)
-
-
-def marked_twice_outside_passes(context: LintContext, report: Reporter) -> None:
-    """The same segment is marked with the same power, and not in a pass: calls do not show loops."""
-    for channel in CHANNELS:
-        found = repeated_marks(context, channel)
-        _report_repeated(context, report, found.pick(~found.in_pass))
-
-
-def _report_repeated(context: LintContext, report: Reporter, found: RepeatedMarks) -> None:
-    remarks = context.line_remarks(d.FIRST_HERE, context.path.line[found.first])
-    report.rows(rules.MARKED_TWICE, found.rows, "", remarks=remarks)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RepeatedMarks:
-    """Marked segments that were marked before with the same power and velocity, (k,) in order.
-
-    `first`: the row that marked the segment first. `in_pass`: several segments are repeated in their order and
-    direction, from the first to the last, as by another pass of a loop; or a closed segment is repeated at once.
-    """
-
-    rows: Indices
-    first: Indices
-    in_pass: Bools
-
-    def pick(self, where: Bools) -> RepeatedMarks:
-        """Pick the repeated segments at a mask."""
-        return RepeatedMarks(rows=self.rows[where], first=self.first[where], in_pass=self.in_pass[where])
-
-    def from_another_line(self, path: Path) -> Bools:
-        """Whether the segment was marked first from another line, (k,)."""
-        return np.asarray(path.line[self.rows] != path.line[self.first])
-
-
-def repeated_marks(context: LintContext, channel: int) -> RepeatedMarks:
-    """Find the marks of a channel that repeat an earlier one."""
-    rows = np.flatnonzero(context.path.moves & context.modal.laser(channel).on)
-    nothing = np.empty(0, dtype=np.intp)
-    if len(rows) < 2:
-        return RepeatedMarks(rows=nothing, first=nothing, in_pass=nothing.astype(np.bool_))
-    keys = _segment_keys(context, rows, channel)
-    ascending = np.sort(keys.shape)
-    if not (ascending[1:] == ascending[:-1]).any():
-        return RepeatedMarks(rows=nothing, first=nothing, in_pass=nothing.astype(np.bool_))
-    order = np.argsort(keys.shape, kind="stable")
-    fresh = np.concatenate([[True], keys.shape[order][1:] != keys.shape[order][:-1]])
-    first = np.empty(len(rows), dtype=np.intp)
-    first[order] = order[np.maximum.accumulate(np.where(fresh, np.arange(len(order)), 0))]
-    again = np.flatnonzero((first != np.arange(len(rows))) & keys.has_length)
-    in_pass = _in_passes(keys, order, fresh)[again]
-    return RepeatedMarks(rows=rows[again], first=rows[first[again]], in_pass=in_pass)
-
-
-_PERIODS = 16
-"""Lengths of a pass that are tried, the most frequent distances between two equal segments first."""
-
-
-def _in_passes(keys: _SegmentKeys, order: Indices, fresh: Bools) -> Bools:
-    """Find segments in a pass that repeats the one before, (k,).
-
-    Args:
-        keys: Keys of all segments.
-        order: Segments by shape, those of one shape in order, (k,).
-        fresh: Where in `order` a new shape begins, (k,).
-    """
-    n = len(order)
-    lags, counts = np.unique(np.diff(order)[~fresh[1:]], return_counts=True)
-    periods = lags[np.argsort(-counts, kind="stable")][:_PERIODS].tolist()
-    found = np.zeros(n, dtype=np.bool_)
-    for period in periods:
-        same = keys.directed[period:] == keys.directed[:-period]
-        if period == 1:
-            found[1:] |= same & keys.closed[1:]
-            continue
-        # Stretches of equal segments at least as long as the pass.
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
-        begin, end = edges[::2], edges[1::2]
-        whole = end - begin >= period
-        steps = np.zeros(len(same) + 1, dtype=np.int8)
-        steps[begin[whole]], steps[end[whole]] = 1, -1
-        found[period:] |= np.cumsum(steps)[:-1] > 0
-    return found
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _SegmentKeys:
-    """Keys of some motions, (k,) each.
-
-    `shape`: equal where shape (in whole pulses, either direction) and power are equal. `directed`: in one direction.
-    `has_length`: the motion has a length; a full circle has one. `closed`: it ends where it starts.
-    """
-
-    shape: npt.NDArray[np.uint64]
-    directed: npt.NDArray[np.uint64]
-    has_length: Bools
-    closed: Bools
-
-
-def _segment_keys(context: LintContext, rows: Indices, channel: int) -> _SegmentKeys:
-    path = context.path
-    ax, ay, bx, by = (np.rint(v) for v in path.ends(rows))
-    reverse = (ax > bx) | ((ax == bx) & (ay > by))
-    low_x, high_x = np.where(reverse, bx, ax), np.where(reverse, ax, bx)
-    low_y, high_y = np.where(reverse, by, ay), np.where(reverse, ay, by)
-    not_line = path.op[rows] != Op.LINE
-    parts = [low_x, low_y, high_x, high_y, _dose_keys(context, channel)[rows]]
-    if not_line.any():
-        bend = np.where(path.ccw[rows] != reverse, 1.0, -1.0)
-        arc = [np.rint(np.nan_to_num(v[rows])) for v in (path.cx, path.cy, path.radius)]
-        parts += [np.where(not_line, v, 0.0) for v in (*arc, bend)]
-    shape, closed = hashed(parts), (ax == bx) & (ay == by)
-    directed = shape + reverse.astype(np.uint64)
-    return _SegmentKeys(shape=shape, directed=directed, has_length=~closed | not_line, closed=closed)
-
-
-def _dose_keys(context: LintContext, channel: int) -> Floats:
-    """A key of each row, (n,): equal where mode, power and velocity are equal."""
-    path = context.path
-    mode = np.zeros(len(path))
-    for span in context.modal.modes(channel):
-        key = (span.mode.mode, span.mode.carrier_khz, span.mode.pulse_width_us)
-        mode[span.first : span.last] = hash(key) % 1_000_003
-    return hashed([_power_keys(context, channel), mode, np.nan_to_num(path.vel)]).astype(np.float64)
-
-
-def _power_keys(context: LintContext, channel: int) -> Floats:
-    """A key of each row, (n,): equal where the same power is in force."""
-    path = context.path
-    rows = np.flatnonzero(path.sets_power & (path.channel == channel))
-    now = [(setup, power) for setup, power in context.modal.statements(PowerNow) if setup.channel == channel]
-    at_rest = np.array([context.modal.stage_first[setup.order] * 2 for setup, _ in now], dtype=np.intp)
-    instants = np.concatenate([rows * 2 + 1, at_rest])
-    if not len(instants):
-        return np.zeros(len(path))
-    power = np.concatenate([path.power[rows], [power.power for _, power in now]])
-    follow = [np.concatenate([v[rows], np.full(len(now), np.nan)]) for v in (path.low, path.high, path.ratio)]
-    order = np.argsort(instants, kind="stable")
-    keys = hashed([np.nan_to_num(v[order]) for v in (power, *follow)]).astype(np.float64)
-    at = np.searchsorted(instants[order], np.arange(len(path)) * 2 + 1, side="left") - 1
-    return np.where(at >= 0, keys[at], 0.0)
 
 
 def no_power(context: LintContext, report: Reporter) -> None:

@@ -16,6 +16,8 @@ from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import SPEED_WORDS, Op, Path
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
 from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
+from gusjob.kinematics.float_noise import exceeds
+from gusjob.kinematics.geometry import Ends, arcs_by_either
 from gusjob.kinematics.trapezoids import peak_velocity
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -23,7 +25,6 @@ from gusjob.lint.reporter import Reporter
 _MM_S_PER_MM_MS, _MM_S2_PER_MM_MS2 = 1e3, 1e6
 _ABOVE = 1 + 1e-9
 """Factor by which a value has to be above a limit: more than rounding."""
-_FIELD_SLACK_MM = 1e-6
 _MARGIN = 1.02
 """Factor of a velocity: rounding to pulses is not known before planning."""
 
@@ -39,7 +40,7 @@ def speeds(context: LintContext, report: Reporter) -> None:
         value, in_mm = written.value[at], written.in_mm[at]
         mm = value * (_MM_S2_PER_MM_MS2 if is_acc else _MM_S_PER_MM_MS) / machine.pulses_per_mm[0]
         outside = allowed.classify(value) > 0
-        fast = ~outside & (mm > limit * _ABOVE) & (in_mm | machine.equal_axes)
+        fast = ~outside & exceeds(mm, limit) & (in_mm | machine.equal_axes)
         lines, nodes = written.line[at], written.provenance[at]
         words = np.where(written.inline[at], word, "value")
         for rule, bad, values, fields in (
@@ -77,7 +78,7 @@ def speeds_along(context: LintContext, report: Reporter) -> None:
     ):
         limit, unit = _machine_limit(context, acceleration=word == "ACC")
         mm = values[rows] * mm_per_pulse * (_MM_S2_PER_MM_MS2 if word == "ACC" else _MM_S_PER_MM_MS)
-        fast = np.flatnonzero(~in_mm[rows] & (mm > limit * _ABOVE))
+        fast = np.flatnonzero(~in_mm[rows] & exceeds(mm, limit))
         # A modal value is one diagnostic, where it was set.
         _, first = np.unique(lines[rows[fast]], return_index=True)
         for i in fast[first].tolist():
@@ -116,34 +117,52 @@ def field(context: LintContext, report: Reporter) -> None:
     """Every motion stays in the machine's field, arcs with their whole extent."""
     path, machine = context.path, context.machine
     rows = np.flatnonzero(path.moves)
+    in_x, in_y = machine.field_pulse
     axes = (
-        ("X", path.x, machine.field_x_mm, machine.pulses_per_mm[0], StateEffect.X),
-        ("Y", path.y, machine.field_y_mm, machine.pulses_per_mm[1], StateEffect.Y),
+        ("X", path.x, machine.field_x_mm, in_x, machine.pulses_per_mm[0], StateEffect.X),
+        ("Y", path.y, machine.field_y_mm, in_y, machine.pulses_per_mm[1], StateEffect.Y),
     )
     reported, lines = np.zeros(len(rows), dtype=np.bool_), path.line[rows]
-    for axis, values, (low, high), scale, effect in axes:
-        end_mm = values[rows] / scale
-        out = ((end_mm < low) | (end_mm > high)) & context.known_after(rows, effect)
+    for axis, values, (low, high), (first, last), scale, effect in axes:
+        end_mm, sent = values[rows] / scale, np.rint(values[rows])
+        out = ((sent < first) | (sent > last)) & context.known_after(rows, effect)
         again = out & np.isin(lines, lines[reported]) if reported.any() else reported
         outside, out = out, out & (~again | _has_both_words(context, rows, again))
         reported |= out
         report.rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=end_mm[out], low=low, high=high, hint="")
-        within = rows[~outside & context.known_after(rows, effect)]
-        report.rows_in_range(within, np.rint(values[within]), ranges.COORDINATE_PULSE, axis, axis)
+        within = np.flatnonzero(~outside & context.known_after(rows, effect))
+        report.rows_in_range(rows[within], sent[within], ranges.COORDINATE_PULSE, axis, axis)
     arcs = _certain(context, context.arc_rows())
     if not len(arcs):
         return
-    x_low, x_high, y_low, y_high = drawn_arcs(path, arcs, machine).extent_mm()
+    x_low, x_high, y_low, y_high = _extent_mm(context, arcs)
     hint = Phrase(": the arc leaves the field between its ends")
     # One diagnostic an arc: it leaves the field at several sides for one reason.
     inside = ~np.isin(arcs, rows[reported])
-    for (axis, _, (low, high), _, _), near, far in zip(axes, (x_low, y_low), (x_high, y_high), strict=True):
-        for beyond, reached in ((near < low - _FIELD_SLACK_MM, near), (far > high + _FIELD_SLACK_MM, far)):
+    for (axis, _, (low, high), (first, last), scale, _), near, far in zip(
+        axes, (x_low, y_low), (x_high, y_high), strict=True
+    ):
+        for beyond, reached in ((np.rint(near * scale) < first, near), (np.rint(far * scale) > last, far)):
             out = inside & beyond
             inside &= ~out
             report.rows(
                 rules.OUTSIDE_FIELD, arcs[out], "", axis=axis, value=reached[out], low=low, high=high, hint=hint
             )
+
+
+def _extent_mm(context: LintContext, rows: Indices) -> Ends:
+    """Bounding boxes of arcs: x low, x high, y low, y high, (k,) mm each.
+
+    Their ends and centres are sent in whole pulses; where the axes differ, many are sent as chords of exact arcs.
+    """
+    path, machine = context.path, context.machine
+    if not machine.equal_axes:
+        return drawn_arcs(path, rows, machine).extent_mm()
+    scale = machine.pulses_per_mm[0]
+    x0, y0, x1, y1, cx, cy = (np.rint(v) / scale for v in (*path.ends(rows), path.cx[rows], path.cy[rows]))
+    by_radius = path.op[rows] == Op.ARC_RADIUS
+    ends = (x0, y0, x1, y1)
+    return arcs_by_either(ends, cx, cy, path.radius[rows] / scale, path.ccw[rows], by_radius).extent()
 
 
 def _has_both_words(context: LintContext, rows: Indices, where: Bools) -> Bools:
@@ -316,6 +335,6 @@ def forced_ends(context: LintContext, report: Reporter) -> None:
     path, shown = context.path, context.shown
     rows = np.flatnonzero(~np.isnan(path.end) & path.moves)
     rows = rows[report.rows_in_range(rows, path.end[rows], ranges.END_VELOCITY, "END", "END")]
-    above = rows[(path.end[rows] > path.vel[rows] * (1 + 1e-12)) & context.known_after(rows, StateEffect.VEL)]
+    above = rows[exceeds(path.end[rows], path.vel[rows]) & context.known_after(rows, StateEffect.VEL)]
     ends, velocities = path.end[above] * shown.per_pulse_per_ms, path.vel[above] * shown.per_pulse_per_ms
     report.rows(rules.END_ABOVE_VEL, above, "END", value=ends, velocity=velocities, speed=shown.speed)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,8 @@ from gusjob.ir.effects import StateEffect
 from gusjob.ir.modal import ModeSpan
 from gusjob.ir.path import Op
 from gusjob.ir.setup import PowerNow, SwitchNow
-from gusjob.kinematics.arrays import Floats, Indices, hashed
+from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.float_noise import exceeds
 from gusjob.lint.context import LintContext, same_remarks
 from gusjob.lint.frequency import FOLLOW_ENDS
 from gusjob.lint.reporter import Reporter
@@ -74,7 +74,7 @@ def power_now(context: LintContext, report: Reporter) -> None:
         mode = span.mode
         if not report.in_range(setup, power, POWER_NOW[mode.mode], what):
             continue
-        if not mode.low <= power <= mode.high and span.setup.line not in report.faulty:
+        if (exceeds(mode.low, power) or exceeds(power, mode.high)) and span.setup.line not in report.faulty:
             report.setup(
                 rules.POWER_CLAMPED,
                 setup,
@@ -172,50 +172,6 @@ def saturation(context: LintContext, report: Reporter) -> None:
         )
 
 
-def unused(context: LintContext, report: Reporter) -> None:
-    """A power is set again before any emission. In a loop or routine the first or last iteration may go without."""
-    _unused(context, report, context.path.line)
-
-
-def unused_in_calls(context: LintContext, report: Reporter) -> None:
-    """A power is set again before any emission, and is not used elsewhere: calls do not show loops."""
-    path = context.path
-    _unused(context, report, hashed([np.nan_to_num(v) for v in (path.power, path.low, path.high, path.ratio)]))
-
-
-def _unused(context: LintContext, report: Reporter, statement: npt.NDArray[Any]) -> None:
-    """Report powers that are never used. `statement` (n,): which statement each row is an iteration of."""
-    path, modal = context.path, context.modal
-    for channel in CHANNELS:
-        on = modal.laser(channel).on
-        if not on.any():
-            continue
-        powers = modal.power_instants(channel)
-        emitted = np.concatenate([[0], np.cumsum(on & path.takes_time)])
-        begins = (powers + 1) // 2
-        used = emitted[np.append(begins[1:], len(path))] > emitted[begins]
-        # Before any emission powers may be a header's defaults; the last one may leave the lowest power behind.
-        used |= emitted[begins] == 0
-        used[-1:] = True
-        spans = modal.modes(channel)
-        buffered = (powers % 2 == 1) & (powers >= (spans[0].first * 2 if spans else 0))
-        rows, used = powers[buffered] // 2, used[buffered]
-        idle = rows[~used]
-        # The lowest power is one to leave behind: an analog output has it while the laser is off.
-        idle = idle[~(path.power[idle] <= _lowest(context, channel, idle))]
-        idle = idle[~np.isin(statement[idle], statement[rows[used]])]
-        for op in (Op.POWER, Op.FOLLOW):
-            report.rows(rules.UNUSED_POWER, idle[path.op[idle] == op], "", word=op.word)
-
-
-def _lowest(context: LintContext, channel: int, rows: Indices) -> Floats:
-    """The lowest power of the mode in force at some rows; NaN where there is none."""
-    lowest = np.full(len(rows), np.nan)
-    for span in context.modal.modes(channel):
-        lowest[(rows >= span.first) & (rows < span.last)] = span.mode.low
-    return lowest
-
-
 def _units(context: LintContext, channel: int, rows: Indices) -> npt.NDArray[np.str_]:
     """The power unit in force at some rows."""
     units = np.full(len(rows), "", dtype=object)
@@ -229,7 +185,7 @@ def _check_mode_limits(
 ) -> None:
     """Check powers, one a row, against the limits of the mode in force: the controller clamps them."""
     mode = span.mode
-    out = (values < mode.low) | (values > mode.high)
+    out = exceeds(mode.low, values) | exceeds(values, mode.high)
     if out.any() and span.setup.line not in report.faulty:
         report.rows(
             rules.POWER_CLAMPED,

@@ -26,6 +26,7 @@ from gusjob.ir.setup import (
     Wait,
 )
 from gusjob.ir.stages import opens_stage
+from gusjob.kinematics.float_noise import exceeds
 from gusjob.lint.context import LintContext
 from gusjob.lint.frequency import DISTANCE_ENDS
 from gusjob.lint.reporter import Reporter
@@ -60,7 +61,7 @@ def _check_response(
 ) -> None:
     """Check a frequency against the laser's highest response frequency."""
     highest = context.machine.laser(setup.channel).max_frequency_khz
-    if highest is not None and frequency_khz > highest:
+    if highest is not None and exceeds(frequency_khz, highest):
         report.setup(rules.CARRIER_TOO_FAST, setup, word, what=what, value=frequency_khz, limit=highest)
 
 
@@ -177,7 +178,7 @@ def _check_distance_limits(
         report.setup(rules.MIN_ABOVE_MAX, setup, "MIN", what="LASER DISTANCE", low=low, high=high)
     remarks = context.mode_remark(span)
     for word, value in (("MIN", settings.low), ("MAX", settings.high)):
-        if not mode.low <= value <= mode.high and span.setup.line not in report.faulty:
+        if (exceeds(mode.low, value) or exceeds(value, mode.high)) and span.setup.line not in report.faulty:
             report.setup(
                 rules.POWER_CLAMPED,
                 setup,

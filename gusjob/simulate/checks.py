@@ -89,11 +89,15 @@ def path_diagnostics(events: Events, motion: Motion, machine: Machine) -> list[D
     sharp = jump - rounding > limit * (1 + 1e-6)
     reporter.add(rules.SHARP_CORNER, sharp, value=end, jump=jump, limit=np.full(len(jump), limit))
     x_low, x_high, y_low, y_high = segments.extent(np.arange(len(end)))
-    for axis, lowest, highest, (low, high), scale in (
-        ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),
-        ("Y", y_low, y_high, machine.field_y_mm, machine.pulses_per_mm[1]),
+    for (axis, lowest, highest, (low, high), scale), (first, last) in zip(
+        (
+            ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),
+            ("Y", y_low, y_high, machine.field_y_mm, machine.pulses_per_mm[1]),
+        ),
+        machine.field_pulse,
+        strict=True,
     ):
-        below, above = lowest / scale < low - 1e-6, highest / scale > high + 1e-6
+        below, above = np.rint(lowest) < first, np.rint(highest) > last
         bounds = {"low": np.full(len(end), low), "high": np.full(len(end), high)}
         reporter.add(rules.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
         reporter.add(rules.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)

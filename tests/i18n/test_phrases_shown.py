@@ -208,7 +208,7 @@ def test_comparisons(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             output = ("-o", "X") if form == "csv" else ()
             text = out(report_command.command, "J.job", "--against", "OLD.JSON", "--format", form, *output)
             assert "OLD.JSON" in text
-            wrong[number, form] = left(text, "J.job", "OLD.JSON")
+            wrong[number, form] = left(text, "J.job", "OLD.JSON", "(i + 1)", "AS i", "i = 0")
     assert {case: words for case, words in wrong.items() if words} == {}
 
 

@@ -89,3 +89,24 @@ def test_delays_of_the_switch_and_of_the_first_pulse_killer(delays: str, path: s
         assert len(intervals.stage) == 1
     else:
         assert len(intervals.stage) == ("there is no emission" not in found[0].message)
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        ("LASER ON\nDWELL 5\nLINE X 1\nLASER OFF\n", []),  # A pierce.
+        ("LASER ON\nDWELL 5\nLASER POWER 20\nDWELL 6\nLINE X 1\nLASER OFF\n", []),
+        ("LASER ON\nDWELL 5\nLASER OFF\n", []),  # A shot.
+        ("LASER ON NOW\nDWELL 5\nLINE X 1\nLASER OFF NOW\n", []),
+        ("LASER ON\nLINE X 1\nLASER OFF\nDWELL 5\n", []),
+        ("LASER ON\nLINE X 1\nDWELL 5\nLASER OFF\n", [7]),  # The end of a mark.
+        ("LASER ON\nLINE X 1\nDWELL 5\nLASER OFF NOW\n", [7]),
+        ("LASER ON\nLINE X 1\nDWELL 5\nDWELL 6\nLASER OFF\n", [7, 8]),
+        ("LASER ON\nLINE X 1\nWAIT\nDWELL 5\nLASER OFF\n", [8]),  # Another stage.
+        ("LASER ON\nREPEAT 2\nDWELL 5\nLINE X 1\nLASER POWER 20\nLINE X 0\nEND\nLASER OFF\n", [7]),
+        ("LASER ON NOW\nLINE X 1\nLASER OFF NOW\nLASER ON NOW\nDWELL 5\nLASER OFF NOW\n", []),  # Another mark.
+        ("CHANNEL 1\nLASER MODE ANALOG\nLASER POWER 3\nLASER ON\nLINE X 1\nDWELL 5\nLASER OFF\n", [10]),
+    ],
+)
+def test_only_the_start_of_a_mark_may_stand_still(path: str, expected: list[int]) -> None:
+    assert [line for line, code in diagnostics_in(f"{MARK}LASER POWER 30\n{path}") if code == "GJ404"] == expected

@@ -48,7 +48,9 @@ def argument_error(call: Call) -> str:
 
 def range_error(allowed: Range, name: str, value: float) -> str:
     """Describe why a value does not fit a range; '' if it does."""
-    shown = f"{name} {number(value)} {allowed.unit}".rstrip()
+    # A value that is off by float noise is shown with all its digits.
+    written = number(value) if range_has(allowed, float(number(value))) == range_has(allowed, value) else repr(value)
+    shown = f"{name} {written} {allowed.unit}".rstrip()
     if allowed.classify_one(value) is Membership.OUTSIDE:
         return Phrase("{value} is outside {range}", value=shown, range=str(allowed))
     return "" if allowed.carries(value) else Phrase("{value} is not whole", value=shown)
@@ -80,6 +82,11 @@ def report_conversions(conversions: Iterable[ArgumentConversion], collector: Col
                 }
                 collector.add(rule, Span(line=int(found.line[i])), fields)
             collector.count_unlisted(rule, len(at) - len(listed))
+
+
+def range_has(allowed: Range, value: float) -> bool:
+    """Whether a call carries a value and the controller accepts it."""
+    return allowed.classify_one(value) is not Membership.OUTSIDE and bool(allowed.carries(value))
 
 
 @dataclass(slots=True, kw_only=True)

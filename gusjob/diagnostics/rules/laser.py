@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gusjob.diagnostics.rules.examples import HEAD, LASER_ON
-from gusjob.diagnostics.rules.registry import ERROR, WARNING, rule
+from gusjob.diagnostics.rules.registry import ERROR, WARNING, rule, variant
 
 LEFT_ON = rule(
     "GJ401",
@@ -37,8 +37,9 @@ DWELL_WITH_LASER_ON = rule(
     "GJ404",
     WARNING,
     title="dwell with the laser on",
-    text="{word} with the laser of channel {channel} on, in the middle of a mark",
-    why="The head stands still and the laser burns one point. A pierce directly after LASER ON is not reported.",
+    text="{word} with the laser of channel {channel} on, after the motion of the mark has begun",
+    why="The head stands still and the laser burns one point, also at the end of a mark: put LASER OFF before it. "
+    "A pierce directly after LASER ON, before any motion, is not reported.",
     bad=LASER_ON + "LINE X 1\nDWELL 100\nLINE X 2\nLASER OFF\n",
     good=LASER_ON + "DWELL 100\nLINE X 1\nLINE X 2\nLASER OFF\n",
 )
@@ -65,9 +66,14 @@ MARKED_TWICE = rule(
     WARNING,
     title="same mark twice",
     text="this mark was made before, with the same power and velocity",
-    why="Doubled lines of a drawing are marked twice as deep. Write intended passes as a REPEAT.",
+    why="Doubled lines of a drawing are marked twice as deep. Write intended passes as a REPEAT. Both directions, any "
+    "start point of a circle, and parts that overlap by more than 0.1 mm on one line or circle count.",
     bad=LASER_ON + "LINE X 5\nLINE X 0\nLASER OFF\n",
     good=HEAD + "LASER POWER 30\nREPEAT 2\nJUMP X 0\nLASER ON\nLINE X 5\nLASER OFF\nEND\n",
+)
+PARTLY_MARKED_TWICE = variant(
+    MARKED_TWICE,
+    text="{length} mm of this mark were made before, with the same power and velocity",
 )
 ALREADY_ON = rule(
     "GJ408",
@@ -77,4 +83,23 @@ ALREADY_ON = rule(
     why="A second LASER ON has no effect. Often the LASER OFF between two marks is missing.",
     bad=LASER_ON + "LINE X 5\nLASER ON\nLINE X 6\nLASER OFF\n",
     good=LASER_ON + "LINE X 5\nLASER OFF\nJUMP X 6\nLASER ON\nLINE X 7\nLASER OFF\n",
+)
+NOTHING_MARKED = rule(
+    "GJ409",
+    WARNING,
+    title="nothing is marked",
+    text="channel {channel} has a power, but no laser is ever switched on: nothing is marked",
+    why="The head moves, and the laser stays off. Put LASER ON before the marks and LASER OFF after them; a move that "
+    "marks nothing is a JUMP.",
+    bad=HEAD + "LASER POWER 30\nLINE X 1\n",
+    good=LASER_ON + "LINE X 1\nLASER OFF\n",
+)
+UNUSED_CHANNEL = rule(
+    "GJ410",
+    WARNING,
+    title="channel never on",
+    text="the laser of channel {channel} is never switched on: its {word} has no effect",
+    why="A mode or a power was set for a channel that nothing uses. Often CHANNEL is missing at LASER ON, or is wrong.",
+    bad=LASER_ON + "LINE X 1\nLASER OFF\nLASER MODE ANALOG CHANNEL 1\n",
+    good=LASER_ON + "LINE X 1\nLASER OFF\n",
 )

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule, variant
 
-_CALLS = (
+_SETUP = (
     "GT_SetAxisMode(7,1)\nGT_LaserPowerMode(0,100,0,0)\nGT_LaserOutFrq(10,0)\n"
     "GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},10000,1000,0,1,{0,0,0,0,0,0,0,0}})\nGT_CrdClear(1,0)\n"
-    "GT_BufLaserPrfCmd(1,30,0,0)\n"
 )
+_CALLS = _SETUP + "GT_BufLaserPrfCmd(1,30,0,0)\n"
 
 REFUSED = rule(
     "GJ701",
@@ -16,8 +16,8 @@ REFUSED = rule(
     title="call refused",
     text="{call} returns {code}: {reason}",
     why="The call has no effect. A program that does not check the return code continues as if the call were accepted.",
-    bad=_CALLS + "GT_LaserOutFrq(0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LaserOutFrq(20,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LaserOutFrq(0,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_LaserOutFrq(20,0)\nGT_CrdStart(1,0)\n",
     section="二.2",
 )
 QUESTIONABLE_CALL = rule(
@@ -37,8 +37,8 @@ NEVER_STARTED = rule(
     title="stage never started",
     text="{count} buffered calls in coordinate system {crd}, FIFO {fifo} are never started: GT_CrdStart is missing",
     why="Buffered calls stay in their FIFO until GT_CrdStart, or until another program starts it.",
-    bad=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\n",
-    good=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LnXY(1,1000,0,50,5,0,0)\n",
+    good=_SETUP + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
 )
 END_VELOCITY_NOT_REACHED = rule(
     "GJ704",
@@ -46,8 +46,8 @@ END_VELOCITY_NOT_REACHED = rule(
     title="end velocity not reached",
     text="this segment ends at {value} pulse/ms instead of {wanted} pulse/ms: length and acceleration allow no more",
     why="The next segment starts slower than planned, with more energy per mm.",
-    bad=_CALLS + "GT_LnXY(1,10,0,50,2,50,0)\nGT_LnXY(1,90000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,90000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LnXY(1,10,0,50,2,50,0)\nGT_LnXY(1,90000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,90000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
 START_TOO_FAST = rule(
     "GJ705",
@@ -55,8 +55,8 @@ START_TOO_FAST = rule(
     title="start faster than the segment",
     text="this segment starts at {value} pulse/ms, above its velocity of {velocity} pulse/ms: it slows down first",
     why="It gets less energy per mm than planned until it has slowed down.",
-    bad=_CALLS + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,90000,0,20,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,10000,0,50,2,20,0)\nGT_LnXY(1,90000,0,20,2,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,90000,0,20,2,0,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_LnXY(1,10000,0,50,2,20,0)\nGT_LnXY(1,90000,0,20,2,0,0)\nGT_CrdStart(1,0)\n",
 )
 ABRUPT_STOP = rule(
     "GJ706",
@@ -64,8 +64,8 @@ ABRUPT_STOP = rule(
     title="abrupt stop",
     text="{what} at {value} pulse/ms: the axes stop abruptly",
     why="The mirrors overshoot.",
-    bad=_CALLS + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,10000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_LnXY(1,10000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
 SHARP_CORNER = rule(
     "GJ707",
@@ -74,8 +74,8 @@ SHARP_CORNER = rule(
     text="the corner after this segment is taken at {value} pulse/ms: the velocity vector changes by {jump} "
     "pulse/ms, more than {limit} (look-ahead TIME x ACC)",
     why="The mirrors overshoot at the corner.",
-    bad=_CALLS + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,10000,90000,50,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,10000,0,50,2,0,0)\nGT_LnXY(1,10000,90000,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LnXY(1,10000,0,50,2,50,0)\nGT_LnXY(1,10000,90000,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_LnXY(1,10000,0,50,2,0,0)\nGT_LnXY(1,10000,90000,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
 LISTING_LEFT_ON = rule(
     "GJ708",
@@ -92,8 +92,8 @@ LISTING_FIELD = rule(
     title="outside the field in a listing",
     text="{axis} {value} mm is outside the machine's field {low}..{high} mm",
     why="The controller does not check the field: it moves there.",
-    bad=_CALLS + "GT_LnXY(1,200000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,100000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LnXY(1,200000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_LnXY(1,100000,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
 ASSUMED_CRD = rule(
     "GJ710",
@@ -102,7 +102,7 @@ ASSUMED_CRD = rule(
     text="there is no GT_SetCrdPrm: the coordinate system is assumed to be set up elsewhere, at the origin",
     why="The manual's routines leave it out, too. The position of the axes is not known.",
     bad="GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_BufDelay(1,10,0)\nGT_CrdStart(1,0)\n",
 )
 TWO_SYSTEMS_AT_ONCE = rule(
     "GJ711",
@@ -129,8 +129,8 @@ RUN_TOO_LONG = rule(
     title="run too long to simulate",
     text="this run takes {duration} ms, that is {ticks} ticks; the limit is {limit}. This is its longest segment",
     why="At a velocity of almost 0, a segment takes years.",
-    bad=_CALLS + "GT_LnXY(1,1000000000,0,0.0001,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_LnXY(1,1000000000,0,0.0001,2,0,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
 )
 LISTING_ARC = rule(
     "GJ714",
@@ -138,8 +138,8 @@ LISTING_ARC = rule(
     title="impossible arc in a listing",
     text="{reason}; the nearest possible arc is simulated",
     why="It is not documented what the controller does with such an arc.",
-    bad=_CALLS + "GT_ArcXYC(1,1000,0,300,0,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_ArcXYC(1,1000,0,500,0,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_SETUP + "GT_ArcXYC(1,1000,0,300,0,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
+    good=_SETUP + "GT_ArcXYC(1,1000,0,500,0,0,50,2,0,0)\nGT_CrdStart(1,0)\n",
 )
 LISTING_NO_MODE = rule(
     "GJ715",
@@ -185,8 +185,8 @@ UNKNOWN_STOP = rule(
     title="stop that can't be simulated",
     text="{call} stops coordinate system {crd} while it moves, and what runs then is not known: {reason}",
     why="What is marked depends on how far the motion has come at the stop.",
-    bad=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\nGT_Stop(256,0)\n",
-    good=_CALLS + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\nGT_Stop(256,0)\n",
+    bad=_SETUP + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\nGT_Stop(256,0)\n",
+    good=_SETUP + "GT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\nGT_CrdStatus(1,run,segment,0)\nGT_Stop(256,0)\n",
 )
 ON_AT_REST = rule(
     "GJ726",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gusjob.diagnostics.rules.examples import HEAD, LASER_ON
-from gusjob.diagnostics.rules.registry import ERROR, WARNING, rule
+from gusjob.diagnostics.rules.registry import ERROR, WARNING, rule, variant
 
 OUT_OF_RANGE = rule(
     "GJ201",
@@ -102,3 +102,4 @@ UNUSED_POWER = rule(
     bad=LASER_ON + "LINE X 1\nLASER POWER 40\nLASER POWER 50\nLINE X 2\nLASER OFF\n",
     good=LASER_ON + "LINE X 1\nLASER POWER 50\nLINE X 2\nLASER OFF\n",
 )
+UNUSED_LAST_POWER = variant(UNUSED_POWER, text="the laser is never on after this {word}")

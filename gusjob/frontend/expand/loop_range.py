@@ -14,6 +14,7 @@ from gusjob.frontend.expand.program import Loop, split_constants
 from gusjob.frontend.parse.operators import PLAIN, NumberType, Typing
 from gusjob.i18n.phrases import Phrase, both_of
 from gusjob.kinematics.arrays import Floats
+from gusjob.kinematics.float_noise import settled
 
 _NO_ITERATION = np.float64(0)
 
@@ -68,6 +69,7 @@ def loop_range(loop: Loop, evaluator: Evaluator, lanes: Lanes) -> LoopRange:
 
 def _repeat_count(count: Any, kind: NumberType, evaluator: Evaluator, site: Site) -> Any:
     """The number of iterations of REPEAT."""
+    count = settled(np.atleast_1d(count)).reshape(np.shape(count))[()]
     wrong = ~np.isnan(count) & ((count < 0) | (count != np.floor(count)))
     if kind != PLAIN and not np.all(np.isnan(count)):
         fields = {"operator": "REPEAT", "wants": Phrase("takes a plain number"), "given": kind_words(kind)}

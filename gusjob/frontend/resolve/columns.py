@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.scan.rows import Rows
 from gusjob.ir.path import Op
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
+from gusjob.kinematics.float_noise import settled
 from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
 _Number = TypeVar("_Number", bound=np.generic)
@@ -33,6 +34,27 @@ _PATH_OPS = {
 }
 PATH_OP = np.array([_PATH_OPS.get(op, NOT_IN_PATH) for op in RowOp], dtype=np.uint8)
 """Op of the path for each RowOp; NOT_IN_PATH for setup and modal statements."""
+
+
+_SETTLED = (
+    Column.R,
+    Column.VEL,
+    Column.ACC,
+    Column.END,
+    Column.VALUE,
+    Column.LOW,
+    Column.HIGH,
+    Column.RATIO,
+    Column.AT,
+    Column.CHANNEL,
+)
+"""Columns whose numbers are sent as they are. Positions are rounded to pulses."""
+
+
+def settled_rows(rows: Rows) -> Rows:
+    """Rows without float noise in their numbers."""
+    columns = {column: settled(v) if column in _SETTLED else v for column, v in rows.columns.items()}
+    return replace(rows, columns=columns)
 
 
 def last_set(is_set: Bools) -> Ints:
@@ -130,10 +152,13 @@ class ResolvedColumns:
             return self.raw(column), np.broadcast_to(np.False_, len(self.op))
         values, pulses = self.raw(column), self.in_pulse(column)
         convert = acceleration_pulse_per_ms2 if acceleration else velocity_pulse_per_ms
-        scaled = convert(values, self.machine.pulses_per_mm[0])
-        if pulses is None:
-            return scaled, np.broadcast_to(np.True_, len(values))
-        return np.where(pulses, values, scaled), ~pulses
+        limit = self.machine.max_acceleration_mm_s2 if acceleration else self.machine.max_velocity_mm_s
+        in_x = self.machine.pulses_per_mm[0]
+        scaled = convert(values, in_x)
+        if pulses is not None:
+            scaled = np.where(pulses, values, scaled)
+        in_mm = np.broadcast_to(np.True_, len(values)) if pulses is None else ~pulses
+        return settled(scaled, convert(limit, in_x)), in_mm
 
     def rate_at(self, column: Column, rows: Indices, *, acceleration: bool) -> tuple[Floats, Bools]:
         """What `rate` is at some rows, (k,)."""
@@ -181,12 +206,12 @@ class ResolvedColumns:
             return self.raw(Column.RATIO), np.broadcast_to(np.False_, len(self.op))
         given, pulses = self.raw(Column.RATIO), self.units_pulse()
         in_mm = np.broadcast_to(np.True_, len(given)) if pulses is None else ~pulses
-        ratio = np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given)
+        ratio = settled(np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given))
         if not self.has(Column.AT):
             return ratio, in_mm
         at, at_in_mm = self.rate(Column.AT, acceleration=False)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio_to_max = (self.raw(Column.HIGH) - self.raw(Column.LOW)) / at
+            ratio_to_max = settled((self.raw(Column.HIGH) - self.raw(Column.LOW)) / at)
         by_velocity = ~np.isnan(at)
         return np.where(by_velocity, ratio_to_max, ratio), np.where(by_velocity, at_in_mm, in_mm)
 

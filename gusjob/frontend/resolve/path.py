@@ -21,6 +21,7 @@ from gusjob.ir.effects import POSITION
 from gusjob.ir.path import Path, with_chords
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
+from gusjob.kinematics.float_noise import settled
 
 _TURNS = 1e-12
 """Least part of a frame's rotation: turns that cancel each other leave float noise."""
@@ -167,12 +168,12 @@ def _existing_channel(columns: ResolvedColumns) -> npt.NDArray[np.int8]:
 
 def _centres(columns: ResolvedColumns, frames: Frames | None, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
     """Centre and radius of arcs, pulse. x, y: position after each row."""
-    i, j, radius = columns.length(Column.I, 0), columns.length(Column.J, 1), columns.length(Column.R, 0)
+    i, j, radius = columns.length(Column.I, 0), columns.length(Column.J, 1), settled(columns.length(Column.R, 0))
     i, j = np.where(np.isnan(i), 0.0, i), np.where(np.isnan(j), 0.0, j)
     if frames is not None:
         frame = columns.frame()
         i, j = frames.vectors_to_machine(frame, i, j)
-        radius = radius * frames.scale[frame]
+        radius = settled(radius * frames.scale[frame])
     return np.concatenate([[0.0], x[:-1]]) + i, np.concatenate([[0.0], y[:-1]]) + j, radius
 
 

@@ -13,7 +13,7 @@ from gusjob.diagnostics.model import Diagnostic, Rule
 from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
-from gusjob.frontend.resolve.columns import ResolvedColumns
+from gusjob.frontend.resolve.columns import ResolvedColumns, settled_rows
 from gusjob.frontend.resolve.frames import SCALE_RANGE, Frames, frames_of
 from gusjob.frontend.resolve.path import ResolvedPath, resolve_path
 from gusjob.frontend.resolve.setups import resolve_setups
@@ -25,7 +25,7 @@ from gusjob.ir.job import Job
 
 def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     """The job of expanded statements on a machine."""
-    columns = ResolvedColumns(expanded.rows, machine)
+    columns = ResolvedColumns(settled_rows(expanded.rows), machine)
     frames = frames_of(columns, expanded.frame_parent) if columns.has(Column.FRAME) else None
     path = resolve_path(columns, frames, expanded.setups)
     sources, lets = expanded.sources, expanded.lets

@@ -30,6 +30,7 @@ from gusjob.ir.setup import (
     Wait,
     auto_steps,
 )
+from gusjob.kinematics.float_noise import settled_one
 from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2
 
 
@@ -67,7 +68,7 @@ def _shown_name(statement: Statement) -> str:
 
 def _canonical(statement: Statement, in_pulse: bool, pulses_per_mm: tuple[float, float]) -> SetupStatement:
     """One setup statement in canonical units. `in_pulse`: UNITS PULSE is in force."""
-    numbers = {word: quantity.value for word, quantity in statement.words.items()}
+    numbers = {word: settled_one(quantity.value) for word, quantity in statement.words.items()}
     off = "OFF" in statement.options
     match statement.form:
         case "DUTY" | "DUTY2" | "FREQUENCY" | "ANALOG":
@@ -107,7 +108,7 @@ def _corner(statement: Statement, in_pulse: bool, pulse_per_mm: float) -> tuple[
     value = math.nan
     if acc is not None:
         value = acc.value if _is_in_pulse(acc, in_pulse) else acceleration_pulse_per_ms2(acc.value, pulse_per_mm)
-    return (time.value if time else math.nan, value)
+    return (settled_one(time.value) if time else math.nan, settled_one(value))
 
 
 def _distance(statement: Statement, in_pulse: bool, pulses_per_mm: tuple[float, float]) -> DistanceFollow:
@@ -117,18 +118,18 @@ def _distance(statement: Statement, in_pulse: bool, pulses_per_mm: tuple[float, 
         if quantity is None:
             return 0.0
         if _is_in_pulse(quantity, in_pulse):
-            return quantity.value
+            return settled_one(quantity.value)
         # The profile has no pulses per mm of Z and A: they are as X.
         return float(np.rint(quantity.value * pulses_per_mm[axis if axis < 2 else 0])) + 0.0
 
     points, ratios = statement.axes["REF"], statement.axes["RATIO"]
     x, y, z, a = (reference(points.get(axis), i) for i, axis in enumerate("XYZA"))
-    rx, ry, rz, ra = (ratios[axis].value if axis in ratios else 0.0 for axis in "XYZA")
+    rx, ry, rz, ra = (settled_one(ratios[axis].value) if axis in ratios else 0.0 for axis in "XYZA")
     return DistanceFollow(
         reference_pulse=(x, y, z, a),
         ratio_per_mm=(rx, ry, rz, ra),
-        low=statement.words["MIN"].value,
-        high=statement.words["MAX"].value,
+        low=settled_one(statement.words["MIN"].value),
+        high=settled_one(statement.words["MAX"].value),
         low_unit=unit_of(statement.words["MIN"]),
         high_unit=unit_of(statement.words["MAX"]),
         actual="SOURCE ACTUAL" in statement.options,

@@ -92,9 +92,9 @@ def _bad_channel_effects(columns: ResolvedColumns, setup: Ints) -> Ints:
 
 def _outside(columns: ResolvedColumns, values: Floats, axis: int) -> Bools:
     """Motions that end outside the field: what follows from such a position is not another error."""
-    low, high = (columns.machine.field_x_mm, columns.machine.field_y_mm)[axis]
-    mm = values / columns.machine.pulses_per_mm[axis]
-    return np.asarray(columns.moves & ((mm < low) | (mm > high)))
+    low, high = columns.machine.field_pulse[axis]
+    pulses = np.rint(values)
+    return np.asarray(columns.moves & ((pulses < low) | (pulses > high)))
 
 
 def _setup_effects(columns: ResolvedColumns, setups: tuple[Statement, ...]) -> Ints:

@@ -15,8 +15,6 @@ from gusjob.planner.plan import QuantizedPath
 from gusjob.planner.row_diagnostics import report_rows
 
 _RUN_IN, _RUN_OUT = Phrase("run-in"), Phrase("run-out")
-_SLACK_PULSE = 1.5
-"""Largest shift of a run by rounding to whole pulses."""
 
 
 def run_field_diagnostics(quantized: QuantizedPath) -> list[Diagnostic]:
@@ -27,21 +25,24 @@ def run_field_diagnostics(quantized: QuantizedPath) -> list[Diagnostic]:
         ("Y", machine.field_y_mm, machine.pulses_per_mm[1]),
     )
     if not len(segments.arc_at) and all(
-        low <= points.min() / scale and points.max() / scale <= high
-        for points, (_, (low, high), scale) in zip((segments.x1, segments.y1), axes, strict=True)
+        first <= points.min() and points.max() <= last
+        for points, (first, last) in zip((segments.x1, segments.y1), machine.field_pulse, strict=True)
     ):
         return []
     run = quantized.sky.run_of(quantized.timed)
     runs = np.flatnonzero(run != RunKind.NONE)
     x_low, x_high, y_low, y_high = segments.extent(runs)
     collector = Collector(quantized.job.name)
-    for (axis, (low, high), scale), lowest, highest in zip(axes, (x_low, y_low), (x_high, y_high), strict=True):
+    for (axis, (low, high), scale), (first, last), lowest, highest in zip(
+        axes, machine.field_pulse, (x_low, y_low), (x_high, y_high), strict=True
+    ):
+        leaves = (np.rint(lowest) < first) | (np.rint(highest) > last)
         below, above = low - lowest / scale, highest / scale - high
         over = np.maximum(below, above)
         value = np.where(below > above, lowest / scale, highest / scale)
         for kind, what, word in ((RunKind.RUN_IN, _RUN_IN, "NPREV"), (RunKind.RUN_OUT, _RUN_OUT, "NPOST")):
             fields = {"what": what, "word": word, "axis": axis, "low": low, "high": high}
-            outside = np.flatnonzero((run[runs] == kind) & (over > _SLACK_PULSE / scale))
+            outside = np.flatnonzero((run[runs] == kind) & leaves)
             _report(quantized, collector, runs[outside], over[outside], value[outside], fields)
     return collector.finish(rules.NOT_LISTED)
 

@@ -9,6 +9,7 @@ from gusjob.config.machine import Budget, Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
 from gusjob.kinematics.arrays import Floats
+from gusjob.kinematics.float_noise import exceeds
 from gusjob.kinematics.units import MS_PER_S
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.marks import marks_of
@@ -33,7 +34,7 @@ def over_budget(trace: Trace, machine: Machine) -> list[Diagnostic]:
 def _add(found: Collector, rule: Rule, lines: _Lines, values: Floats, limit: float | Floats, **fields: object) -> None:
     """Report each value above its limit."""
     limits = np.broadcast_to(limit, values.shape)
-    over = np.flatnonzero(values > limits)
+    over = np.flatnonzero(exceeds(values, limits))
     listed = over[: found.remaining(rule)].tolist()
     for at in listed:
         figures = {"value": float(values[at]), "limit": float(limits[at])}
@@ -44,9 +45,9 @@ def _add(found: Collector, rule: Rule, lines: _Lines, values: Floats, limit: flo
 def _duration(trace: Trace, budget: Budget, found: Collector) -> None:
     """Check the duration of the run; report the segment in which it exceeds the budget."""
     end_s = trace.schedule.times_ms[1:] / MS_PER_S
-    if budget.duration_s is None or not len(end_s) or end_s[-1] <= budget.duration_s:
+    if budget.duration_s is None or not len(end_s) or not exceeds(end_s[-1], budget.duration_s):
         return
-    at = int(np.searchsorted(end_s, budget.duration_s, side="right"))
+    at = int(np.argmax(exceeds(end_s, budget.duration_s)))
     fields = {"value": float(end_s[-1]), "limit": budget.duration_s}
     found.add(rules.BUDGET_DURATION, Span(line=int(trace.line[at])), fields)
 
