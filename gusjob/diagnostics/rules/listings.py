@@ -9,6 +9,7 @@ _SETUP = (
     "GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},10000,1000,0,1,{0,0,0,0,0,0,0,0}})\nGT_CrdClear(1,0)\n"
 )
 _CALLS = _SETUP + "GT_BufLaserPrfCmd(1,30,0,0)\n"
+_MARK = "GT_BufLaserOn(1,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_BufLaserOff(1,0,0)\nGT_CrdStart(1,0)\n"
 
 REFUSED = rule(
     "GJ701",
@@ -166,8 +167,8 @@ ARGUMENT_CONVERTED = rule(
     title="argument converted by C",
     text="{argument} of {call} is a C {type}: {value} arrives as {arrives}",
     why="C converts an argument to the type of the call without a message. The report is of the number that arrives.",
-    bad=_CALLS + "GT_SetLevelDelay(60.5,50,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_SetLevelDelay(60,50,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_CALLS + "GT_SetLevelDelay(60.5,50,0)\n" + _MARK,
+    good=_CALLS + "GT_SetLevelDelay(60,50,0)\n" + _MARK,
 )
 ARGUMENT_UNDEFINED = rule(
     "GJ718",
@@ -176,8 +177,8 @@ ARGUMENT_UNDEFINED = rule(
     text="{argument} of {call} is a C {type}, which can't hold the floating number {value}: C does not define what "
     "arrives, and the report leaves the call out",
     why="Each compiler and processor may pass another number.",
-    bad=_CALLS + "GT_LnXY(1,3e9,0,50,5,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
-    good=_CALLS + "GT_LnXY(1,3e4,0,50,5,0,0)\nGT_LnXY(1,1000,0,50,5,0,0)\nGT_CrdStart(1,0)\n",
+    bad=_CALLS + "GT_LnXY(1,3e9,0,50,5,0,0)\n" + _MARK,
+    good=_CALLS + "GT_LnXY(1,3e4,0,50,5,0,0)\n" + _MARK,
 )
 UNKNOWN_STOP = rule(
     "GJ725",

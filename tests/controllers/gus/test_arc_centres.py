@@ -58,10 +58,10 @@ def test_a_quarter_circle_with_what_cos_leaves_of_0() -> None:
 
 def test_its_bounding_box_is_checked() -> None:
     """Its top is 1.2345 mm above its ends."""
-    text = HEAD + HALF + START
+    text = HEAD + ON + HALF + OFF + START
     assert run_listing(text, Machine(field_y_mm=(-1, 1.2346))).diagnostics == []
-    (found,) = run_listing(text, Machine(field_y_mm=(-1, 1.2344))).diagnostics
-    assert (found.rule.code, found.span.line, found.fields["value"]) == ("GJ709", 7, pytest.approx(1.2345))
+    (found,) = run_listing(text, Machine(field_y_mm=(-1, 1.2334))).diagnostics
+    assert (found.rule.code, found.span.line, found.fields["value"]) == ("GJ709", 8, pytest.approx(1.2345))
 
 
 @pytest.mark.parametrize("centre", ["1073741823.5", "-1073741823.5", "1e300"])

@@ -286,8 +286,8 @@ def test_the_listing_of_an_example_breaks_its_rule(code: str, kind: str) -> None
         assert of_rules(read_back(compiled)) == NOT_IN_CALLS.get((code, kind), of_rules(examine(loaded)))
 
 
-ONLY_IN_CALLS = {"GJ407", "GJ513", "GJ516"}
-"""Passes of a single segment; arcs that rounding makes a line without length; the velocity that the planner gives an
+ONLY_IN_CALLS = {"GJ407", "GJ409", "GJ513", "GJ516"}
+"""Passes of a single segment; powers of jumps alone, which are in calls motions as any other; arcs that rounding makes a line without length; the velocity that the planner gives an
 arc of a mark, which is in calls a velocity as any other."""
 ONLY_IN_JOBS = {"GJ508", "GJ209", "GJ313", "GJ408"}
 """The planner slows arcs down, moves ends to whole pulses, and leaves out a second LASER ON under SKYWRITE."""

@@ -93,7 +93,7 @@ def test_a_position_near_an_arcs_end_is_its_end() -> None:
         route = TimedPath.of(calls, (0, 0))
         lengths = [route.nearest(int(np.searchsorted(route.timed, at)), 0.0, 0.0)[2] for at in arcs]
         assert max(lengths, default=0.0) < 2, left
-    for left in (2.0, 10.0, 5000.0):
+    for left in (3.0, 10.0, 5000.0):
         part = remainder_from(stream, PathPosition(row=row, along_pulse=length - left))
         assert (part.stream.buffered.kind == Buffered.ARC_CENTRE).sum() == 1, left
 

@@ -16,9 +16,9 @@ GT_LaserPowerMode(0,100,0,0)
 GT_LaserOutFrq(10,0)
 GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},500,10,0,1,{0,0,0,0,0,0,0,0}})
 GT_CrdClear(1,0)
-GT_BufLaserPrfCmd(1,50,0,0)
+GT_SetLevelDelay(0,0,0)
 """
-ON, OFF = "GT_BufLaserOn(1,0,0)\n", "GT_BufLaserOff(1,0,0)\n"
+ON, OFF = "GT_BufLaserPrfCmd(1,50,0,0); GT_BufLaserOn(1,0,0)\n", "GT_BufLaserOff(1,0,0)\n"
 LINE = "GT_LnXY(1,100000,0,50,2,0,0)\n"
 """2025 ms from 0: 25 ms and 625 pulse up to 50 pulse/ms, and down."""
 START, REST, AGAIN = "[1000] GT_CrdStart(1,0)\n", "AT_REST(1)\n", "[9000] GT_CrdStart(1,0)\n"
