@@ -287,15 +287,15 @@ def test_the_listing_of_an_example_breaks_its_rule(code: str, kind: str) -> None
 
 
 ONLY_IN_CALLS = {"GJ407", "GJ409", "GJ513", "GJ516"}
-"""Passes of a single segment; powers of jumps alone, which are in calls motions as any other; arcs that rounding makes a line without length; the velocity that the planner gives an
-arc of a mark, which is in calls a velocity as any other."""
+"""Passes of a single segment; powers of jumps alone, which in calls are motions as any other; arcs that rounding makes
+lines without length; the velocity that the planner gives an arc of a mark, in calls a velocity as any other."""
 ONLY_IN_JOBS = {"GJ508", "GJ209", "GJ313", "GJ408"}
 """The planner slows arcs down, moves ends to whole pulses, and leaves out a second LASER ON under SKYWRITE."""
 
 
 def test_the_listings_of_random_jobs_break_the_rules_that_the_jobs_break() -> None:
     compared, seen = 0, set[str]()
-    for seed in range(100):
+    for seed in range(150):
         loaded = load(Path("random.job"), None, data=Writer(rng=Random(seed)).job().encode())
         assert isinstance(loaded, Checked)
         compiled = compile_calls(loaded)
