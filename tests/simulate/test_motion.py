@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from support.tools import MACHINE, MARK, run_job, run_listing, stream_of
+from support.tools import MACHINE, MARK, recorded_stream, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.model import simulate_stream
@@ -31,10 +31,16 @@ def test_length_of_an_arc_on_unequal_axes_is_an_ellipse() -> None:
     assert ran.column("length_mm") == pytest.approx([96.88448220547674], rel=1e-12)
 
 
-@pytest.mark.parametrize("setting", ["VEL 1e-320", "ACC 1e-320", "VEL 1e-30\nSKYWRITE MODE 2 TIMELAG 250us"])
-def test_a_run_that_never_ends_is_too_long(setting: str) -> None:
+@pytest.mark.parametrize("vel_acc", ["1e-320,1", "1,1e-320", "1e-9,1"])
+def test_a_run_that_never_ends_is_too_long(vel_acc: str) -> None:
     """Its time may be more than a float holds."""
-    job = MARK + setting + "\nLASER POWER 10\nJUMP X 2\nLASER ON\nLINE X 9\nLASER OFF\n"
-    trace, diagnostics = simulate_stream(stream_of(job), MACHINE)
+    stream = recorded_stream(f"GT_LnXY(1,9000,0,{vel_acc},0,0)\nGT_CrdStart(1,0)\n")
+    trace, diagnostics = simulate_stream(stream, MACHINE, is_listing=True)
+    assert trace is None
+    assert diagnostics[-1].rule.code == "GJ713"
+
+
+def test_so_is_that_of_a_job() -> None:
+    trace, diagnostics = simulate_stream(stream_of(MARK + "VEL 1e-8\nLASER POWER 10\nJUMP X 2\n"), MACHINE)
     assert trace is None
     assert diagnostics[-1].rule.code == "GJ713"
