@@ -75,15 +75,13 @@ class Evaluator:
         values: dict[str, Any] = {}
         types = []
         for name in expression.names:
-            value = scope.values.get(name)
-            source = scope
-            if value is None:
-                value, source = top.values.get(name), top
-            if value is None:
+            found = scope.get(name) or top.get(name)
+            if found is None:
                 self.report_unknown(name, site)
                 return np.float64(np.nan), _NO_KIND
+            value, type_ = found
             values[name] = value.reshape(-1, 1) if rows > 1 and isinstance(value, np.ndarray) else value
-            types.append(source.types[name])
+            types.append(type_)
         kind = expression.type(tuple(types))
         if isinstance(kind, Mismatch) and any(np.all(np.isnan(value)) for value in values.values()):
             return np.float64(np.nan), _NO_KIND  # A name without a value has no kind; it is reported where it is set.
@@ -105,7 +103,7 @@ class Evaluator:
         if (rules.UNKNOWN_NAME.code, site.line, site.word) in self.ledger.reported:
             self.report(rules.UNKNOWN_NAME, site)
         elif not self.unset & {name, ANY_NAME}:
-            near = nearest(name, {**site.lanes.scope.values, **site.lanes.top.values})
+            near = nearest(name, dict.fromkeys([*site.lanes.scope.names(), *site.lanes.top.names()]))
             hint = did_you_mean(near) or Phrase(": write LET {name} = ... before it", name=name)
             self.report(rules.UNKNOWN_NAME, site, name=name, hint=hint)
 

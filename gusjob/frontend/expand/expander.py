@@ -40,14 +40,15 @@ from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.operators import TRUTH
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.ir.effects import UNCLEAR
-from gusjob.kinematics.arrays import Floats, Ints
+from gusjob.kinematics.arrays import Floats, Ints, counted
 
 _CALL_STEPS = 40
 _LOOP_STEPS = 100
+_ITERATION_STEPS = 1
 _ONE_LANE_STEPS = 2
 _MANY_LANES_STEPS = 30
-_FEW_ITERATIONS = 4
-"""So few iterations are faster one by one."""
+_LANES_AT_ONCE = 32_768
+"""More iterations run in parts: each name has a number for each of them."""
 
 
 def expand(program: Program, name: str, machine: Machine) -> tuple[ExpandedJob, list[Diagnostic]]:
@@ -59,7 +60,7 @@ def expand(program: Program, name: str, machine: Machine) -> tuple[ExpandedJob, 
         evaluator=Evaluator(ledger=ledger, unset=set(program.unread_names)),
         writer=RowWriter(setups=list(program.setups)),
     )
-    names = Scope({}, {})
+    names = Scope()
     output: Output = []
     with np.errstate(all="ignore"):
         try:
@@ -169,10 +170,9 @@ class _Expander:
 
     def bring_back(self, part: Lanes, lanes: Lanes, to: Ints, source: Ints) -> None:
         """Take over names that were set in other lanes: lane `source` of `part` gives lane `to` its value."""
-        for name, value in part.scope.values.items():
-            old = lanes.scope.values.get(name)
-            if old is None:  # A name that a routine has not set is the job's.
-                old = lanes.top.values.get(name)
+        for name, (value, kind) in part.scope.own.items():
+            known = lanes.scope.get(name) or lanes.top.get(name)  # A name that a routine has not set is the job's.
+            old = None if known is None else known[0]
             if (
                 old is not None
                 and not isinstance(value, np.ndarray)
@@ -183,7 +183,7 @@ class _Expander:
             start: Any = np.nan if old is None else old
             fresh = np.array(np.broadcast_to(start, lanes.count), dtype=np.float64)
             fresh[to] = value[source] if isinstance(value, np.ndarray) else value
-            lanes.scope.set(name, fresh if lanes.count > 1 else fresh[0], part.scope.types[name])
+            lanes.scope.set(name, fresh if lanes.count > 1 else fresh[0], kind)
 
     # Loops.
 
@@ -194,30 +194,26 @@ class _Expander:
             self.skipped(item.line, lanes, output)
         if not any_lane(span.count > 0):
             return
-        hidden = None
-        if item.variable in lanes.scope.values:
-            hidden = (lanes.scope.values[item.variable], lanes.scope.types[item.variable])
+        hidden = lanes.scope.own.get(item.variable)
         if id(item) in self.program.sequential_loops:
             self.one_iteration_at_a_time(item, lanes, output, span)
-        elif lanes.count == 1 and span.count <= _FEW_ITERATIONS:
-            self.in_one_lane(item, lanes, output, span)
         else:
             self.at_once(item, lanes, output, span)
-        lanes.scope.pop(item.variable)
+        lanes.scope.own.pop(item.variable, None)
         if hidden is not None:
             lanes.scope.set(item.variable, *hidden)
 
     def in_one_lane(self, item: Loop, lanes: Lanes, output: Output, span: LoopRange) -> None:
         """Run the iterations of the only lane one after the other."""
         before = lanes.provenance
-        names = (item.variable or "round",)
-        for number in range(int(span.count)):
-            self.ledger.count_steps(1, item.line, before)
-            value = span.start + number * span.step
-            shown = (value if item.variable else number + 1,)
-            lanes.provenance = self.ledger.provenance.add(item.line, names, before, shown, kind=item.step_kind, count=1)
+        count = int(span.count)
+        values = span.start + np.arange(count) * span.step
+        first = self.add_iterations(item, before, values, np.arange(count))
+        for number in range(count):
+            self.ledger.count_steps(_ITERATION_STEPS, item.line, before)
+            lanes.provenance = first + number
             if item.variable:
-                lanes.scope.set(item.variable, value, span.kind)
+                lanes.scope.set(item.variable, values[number], span.kind)
             self.block(item.body, lanes, output)
         lanes.provenance = before
 
@@ -244,29 +240,32 @@ class _Expander:
         """Run all iterations of all lanes together."""
         starts, steps, float_counts = span.by_lane(lanes.count)
         self.ledger.count_iterations(float(np.sum(float_counts)), item.line, lanes.provenance)
-        self.ledger.count_steps(_LOOP_STEPS, item.line, lanes.provenance)
         counts = float_counts.astype(np.int64)
-        outer = np.repeat(np.arange(lanes.count), counts)
+        outer, number = counted(counts)
         ends = np.cumsum(counts)
-        number = np.arange(len(outer)) - (ends - counts)[outer]
-        part = lanes.take(outer)
-        self.enter_iterations(item, part, starts[outer] + number * steps[outer], number, span)
-        rows = self.block_of_part(item.body, part)
-        part.scope.values.pop(item.variable, None)
-        entered = np.flatnonzero(counts > 0)
-        self.bring_back(part, lanes, entered, ends[entered] - 1)
-        output.append(LaneRows(rows.rows, outer[rows.lane]))
+        for begin in range(0, len(outer), _LANES_AT_ONCE):
+            self.ledger.count_steps(_LOOP_STEPS, item.line, lanes.provenance)
+            some = slice(begin, begin + _LANES_AT_ONCE)
+            part = lanes.take(outer[some])
+            values = starts[outer[some]] + number[some] * steps[outer[some]]
+            self.enter_iterations(item, part, values, number[some], span)
+            rows = self.block_of_part(item.body, part)
+            part.scope.own.pop(item.variable, None)
+            ended = np.flatnonzero((counts > 0) & (ends > begin) & (ends <= begin + part.count))
+            self.bring_back(part, lanes, ended, ends[ended] - 1 - begin)
+            output.append(LaneRows(rows.rows, outer[some][rows.lane]))
 
     def enter_iterations(self, item: Loop, part: Lanes, values: Floats, number: Ints, span: LoopRange) -> None:
         """Set the loop's variable and the provenance of many iterations. `number`: of each, from 0."""
-        names = (item.variable or "round",)
-        shown = values if item.variable else number + 1.0
-        first = self.ledger.provenance.add(
-            item.line, names, part.provenance, (shown,), kind=item.step_kind, count=part.count
-        )
-        part.provenance = part.numbered(first)
+        part.provenance = part.numbered(self.add_iterations(item, part.provenance, values, number))
         if item.variable:
             part.scope.set(item.variable, values if part.count > 1 else values[0], span.kind)
+
+    def add_iterations(self, item: Loop, around: Any, values: Floats, number: Ints) -> int:
+        """Add the provenance of iterations, and return that of the first."""
+        names = (item.variable or "round",)
+        shown = values if item.variable else number + 1.0
+        return self.ledger.provenance.add(item.line, names, around, (shown,), kind=item.step_kind, count=len(number))
 
     # Routines and frames.
 
@@ -279,7 +278,7 @@ class _Expander:
             return
         steps = _CALL_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
         self.ledger.count_steps(steps, call.line, lanes.provenance)
-        scope = Scope({}, {})
+        scope = Scope()
         constants = split_constants(call.constants, statement.arguments)
         arguments = zip(routine.parameters, statement.arguments, constants, strict=True)
         for number, (name, argument, own) in enumerate(arguments):
@@ -289,7 +288,7 @@ class _Expander:
             call.line,
             routine.parameters,
             lanes.provenance,
-            tuple(scope.values.values()),
+            tuple(value for value, _ in scope.own.values()),
             kind="call",
             count=lanes.count,
         )
