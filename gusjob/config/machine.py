@@ -261,7 +261,7 @@ class Machine:
         ),
     )
     expansion_max_statements: int = field(
-        default=3_000_000,
+        default=1_000_000,
         metadata=entry(
             _whole("statements", 1, 1e8),
             "Statements after expanding loops and routines",

@@ -25,7 +25,7 @@ from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, number
 from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import QuantityKind, UnitSystem
 
-_LANES_PER_STEP = 10
+_NUMBERS_PER_STEP = 100
 _NO_KIND: NumberType = PLAIN
 """The kind of a number that has none: what is wrong is already reported."""
 
@@ -91,7 +91,7 @@ class Evaluator:
                 rules.UNIT_MISMATCH, site, operator=kind.function.name, wants=kind.function.typing.value, given=given
             )
             return np.float64(np.nan), _NO_KIND
-        steps = len(expression.code) // 3 * (1 + max(site.lanes.count, rows) // _LANES_PER_STEP)
+        steps = expression.work * (1 + site.lanes.count * rows // _NUMBERS_PER_STEP)
         self.ledger.count_steps(steps, site.line, site.lanes.provenance)
         value = expression.run(values, constants)
         if not (np.isfinite(value).all() if isinstance(value, np.ndarray) else math.isfinite(value)):

@@ -10,7 +10,6 @@ import numpy as np
 from gusjob.frontend.parse.operators import Number, NumberType
 from gusjob.kinematics.arrays import Ints
 
-
 Named = tuple[Number, NumberType]
 """The value of a name (one for all lanes, or one for each) and its kind."""
 
