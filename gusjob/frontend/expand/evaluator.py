@@ -143,7 +143,7 @@ class Evaluator:
             value = value / 1000.0
         large = abs(value) > MAX_NUMBER
         if any_lane(large):
-            shown = number(float(np.max(np.abs(value))))
+            shown = number(float(np.nanmax(np.abs(value))))
             count = int(np.count_nonzero(large))
             self.report_where(rules.NUMBER_TOO_LARGE, site, large, count, value=shown, limit=MAX_NUMBER)
             value = np.where(large, np.nan, value)[()]
