@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,6 @@ import numpy.typing as npt
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.resolve.columns import PATH_OP, ResolvedColumns
-from gusjob.frontend.resolve.frames import Frames, bent_arcs
 from gusjob.frontend.resolve.positions import positions
 from gusjob.frontend.resolve.speeds import velocity_and_acceleration
 from gusjob.frontend.resolve.unknown import States, unknown_states
@@ -19,6 +18,9 @@ from gusjob.ir.path import Path, with_chords
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 from gusjob.kinematics.geometry import CLOSES_MM
+
+if TYPE_CHECKING:  # Start-up time: most jobs have no FRAME.
+    from gusjob.frontend.resolve.frames import Frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +163,8 @@ def _with_chords(
     if not len(rows):
         return path, None, ()
     at, own = (np.cumsum(columns.in_path) - 1)[rows], frame[rows]
+    from gusjob.frontend.resolve.frames import bent_arcs
+
     arcs, end = bent_arcs(path, at, frames, own)
     scale = frames.scale[own] / min(machine.pulses_per_mm)
     start_mm, end_mm = arcs.radius * scale, end * scale

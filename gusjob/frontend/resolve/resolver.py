@@ -14,7 +14,6 @@ from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns
-from gusjob.frontend.resolve.frames import frames_of
 from gusjob.frontend.resolve.path import ResolvedPath, resolve_path
 from gusjob.frontend.resolve.setups import resolve_setups
 from gusjob.frontend.resolve.speeds import written_speeds
@@ -26,7 +25,11 @@ from gusjob.kinematics.geometry import CLOSES_MM
 def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     """The job of expanded statements on a machine."""
     columns = ResolvedColumns(expanded.rows, machine)
-    frames = frames_of(columns, expanded.frame_parent) if columns.has(Column.FRAME) else None
+    frames = None
+    if columns.has(Column.FRAME):
+        from gusjob.frontend.resolve.frames import frames_of
+
+        frames = frames_of(columns, expanded.frame_parent)
     path = resolve_path(columns, frames, expanded.setups)
     sources, lets = expanded.sources, expanded.lets
     job = Job(
