@@ -102,8 +102,8 @@ def distance_job(count: int) -> Iterator[str]:
 
 def sky_job(count: int) -> Iterator[str]:
     """`count` statements: marks of 0.8 mm with sky writing, at most 0.1 mm apart in rows to and fro."""
-    head = (HEAD[0], "JUMPVEL 5000", "JUMPACC 1000000", "VEL 1000", "ACC 1000000", "LASER POWER 50")
-    head = (*head, "SKYWRITE MODE 2 TIMELAG 250us")
+    speeds = ("JUMPVEL 5000", "JUMPACC 1000000", "VEL 1000", "ACC 1000000")
+    head = (HEAD[0], *speeds, "LASER POWER 50", "SKYWRITE MODE 2 TIMELAG 250us")
     rest = (count - len(head)) % 4
     marks = (count - len(head)) // 4
     row_mm = min(ROW_MM, 200 / (marks // (PIXELS // 2) + 1))

@@ -16,7 +16,8 @@ from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, distinct, running_sum
 from gusjob.kinematics.geometry import Arcs, arcs_by_either, sin_cos_deg
 
-_ROWS_AT_ONCE = 32_768
+_GROUPS_AT_ONCE = 32_768
+"""As numbers of Python they need much memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,12 +139,11 @@ def _entries(
     ten times as long.
     """
     enter_x, enter_y = [0.0] * len(starts), [0.0] * len(starts)
-    last = np.maximum(starts[needed] - 1, 0)
-    own = frame[starts[needed]]
-    maps = (frames.a, frames.b, frames.c, frames.d, frames.e, frames.f)
-    determinant = frames.a[own] * frames.d[own] - frames.b[own] * frames.c[own]
-    before = (*(column[frame[last]] for column in maps), *(column[last] for column in (*in_frame, *is_open)))
-    rows = _tuples((needed, *before, *(column[own] for column in maps), determinant))
+    rows = (
+        row
+        for begin in range(0, len(needed), _GROUPS_AT_ONCE)
+        for row in _entered(needed[begin : begin + _GROUPS_AT_ONCE], starts, in_frame, is_open, frame, frames)
+    )
     for one, a, b, c, d, e, f, x, y, open_x, open_y, own_a, own_b, own_c, own_d, own_e, own_f, size in rows:
         before_x = before_y = 0.0
         if one:
@@ -155,10 +155,16 @@ def _entries(
     return np.array(enter_x), np.array(enter_y)
 
 
-def _tuples(columns: tuple[npt.NDArray[Any], ...]) -> Iterator[tuple[Any, ...]]:
-    """The rows of some columns as numbers of Python, not all at once: they need much memory."""
-    for begin in range(0, len(columns[0]), _ROWS_AT_ONCE):
-        yield from zip(*(column[begin : begin + _ROWS_AT_ONCE].tolist() for column in columns), strict=True)
+def _entered(
+    groups: Ints, starts: Indices, in_frame: list[Floats], is_open: list[Bools], frame: Ints, frames: Frames
+) -> Iterator[tuple[Any, ...]]:
+    """For each group: the map, position and openness of the move before it, its own map and that map's determinant."""
+    last, own = np.maximum(starts[groups] - 1, 0), frame[starts[groups]]
+    maps = (frames.a, frames.b, frames.c, frames.d, frames.e, frames.f)
+    determinant = frames.a[own] * frames.d[own] - frames.b[own] * frames.c[own]
+    before = (*(column[frame[last]] for column in maps), *(column[last] for column in (*in_frame, *is_open)))
+    columns: tuple[npt.NDArray[Any], ...] = (groups, *before, *(column[own] for column in maps), determinant)
+    return zip(*(column.tolist() for column in columns), strict=True)
 
 
 def bent_arcs(path: Path, at: Indices, frames: Frames, frame: Ints) -> tuple[Arcs, Floats]:

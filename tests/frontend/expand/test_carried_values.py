@@ -22,7 +22,8 @@ def read(text: str) -> tuple[Job, list[str]]:
 def dwells(text: str) -> list[float]:
     job, found = read(text)
     assert found == []
-    return job.path.dwell_ms.tolist()
+    found_ms: list[float] = job.path.dwell_ms.tolist()
+    return found_ms
 
 
 @pytest.mark.parametrize("count", [1, 15, 16, 17, 32_768, 32_769, 70_000])
