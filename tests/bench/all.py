@@ -23,7 +23,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from commands import (
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from bench.commands import (
     COMMANDS,
     KINDS,
     PROFILE,
@@ -38,12 +40,9 @@ from commands import (
     run_gusjob,
     run_lark,
 )
+from support.benchmark_tables import tables, with_tables
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
-
-from support.benchmark_tables import tables, with_tables  # noqa: E402  (found by the path above)
-
 FIGURES, DOCUMENT = ROOT / "docs" / "benchmarks.json", ROOT / "docs" / "benchmarks.md"
 IMPORTS = [sys.executable, "-c", "import numpy, lark, click"]
 OF_LISTINGS = ("check", "report --summary", "report json")
