@@ -44,7 +44,7 @@ from gusjob.ir.effects import UNCLEAR
 from gusjob.kinematics.arrays import Floats, Ints, counted
 
 # Steps of half a microsecond, measured, without the numbers to compute.
-_CALL_STEPS = 40
+_CALL_STEPS = 60
 _LOOP_STEPS = 300
 _ITERATION_STEPS = 6
 _LET_STEPS = 1

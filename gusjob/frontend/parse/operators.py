@@ -184,7 +184,7 @@ OPERATORS = {
     "STAR": Function("*", 2, Typing.TIMES, operator.mul),
     "SLASH": Function("/", 2, Typing.OVER, _divide, work=4),
     "MODULO": Function("%", 2, Typing.SAME, _strict(operator.mod), work=12),
-    "POWER_OF": Function("**", 2, Typing.PLAIN, np.power, work=16),
+    "POWER_OF": Function("**", 2, Typing.PLAIN, np.power, work=24),
 }
 """By terminal of the grammar."""
 NEGATE = Function("-", 1, Typing.KEEP, operator.neg)
@@ -196,9 +196,9 @@ FUNCTIONS = {
     "floor": Function("floor", 1, Typing.PLAIN, np.floor),
     "ceil": Function("ceil", 1, Typing.PLAIN, lambda x: np.ceil(x) + 0.0),
     "round": Function("round", 1, Typing.PLAIN, lambda x: np.rint(x) + 0.0),  # Not -0, for atan2.
-    "sin": Function("sin", 1, Typing.ANGLE, _sin, work=14),
-    "cos": Function("cos", 1, Typing.ANGLE, _cos, work=14),
-    "tan": Function("tan", 1, Typing.ANGLE, _tan, work=30),
+    "sin": Function("sin", 1, Typing.ANGLE, _sin, work=20),
+    "cos": Function("cos", 1, Typing.ANGLE, _cos, work=20),
+    "tan": Function("tan", 1, Typing.ANGLE, _tan, work=45),
     "atan2": Function("atan2", 2, Typing.RATIO, _strict(lambda y, x: np.degrees(np.arctan2(y, x))), work=20),
     "hypot": Function("hypot", 2, Typing.SAME, np.hypot, work=4),
 }
