@@ -130,6 +130,11 @@ class _Expander:
         steps = _ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
         self.ledger.count_steps(steps, line, lanes.provenance)
 
+    def count_call_steps(self, steps: int, line: int, lanes: Lanes) -> None:
+        """Count the work of calls; outside of loops and routines there are no more of them than lines."""
+        if any_lane(lanes.provenance > 0):
+            self.ledger.count_steps(steps, line, lanes.provenance)
+
     def let(self, item: Let, lanes: Lanes) -> None:
         """Set a name."""
         self.count_item(item.line, lanes)
@@ -325,8 +330,7 @@ class _Expander:
         if routine is None or len(routine.parameters) != len(statement.arguments):
             self.unread(call.line, lanes, output)
             return
-        steps = _CALL_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
-        self.ledger.count_steps(steps, call.line, lanes.provenance)
+        self.count_call_steps(_CALL_STEPS if lanes.count == 1 else _MANY_LANES_STEPS, call.line, lanes)
         scope = Scope()
         constants = split_constants(call.constants, statement.arguments)
         arguments = zip(routine.parameters, statement.arguments, constants, strict=True)
@@ -395,7 +399,7 @@ class _Expander:
         """Add a run with many CALLs: each of its rows in each lane is a lane, and all CALLs of a shape run at once."""
         run = expanded.run
         rows = len(run.rows.op)
-        self.ledger.count_steps(_LOOP_STEPS * (1 + len(run.calls)), run.line, lanes.provenance)
+        self.count_call_steps(_LOOP_STEPS * (1 + len(run.calls)), run.line, lanes)
         plain = self.writer.rows_of(expanded, lanes.count, lane_is_place=True)
         kept = plain.rows.op != RowOp.CALL
         parts = [LaneRows(plain.rows.pick(kept), plain.lane[kept])]

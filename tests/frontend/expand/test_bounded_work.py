@@ -96,3 +96,12 @@ def test_what_is_too_much_is_refused_at_once(name: str, codes: list[str]) -> Non
     assert source is not None
     _, found = read_job(source, Machine())
     assert list(dict.fromkeys(one.rule.code for one in found)) == codes
+
+
+def test_calls_in_a_flat_text_are_not_limited() -> None:
+    routines = "".join(f"DEF f{k}()\nDWELL {k}\nEND\n" for k in (1, 2))
+    source, _ = check_text((routines + "CALL f1()\nCALL f2()\n" * 20_000).encode(), "x")
+    assert source is not None
+    job, found = read_job(source, Machine())
+    assert found == []
+    assert job.path.dwell_ms.tolist() == [1, 2] * 20_000
