@@ -463,8 +463,6 @@ def _holds_for_journal(rule: Rule) -> bool:
 
 def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
     """Comments that suppress what can't be suppressed or is not there. After an error not all has been looked for."""
-    from gusjob.frontend.includes import may_be_included
-
     if checked.origin is Origin.JOURNAL:
         return []
     clean = not has_errors(checked.diagnostics)
@@ -477,7 +475,10 @@ def _idle_suppressions(checked: Checked) -> list[Diagnostic]:
         return clean and code not in not_listed and needs.get(code, was_run or not code.startswith("GJ7"))
 
     found = checked.suppressions.diagnostics(checked.source.name, was_looked_for)
-    idle = any(f.rule is rules.UNUSED_SUPPRESSION for f in found)
-    if idle and may_be_included(checked.path):  # What it suppresses may occur where the file is included.
+    if not any(f.rule is rules.UNUSED_SUPPRESSION for f in found):
+        return found
+    from gusjob.frontend.includes import may_be_included
+
+    if may_be_included(checked.path):  # What it suppresses may occur where the file is included.
         return [f for f in found if f.rule is not rules.UNUSED_SUPPRESSION]
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import sys
 from importlib import import_module
@@ -32,6 +33,8 @@ _COMMANDS = (
     "record",
     "help",
 )
+_GC_OBJECTS = 50_000
+"""New objects between two searches for garbage: importing makes many, none of which is garbage."""
 _COMPLETE = "_GUSJOB_COMPLETE"
 """The variable with which a shell asks for completions."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -84,6 +87,7 @@ def cli(context: click.Context) -> None:
 
 def main() -> None:
     """Entry point."""
+    gc.set_threshold(_GC_OBJECTS)
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:  # Characters that a console can't show are escaped.

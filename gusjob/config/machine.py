@@ -280,7 +280,7 @@ class Machine:
         metadata=entry(Duty2Switch, "Level of the switch line in DUTY2, in traces: on (PWM1+ low) or off (PWM1+ high)"),
     )
     expansion_max_statements: int = field(
-        default=3_000_000,
+        default=1_000_000,
         metadata=entry(
             _whole("statements", 1, 1e8),
             "Statements after expanding loops and routines",

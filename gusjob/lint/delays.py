@@ -116,9 +116,11 @@ def delays_in_force(context: LintContext, channel: int) -> DelaysInForce:
             continue
         match setup.statement:
             case LaserDelay(on_delay_us=on, off_delay_us=off):
-                delay, lines = (on, off), [*lines, (setup.line, lines[-1][1])]
+                delay = (on, off)
+                lines.append((setup.line, lines[-1][1]))
             case LaserFpk(times_us=times):
-                killer, lines = (0.0, 0.0), [*lines, (lines[-1][0], setup.line)]
+                killer = (0.0, 0.0)
+                lines.append((lines[-1][0], setup.line))
                 if times is not None:
                     killer = (times[1], times[2])
             case _:

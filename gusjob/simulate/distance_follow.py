@@ -64,7 +64,7 @@ def _slack(limit: Floats, relative: float) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Phase:
+class _TickVelocity:
     """Velocity at the first tick of pieces and its change, (p,): pulse/ms, pulse/ms2."""
 
     velocity: Floats
@@ -96,7 +96,7 @@ class _Quadratic:
         return np.minimum.reduce(values), np.maximum.reduce(values)
 
 
-def _pieces(motion: Motion, lasers: StageLasers, runs: TickRuns) -> tuple[Indices, TickRuns, _Phase]:
+def _pieces(motion: Motion, lasers: StageLasers, runs: TickRuns) -> tuple[Indices, TickRuns, _TickVelocity]:
     """Cut runs where the phase changes and where X or Y passes its reference; return the run of each piece, too."""
     rising = runs.rising(motion)
     falling = runs.falling(motion, rising)
@@ -110,7 +110,7 @@ def _pieces(motion: Motion, lasers: StageLasers, runs: TickRuns) -> tuple[Indice
     skipped = edges[run, number]
     pieces = runs.parts(run, skipped, edges[run, number + 1] - skipped)
     is_rise, is_fall = skipped < rising[run], skipped >= (runs.count - falling)[run]
-    return run, pieces, _phase(motion, pieces, is_rise, is_fall)
+    return run, pieces, _tick_velocity(motion, pieces, is_rise, is_fall)
 
 
 def _passes(motion: Motion, runs: TickRuns, begin: Floats, end: Floats, reference: Floats) -> Floats:
@@ -125,7 +125,7 @@ def _passes(motion: Motion, runs: TickRuns, begin: Floats, end: Floats, referenc
     return np.clip(ticks, 0.0, runs.count)
 
 
-def _phase(motion: Motion, pieces: TickRuns, is_rise: Bools, is_fall: Bools) -> _Phase:
+def _tick_velocity(motion: Motion, pieces: TickRuns, is_rise: Bools, is_fall: Bools) -> _TickVelocity:
     """Find the velocity of pieces, each within one phase."""
     profile, at = motion.schedule.profile, pieces.segment
     start, peak, acc = profile.start[at], profile.peak[at], profile.acc[at]
@@ -134,10 +134,10 @@ def _phase(motion: Motion, pieces: TickRuns, is_rise: Bools, is_fall: Bools) -> 
     cruise_or_fall = np.where(is_fall, profile.end[at] + acc * before_end, peak)
     velocity = np.where(is_rise, start + up * pieces.since_ms, cruise_or_fall)
     change = np.where(is_rise, up, np.where(is_fall, -acc, 0.0))
-    return _Phase(velocity=np.where(pieces.still, 0.0, velocity), acc=np.where(pieces.still, 0.0, change))
+    return _TickVelocity(velocity=np.where(pieces.still, 0.0, velocity), acc=np.where(pieces.still, 0.0, change))
 
 
-def _base(pieces: TickRuns, phase: _Phase) -> tuple[_Quadratic, Bools, Bools]:
+def _base(pieces: TickRuns, phase: _TickVelocity) -> tuple[_Quadratic, Bools, Bools]:
     """Compute the base power of pieces; whether its limit is met at all ticks or at none; whether at all."""
     settings, period = pieces.settings, pieces.period_ms
     slope = settings.ratio * phase.acc * period
@@ -150,7 +150,7 @@ def _base(pieces: TickRuns, phase: _Phase) -> tuple[_Quadratic, Bools, Bools]:
 
 
 def _with_distance(
-    motion: Motion, lasers: StageLasers, pieces: TickRuns, phase: _Phase, base: _Quadratic
+    motion: Motion, lasers: StageLasers, pieces: TickRuns, phase: _TickVelocity, base: _Quadratic
 ) -> _Quadratic:
     """Add the distance term to the base power of pieces."""
     period, stage = pieces.period_ms, pieces.settings.stage

@@ -52,7 +52,7 @@ class _Series:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Phases:
+class _BaseSeries:
     """Base power at the ticks of runs: the first phase, the last one, and `level` at `level_count` ticks between."""
 
     first: _Series
@@ -62,8 +62,8 @@ class _Phases:
     slows: Bools
     """The first phase falls."""
 
-    def pick(self, at: Bools) -> _Phases:
-        return _Phases(
+    def pick(self, at: Bools) -> _BaseSeries:
+        return _BaseSeries(
             first=self.first.pick(at),
             last=self.last.pick(at),
             level=self.level[at],
@@ -106,7 +106,7 @@ class _Phases:
 
 def velocity_sums(motion: Motion, runs: TickRuns) -> RunSums:
     """Sum up the power of runs under velocity follow, or of direct power."""
-    base = _phases(motion, runs)
+    base = _base_series(motion, runs)
     total, last, lowest, highest = base.total(), base.at_last(), base.lowest(), base.highest()
     held, last_held = np.zeros(len(total)), np.zeros(len(total), dtype=np.bool_)
     settings = runs.settings
@@ -121,7 +121,7 @@ def velocity_sums(motion: Motion, runs: TickRuns) -> RunSums:
     return RunSums(total=total, lowest=lowest, highest=highest, last=last, held=held, last_held=last_held)
 
 
-def _phases(motion: Motion, runs: TickRuns) -> _Phases:
+def _base_series(motion: Motion, runs: TickRuns) -> _BaseSeries:
     """Compute the base power of runs."""
     profile, at, settings = motion.schedule.profile, rows_of(runs.segment), runs.settings
     start, peak, acc = profile.start[at], profile.peak[at], profile.acc[at]
@@ -134,7 +134,7 @@ def _phases(motion: Motion, runs: TickRuns) -> _Phases:
         lost = gained + acc * runs.period_ms * np.maximum(rising - 1, 0.0)
         first = np.where(slows, start - lost, first)
     step = np.maximum(settings.ratio * acc * runs.period_ms, np.finfo(np.float64).tiny)
-    return _Phases(
+    return _BaseSeries(
         first=_Series(bottom=_power(settings, first), step=step, count=rising),
         last=_Series(bottom=_power(settings, profile.end[at] + acc * runs.left_ms), step=step, count=falling),
         level=_power(settings, np.where(runs.still, 0.0, peak)),

@@ -38,7 +38,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "check": ("check", "{job}"),
     "report --summary": ("report", "--summary", "{job}"),
     "report json": ("report", "--format", "json", "-o", "{out}", "{job}"),
-    "compile": ("compile", "-o", "{out}", "{job}"),
+    "compile": ("compile", "--format", "gts", "-o", "{out}", "{job}"),
 }
 SHORT = {"check": "check", "summary": "report --summary", "json": "report json", "compile": "compile", "lark": "lark"}
 HIDDEN = "lark-lines"
@@ -92,13 +92,46 @@ def raster_job(count: int) -> Iterator[str]:
     yield "LASER OFF"
 
 
+def distance_job(count: int) -> Iterator[str]:
+    """The spiral of `lines_job` under distance follow: more power the farther from the centre."""
+    lines = (line for line in lines_job(count) if not line.startswith("LASER FOLLOW"))
+    yield next(lines)
+    yield "LASER DISTANCE REF X 0 Y 0 RATIO X 0.1 Y 0.1 MIN 5 MAX 90"
+    yield from lines
+
+
+def sky_job(count: int) -> Iterator[str]:
+    """`count` statements: marks of 0.8 mm with sky writing, at most 0.1 mm apart in rows to and fro."""
+    speeds = ("JUMPVEL 5000", "JUMPACC 1000000", "VEL 1000", "ACC 1000000")
+    head = (HEAD[0], *speeds, "LASER POWER 50", "SKYWRITE MODE 2 TIMELAG 250us")
+    rest = (count - len(head)) % 4
+    marks = (count - len(head)) // 4
+    row_mm = min(ROW_MM, 200 / (marks // (PIXELS // 2) + 1))
+    yield from head
+    for k in range(marks):
+        row, column = divmod(k, PIXELS // 2)
+        across = 2 * PIXEL_MM * (PIXELS // 2 - 1 - column if row % 2 else column)
+        x, y = -100 + across + (PIXEL_MM if row % 2 else 0), -100 + row * row_mm
+        yield f"JUMP X {x:.3f} Y {y:.3f}"
+        yield "LASER ON"
+        yield f"LINE X {x + (-PIXEL_MM if row % 2 else PIXEL_MM):.3f}"
+        yield "LASER OFF"
+    yield from ("DWELL 1",) * rest
+
+
 def ten_job(count: int) -> Iterator[str]:
     """A job of ten lines, whatever `count` says: what start-up costs."""
     yield from ("LASER MODE DUTY CARRIER 10", "VEL 1000", "ACC 100000", "LASER POWER 50", "LASER ON")
     yield from ("LINE X 10 Y 0", "LINE X 10 Y 10", "LINE X 0 Y 10", "LINE X 0 Y 0", "LASER OFF")
 
 
-KINDS: dict[str, Callable[[int], Iterator[str]]] = {"ten": ten_job, "lines": lines_job, "raster": raster_job}
+KINDS: dict[str, Callable[[int], Iterator[str]]] = {
+    "ten": ten_job,
+    "lines": lines_job,
+    "raster": raster_job,
+    "distance": distance_job,
+    "sky": sky_job,
+}
 
 
 def write_job(path: Path, statements: Iterator[str]) -> int:
@@ -147,11 +180,17 @@ class Row:
     scaled: bool = False
 
 
-def run(command: list[str], folder: Path) -> Run:
-    """Run a command to its end, in `folder`; a failure ends the bench with what the command said."""
+def run(command: list[str], folder: Path, checkout: Path | None = None) -> Run:
+    """Run a command to its end, in `folder`; a failure ends the bench with what the command said.
+
+    `checkout`: where gusjob is imported from, None for what is installed.
+    """
+    environment = None if checkout is None else {**os.environ, "PYTHONPATH": str(checkout)}
     with tempfile.TemporaryFile(dir=folder) as out:
         start = time.perf_counter()
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, cwd=folder)
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, cwd=folder, env=environment
+        )
         peak_mb, user_s, code = _wait(process)
         seconds = time.perf_counter() - start
         out.seek(0)
@@ -193,11 +232,11 @@ def make_job(kind: str, size: int, folder: Path) -> Job:
     return Job(kind=kind, path=path, statements=statements, megabytes=megabytes, ticks=ticks)
 
 
-def run_gusjob(path: Path, name: str) -> Run:
-    """One run of a gusjob command on a file; what it writes is deleted."""
+def run_gusjob(path: Path, name: str, checkout: Path | None = None) -> Run:
+    """One run of a gusjob command on a file; what it writes is deleted. `checkout`: as in `run`."""
     out = path.with_name("out.tmp")
     words = [word.format(job=path.name, out=out.name) for word in COMMANDS[name]]
-    done = run(gusjob(*words), path.parent)
+    done = run(gusjob(*words), path.parent, checkout)
     out.unlink(missing_ok=True)
     return done
 

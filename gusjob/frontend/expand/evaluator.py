@@ -24,7 +24,7 @@ from gusjob.i18n.phrases import Phrase, both_of, did_you_mean, number
 from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import QuantityKind, UnitSystem
 
-_LANES_PER_STEP = 10
+_NUMBERS_PER_STEP = 100
 _NO_KIND: NumberType = PLAIN
 """The kind of a number that has none: what is wrong is already reported."""
 
@@ -74,15 +74,13 @@ class Evaluator:
         values: dict[str, Any] = {}
         types = []
         for name in expression.names:
-            value = scope.values.get(name)
-            source = scope
-            if value is None:
-                value, source = top.values.get(name), top
-            if value is None:
+            found = scope.get(name) or top.get(name)
+            if found is None:
                 self.report_unknown(name, site)
                 return np.float64(np.nan), _NO_KIND
+            value, type_ = found
             values[name] = value.reshape(-1, 1) if rows > 1 and isinstance(value, np.ndarray) else value
-            types.append(source.types[name])
+            types.append(type_)
         kind = expression.type(tuple(types))
         if isinstance(kind, Mismatch) and any(np.all(np.isnan(value)) for value in values.values()):
             return np.float64(np.nan), _NO_KIND  # A name without a value has no kind; it is reported where it is set.
@@ -92,7 +90,7 @@ class Evaluator:
                 rules.UNIT_MISMATCH, site, operator=kind.function.name, wants=kind.function.typing.value, given=given
             )
             return np.float64(np.nan), _NO_KIND
-        steps = len(expression.code) // 3 * (1 + max(site.lanes.count, rows) // _LANES_PER_STEP)
+        steps = expression.work * (1 + site.lanes.count * rows // _NUMBERS_PER_STEP)
         self.ledger.count_steps(steps, site.line, site.lanes.provenance)
         value = expression.run(values, constants)
         if not (np.isfinite(value).all() if isinstance(value, np.ndarray) else math.isfinite(value)):
@@ -104,7 +102,7 @@ class Evaluator:
         if (rules.UNKNOWN_NAME.code, site.line, site.word) in self.ledger.reported:
             self.report(rules.UNKNOWN_NAME, site)
         elif not self.unset & {name, ANY_NAME}:
-            near = nearest(name, {**site.lanes.scope.values, **site.lanes.top.values})
+            near = nearest(name, dict.fromkeys([*site.lanes.scope.names(), *site.lanes.top.names()]))
             hint = did_you_mean(near) or Phrase(": write LET {name} = ... before it", name=name)
             self.report(rules.UNKNOWN_NAME, site, name=name, hint=hint)
 
@@ -144,7 +142,7 @@ class Evaluator:
             value = value / 1000.0
         large = abs(value) > MAX_NUMBER
         if any_lane(large):
-            shown = number(float(np.max(np.abs(value))))
+            shown = number(float(np.nanmax(np.abs(value))))
             count = int(np.count_nonzero(large))
             self.report_where(rules.NUMBER_TOO_LARGE, site, large, count, value=shown, limit=MAX_NUMBER)
             value = np.where(large, np.nan, value)[()]

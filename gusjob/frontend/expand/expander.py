@@ -16,6 +16,7 @@ import numpy as np
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic
+from gusjob.frontend.expand.carried_values import carried_values, lets_of
 from gusjob.frontend.expand.evaluator import Evaluator, Site
 from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.expand.lanes import Lanes, Scope, any_lane
@@ -40,14 +41,22 @@ from gusjob.frontend.parse.intent import ANY_NAME
 from gusjob.frontend.parse.operators import TRUTH
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.ir.effects import UNCLEAR
-from gusjob.kinematics.arrays import Floats, Ints
+from gusjob.kinematics.arrays import Floats, Ints, counted
 
-_CALL_STEPS = 40
-_LOOP_STEPS = 100
-_ONE_LANE_STEPS = 2
-_MANY_LANES_STEPS = 30
-_FEW_ITERATIONS = 4
-"""So few iterations are faster one by one."""
+# Steps of half a microsecond, measured, without the numbers to compute.
+_CALL_STEPS = 60
+_LOOP_STEPS = 300
+_ITERATION_STEPS = 6
+_LET_STEPS = 1
+_ONE_LANE_STEPS = 5
+_MANY_LANES_STEPS = 60
+_PART_STEPS = 60
+_START_STEPS = 100
+_LANES_PER_STEP = 50
+_FEW_ITERATIONS = 16
+"""So few iterations with values that they carry are faster one by one."""
+_LANES_AT_ONCE = 32_768
+"""More iterations run in parts: each name has a number for each of them."""
 
 
 def expand(program: Program, name: str, machine: Machine) -> tuple[ExpandedJob, list[Diagnostic]]:
@@ -59,7 +68,7 @@ def expand(program: Program, name: str, machine: Machine) -> tuple[ExpandedJob, 
         evaluator=Evaluator(ledger=ledger, unset=set(program.unread_names)),
         writer=RowWriter(setups=list(program.setups)),
     )
-    names = Scope({}, {})
+    names = Scope()
     output: Output = []
     with np.errstate(all="ignore"):
         try:
@@ -121,6 +130,11 @@ class _Expander:
         steps = _ONE_LANE_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
         self.ledger.count_steps(steps, line, lanes.provenance)
 
+    def count_call_steps(self, steps: int, line: int, lanes: Lanes) -> None:
+        """Count the work of calls; outside of loops and routines there are no more of them than lines."""
+        if any_lane(lanes.provenance > 0):
+            self.ledger.count_steps(steps, line, lanes.provenance)
+
     def let(self, item: Let, lanes: Lanes) -> None:
         """Set a name."""
         self.count_item(item.line, lanes)
@@ -163,16 +177,17 @@ class _Expander:
 
     def block_of_part(self, block: Block, part: Lanes) -> LaneRows:
         """Run a block in lanes of its own."""
+        if block:
+            self.ledger.count_steps(_PART_STEPS + part.count // _LANES_PER_STEP, block[0].line, part.provenance)
         output: Output = []
         self.block(block, part, output)
         return self.writer.collect(output, part.count)
 
     def bring_back(self, part: Lanes, lanes: Lanes, to: Ints, source: Ints) -> None:
         """Take over names that were set in other lanes: lane `source` of `part` gives lane `to` its value."""
-        for name, value in part.scope.values.items():
-            old = lanes.scope.values.get(name)
-            if old is None:  # A name that a routine has not set is the job's.
-                old = lanes.top.values.get(name)
+        for name, (value, kind) in part.scope.own.items():
+            known = lanes.scope.get(name) or lanes.top.get(name)  # A name that a routine has not set is the job's.
+            old = None if known is None else known[0]
             if (
                 old is not None
                 and not isinstance(value, np.ndarray)
@@ -183,7 +198,7 @@ class _Expander:
             start: Any = np.nan if old is None else old
             fresh = np.array(np.broadcast_to(start, lanes.count), dtype=np.float64)
             fresh[to] = value[source] if isinstance(value, np.ndarray) else value
-            lanes.scope.set(name, fresh if lanes.count > 1 else fresh[0], part.scope.types[name])
+            lanes.scope.set(name, fresh if lanes.count > 1 else fresh[0], kind)
 
     # Loops.
 
@@ -194,36 +209,71 @@ class _Expander:
             self.skipped(item.line, lanes, output)
         if not any_lane(span.count > 0):
             return
-        hidden = None
-        if item.variable in lanes.scope.values:
-            hidden = (lanes.scope.values[item.variable], lanes.scope.types[item.variable])
+        hidden = lanes.scope.own.get(item.variable)
         if id(item) in self.program.sequential_loops:
             self.one_iteration_at_a_time(item, lanes, output, span)
-        elif lanes.count == 1 and span.count <= _FEW_ITERATIONS:
-            self.in_one_lane(item, lanes, output, span)
         else:
             self.at_once(item, lanes, output, span)
-        lanes.scope.pop(item.variable)
+        lanes.scope.own.pop(item.variable, None)
         if hidden is not None:
             lanes.scope.set(item.variable, *hidden)
 
     def in_one_lane(self, item: Loop, lanes: Lanes, output: Output, span: LoopRange) -> None:
-        """Run the iterations of the only lane one after the other."""
+        """Run the iterations of the only lane, each after the one before it."""
+        lets = lets_of(item)
+        for begin in range(0, int(span.count), _LANES_AT_ONCE):
+            number = np.arange(begin, min(begin + _LANES_AT_ONCE, int(span.count)))
+            if (
+                lets is None
+                or len(number) < _FEW_ITERATIONS
+                or not self.lets_first(item, lets, lanes, output, span, number)
+            ):
+                self.one_by_one(item, lanes, output, span, number)
+
+    def one_by_one(self, item: Loop, lanes: Lanes, output: Output, span: LoopRange, number: Ints) -> None:
+        """Run some iterations of the only lane completely, one after the other."""
         before = lanes.provenance
-        names = (item.variable or "round",)
-        for number in range(int(span.count)):
-            self.ledger.count_steps(1, item.line, before)
-            value = span.start + number * span.step
-            shown = (value if item.variable else number + 1,)
-            lanes.provenance = self.ledger.provenance.add(item.line, names, before, shown, kind=item.step_kind, count=1)
+        values = span.start + number * span.step
+        first = self.add_iterations(item, before, values, number)
+        for at, value in enumerate(values):
+            self.ledger.count_steps(_ITERATION_STEPS, item.line, before)
+            lanes.provenance = first + at
             if item.variable:
                 lanes.scope.set(item.variable, value, span.kind)
             self.block(item.body, lanes, output)
         lanes.provenance = before
 
+    def lets_first(
+        self, item: Loop, lets: tuple[Let, ...], lanes: Lanes, output: Output, span: LoopRange, number: Ints
+    ) -> bool:
+        """Run the LETs of some iterations of the only lane, then their statements at once; False if that can't be."""
+        steps = sum(_LET_STEPS + let.expression.work for let in lets)
+        self.ledger.count_steps(steps * len(number), item.line, lanes.provenance)
+        values = span.start + number * span.step
+        carried = carried_values(lets, item.variable, span.kind, values, (lanes.scope, lanes.top))
+        if carried is None:
+            return False
+        part = lanes.take(np.zeros(len(number), dtype=np.int64))
+        self.enter_iterations(item, part, values, number, span)
+        for name, named in carried.before.items():
+            part.scope.set(name, *named)
+        rows: Output = []
+        after = iter(carried.after)
+        for one in item.body:
+            if isinstance(one, Let):
+                part.scope.set(one.name, *next(after))
+            else:
+                self.item(one, part, rows)
+        made = self.writer.collect(rows, part.count).rows
+        output.append(LaneRows(made, np.zeros(len(made.op), dtype=np.int64)))
+        part.scope.own.pop(item.variable, None)
+        self.bring_back(part, lanes, np.zeros(1, dtype=np.int64), np.array([len(number) - 1]))
+        return True
+
     def one_iteration_at_a_time(self, item: Loop, lanes: Lanes, output: Output, span: LoopRange) -> None:
         """Run a sequential loop: iteration by iteration, all lanes together."""
         if lanes.count == 1:
+            self.ledger.count_steps(_START_STEPS, item.line, lanes.provenance)
             if span.count > MAX_STEPS:
                 self.ledger.count_steps(MAX_STEPS + 1, item.line, lanes.provenance)
             self.in_one_lane(item, lanes, output, span)
@@ -231,7 +281,7 @@ class _Expander:
         starts, steps, counts = span.by_lane(lanes.count)
         number = 0
         while len(active := np.flatnonzero(counts > number)):
-            self.ledger.count_steps(_MANY_LANES_STEPS, item.line, lanes.provenance)
+            self.ledger.count_steps(_LOOP_STEPS, item.line, lanes.provenance)
             part = lanes.take(active)
             values = starts[active] + number * steps[active]
             self.enter_iterations(item, part, values, np.full(len(active), number), span)
@@ -244,29 +294,32 @@ class _Expander:
         """Run all iterations of all lanes together."""
         starts, steps, float_counts = span.by_lane(lanes.count)
         self.ledger.count_iterations(float(np.sum(float_counts)), item.line, lanes.provenance)
-        self.ledger.count_steps(_LOOP_STEPS, item.line, lanes.provenance)
         counts = float_counts.astype(np.int64)
-        outer = np.repeat(np.arange(lanes.count), counts)
+        outer, number = counted(counts)
         ends = np.cumsum(counts)
-        number = np.arange(len(outer)) - (ends - counts)[outer]
-        part = lanes.take(outer)
-        self.enter_iterations(item, part, starts[outer] + number * steps[outer], number, span)
-        rows = self.block_of_part(item.body, part)
-        part.scope.values.pop(item.variable, None)
-        entered = np.flatnonzero(counts > 0)
-        self.bring_back(part, lanes, entered, ends[entered] - 1)
-        output.append(LaneRows(rows.rows, outer[rows.lane]))
+        for begin in range(0, len(outer), _LANES_AT_ONCE):
+            self.ledger.count_steps(_LOOP_STEPS, item.line, lanes.provenance)
+            some = slice(begin, begin + _LANES_AT_ONCE)
+            part = lanes.take(outer[some])
+            values = starts[outer[some]] + number[some] * steps[outer[some]]
+            self.enter_iterations(item, part, values, number[some], span)
+            rows = self.block_of_part(item.body, part)
+            part.scope.own.pop(item.variable, None)
+            ended = np.flatnonzero((counts > 0) & (ends > begin) & (ends <= begin + part.count))
+            self.bring_back(part, lanes, ended, ends[ended] - 1 - begin)
+            output.append(LaneRows(rows.rows, outer[some][rows.lane]))
 
     def enter_iterations(self, item: Loop, part: Lanes, values: Floats, number: Ints, span: LoopRange) -> None:
         """Set the loop's variable and the provenance of many iterations. `number`: of each, from 0."""
-        names = (item.variable or "round",)
-        shown = values if item.variable else number + 1.0
-        first = self.ledger.provenance.add(
-            item.line, names, part.provenance, (shown,), kind=item.step_kind, count=part.count
-        )
-        part.provenance = part.numbered(first)
+        part.provenance = part.numbered(self.add_iterations(item, part.provenance, values, number))
         if item.variable:
             part.scope.set(item.variable, values if part.count > 1 else values[0], span.kind)
+
+    def add_iterations(self, item: Loop, around: Any, values: Floats, number: Ints) -> int:
+        """Add the provenance of iterations, and return that of the first."""
+        names = (item.variable or "round",)
+        shown = values if item.variable else number + 1.0
+        return self.ledger.provenance.add(item.line, names, around, (shown,), kind=item.step_kind, count=len(number))
 
     # Routines and frames.
 
@@ -277,9 +330,8 @@ class _Expander:
         if routine is None or len(routine.parameters) != len(statement.arguments):
             self.unread(call.line, lanes, output)
             return
-        steps = _CALL_STEPS if lanes.count == 1 else _MANY_LANES_STEPS
-        self.ledger.count_steps(steps, call.line, lanes.provenance)
-        scope = Scope({}, {})
+        self.count_call_steps(_CALL_STEPS if lanes.count == 1 else _MANY_LANES_STEPS, call.line, lanes)
+        scope = Scope()
         constants = split_constants(call.constants, statement.arguments)
         arguments = zip(routine.parameters, statement.arguments, constants, strict=True)
         for number, (name, argument, own) in enumerate(arguments):
@@ -289,7 +341,7 @@ class _Expander:
             call.line,
             routine.parameters,
             lanes.provenance,
-            tuple(scope.values.values()),
+            tuple(value for value, _ in scope.own.values()),
             kind="call",
             count=lanes.count,
         )
@@ -347,12 +399,14 @@ class _Expander:
         """Add a run with many CALLs: each of its rows in each lane is a lane, and all CALLs of a shape run at once."""
         run = expanded.run
         rows = len(run.rows.op)
+        self.count_call_steps(_LOOP_STEPS * (1 + len(run.calls)), run.line, lanes)
         plain = self.writer.rows_of(expanded, lanes.count, lane_is_place=True)
         kept = plain.rows.op != RowOp.CALL
         parts = [LaneRows(plain.rows.pick(kept), plain.lane[kept])]
         for call in run.calls:
             outer = np.repeat(np.arange(lanes.count), len(call.at))
             part = lanes.take(outer)
+            self.ledger.count_calls(part, call.line)
             constants = tuple(
                 np.tile(c, lanes.count) if isinstance(c, np.ndarray) and lanes.count > 1 else c for c in call.constants
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,26 +10,45 @@ import numpy as np
 from gusjob.frontend.parse.operators import Number, NumberType
 from gusjob.kinematics.arrays import Ints
 
+Named = tuple[Number, NumberType]
+"""The value of a name (one for all lanes, or one for each) and its kind."""
+
 
 @dataclass(slots=True)
 class Scope:
-    """Names: values (one for all lanes, or one for each) and kinds."""
+    """Names, and those around them in other lanes, which are taken over when they are first read.
 
-    values: dict[str, Number]
-    types: dict[str, NumberType]
+    Attributes:
+        own: Names that are set in these lanes.
+        around: The names around, None for none.
+        lanes: The lane of `around` that each of these lanes was.
+        taken: Names taken over.
+    """
+
+    own: dict[str, Named] = field(default_factory=dict)
+    around: Scope | None = None
+    lanes: Ints | None = None
+    taken: dict[str, Named] = field(default_factory=dict)
 
     def take(self, lanes: Ints) -> Scope:
         """The same names for some of the lanes, in any order and number."""
-        return Scope({name: take_lanes(value, lanes) for name, value in self.values.items()}, self.types.copy())
+        return Scope(around=self, lanes=lanes)
+
+    def get(self, name: str) -> Named | None:
+        """The value and kind of a name; None if it is not set."""
+        found = self.own.get(name) or self.taken.get(name)
+        if found is None and self.around is not None and (outer := self.around.get(name)) is not None:
+            assert self.lanes is not None
+            found = self.taken[name] = (take_lanes(outer[0], self.lanes), outer[1])
+        return found
 
     def set(self, name: str, value: Number, kind: NumberType) -> None:
         """Set a name."""
-        self.values[name], self.types[name] = value, kind
+        self.own[name] = value, kind
 
-    def pop(self, name: str) -> tuple[Number, NumberType] | None:
-        """Remove a name and return its value."""
-        value = self.values.pop(name, None)
-        return None if value is None else (value, self.types.pop(name))
+    def names(self) -> list[str]:
+        """All names that are set."""
+        return sorted({*self.own, *(self.around.names() if self.around else ())})
 
 
 @dataclass(slots=True)

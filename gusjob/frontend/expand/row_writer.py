@@ -13,8 +13,8 @@ from gusjob.frontend.expand.program import ComputedStatements, StatementRun
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.intent import effects_of
 from gusjob.frontend.parse.statement import RowOp, Statement
-from gusjob.frontend.scan.rows import Rows, join_rows
-from gusjob.kinematics.arrays import Floats, Ints
+from gusjob.frontend.scan.rows import Rows, groups_of, join_rows
+from gusjob.kinematics.arrays import Floats, Ints, distinct
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,21 +82,23 @@ class RowWriter:
         lane = np.arange(len(made.op)) if lane_is_place else np.repeat(np.arange(count), rows)
         if not len(without_value):
             return LaneRows(made, lane)
-        return LaneRows(self._without_values(made, without_value), lane)
+        return LaneRows(self._without_values(made, distinct(without_value)), lane)
 
     def _without_values(self, rows: Rows, at: Ints) -> Rows:
         """The rows, those that lack a number as rows that can't be read."""
         op, columns = rows.op.copy(), {column: values.copy() for column, values in rows.columns.items()}
         value = columns.setdefault(Column.VALUE, np.full(len(op), np.nan))
-        for row in np.unique(at).tolist():
-            kind = RowOp(int(op[row]))
-            statement = self.setups[int(value[row])] if kind is RowOp.SETUP else None
-            effects = effects_of(kind, statement)
-            op[row] = RowOp.UNREAD
-            for column, values in columns.items():
-                if column < Column.NODE and column != Column.CHANNEL:
-                    values[row] = np.nan
-            value[row] = float(effects)
+        effects = np.zeros(len(at))
+        for kind, where in groups_of(op[at]):
+            if kind == RowOp.SETUP:
+                statements = [self.setups[int(number)] for number in value[at[where]]]
+                effects[where] = [float(effects_of(RowOp.SETUP, statement)) for statement in statements]
+            else:
+                effects[where] = float(effects_of(RowOp(kind), None))
+        for column, values in columns.items():
+            if column < Column.NODE and column != Column.CHANNEL:
+                values[at] = np.nan
+        op[at], value[at] = RowOp.UNREAD, effects
         return Rows(op=op, line=rows.line, system=rows.system, columns=columns)
 
     def _with_numbers(self, rows: Rows, expanded: ExpandedRun, count: int) -> tuple[Rows, Ints]:

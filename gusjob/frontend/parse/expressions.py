@@ -83,6 +83,16 @@ class Expression:
     column: int
     end_column: int
     _types: dict[tuple[NumberType, ...], NumberType | Mismatch] = field(default_factory=dict, repr=False, compare=False)
+    _work: dict[int, int] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def work(self) -> int:
+        """How long one value takes, as a multiple of an addition. min and max: by their number of operands."""
+        found = self._work.get(0)
+        if found is None:
+            applied = (step for step in self.code if isinstance(step, Apply))
+            found = self._work[0] = 1 + sum(step.function.work * max(step.count - 1, 1) for step in applied)
+        return found
 
     def type(self, names: tuple[NumberType, ...]) -> NumberType | Mismatch:
         """The kind of the result for the kinds of the names that it reads, in the order of `names`."""

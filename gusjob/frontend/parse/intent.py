@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import or_
 
-from gusjob.frontend.parse.foreign import foreign_of
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.i18n.spelling import nearest
 from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, OF_LASER, POSITION, UNCLEAR, StateEffect
@@ -110,7 +109,11 @@ def intent_of(code: str) -> LineIntent:
     code = code[:_MAX_READ]
     form, guessed = _form_of([word.upper() for word in _WORD.findall(code)[:2]])
     effects = _EFFECTS.get(form, StateEffect.NONE)
-    foreign = foreign_of(code) if guessed else None
+    foreign = None
+    if guessed:
+        from gusjob.frontend.parse.foreign import foreign_of  # Start-up time: most jobs have no such line.
+
+        foreign = foreign_of(code)
     if foreign is not None:
         form = foreign.forms[0] if foreign.forms else COMMENT
         effects = StateEffect(reduce(or_, (int(_EFFECTS.get(one, StateEffect.NONE)) for one in foreign.forms), 0))

@@ -55,12 +55,14 @@ class Function:
         arity: How many operands it takes; None: one or more.
         typing: How the kind of the result is found.
         run: Computes it.
+        work: How long it takes, as a multiple of an addition.
     """
 
     name: str
     arity: int | None
     typing: Typing
     run: Callable[..., Any]
+    work: int = 1
 
 
 def result_type(typing: Typing, operands: tuple[NumberType, ...]) -> NumberType | None:
@@ -168,36 +170,36 @@ def _not(a: Any) -> Any:
 
 
 OPERATORS = {
-    "OR": Function("or", 2, Typing.TRUTH, _or),
-    "AND": Function("and", 2, Typing.TRUTH, _and),
+    "OR": Function("or", 2, Typing.TRUTH, _or, work=5),
+    "AND": Function("and", 2, Typing.TRUTH, _and, work=5),
     "NOT": Function("not", 1, Typing.TRUTH, _not),
-    "LT": Function("<", 2, Typing.COMPARE, _comparison(operator.lt)),
-    "LE": Function("<=", 2, Typing.COMPARE, _comparison(operator.le)),
-    "GT": Function(">", 2, Typing.COMPARE, _comparison(operator.gt)),
-    "GE": Function(">=", 2, Typing.COMPARE, _comparison(operator.ge)),
-    "EQ": Function("==", 2, Typing.COMPARE, _comparison(operator.eq)),
-    "NE": Function("!=", 2, Typing.COMPARE, _comparison(operator.ne)),
+    "LT": Function("<", 2, Typing.COMPARE, _comparison(operator.lt), work=4),
+    "LE": Function("<=", 2, Typing.COMPARE, _comparison(operator.le), work=4),
+    "GT": Function(">", 2, Typing.COMPARE, _comparison(operator.gt), work=4),
+    "GE": Function(">=", 2, Typing.COMPARE, _comparison(operator.ge), work=4),
+    "EQ": Function("==", 2, Typing.COMPARE, _comparison(operator.eq), work=4),
+    "NE": Function("!=", 2, Typing.COMPARE, _comparison(operator.ne), work=4),
     "PLUS": Function("+", 2, Typing.SAME, operator.add),
     "MINUS": Function("-", 2, Typing.SAME, operator.sub),
     "STAR": Function("*", 2, Typing.TIMES, operator.mul),
-    "SLASH": Function("/", 2, Typing.OVER, _divide),
-    "MODULO": Function("%", 2, Typing.SAME, _strict(operator.mod)),
-    "POWER_OF": Function("**", 2, Typing.PLAIN, np.power),
+    "SLASH": Function("/", 2, Typing.OVER, _divide, work=4),
+    "MODULO": Function("%", 2, Typing.SAME, _strict(operator.mod), work=12),
+    "POWER_OF": Function("**", 2, Typing.PLAIN, np.power, work=24),
 }
 """By terminal of the grammar."""
 NEGATE = Function("-", 1, Typing.KEEP, operator.neg)
 FUNCTIONS = {
     "sqrt": Function("sqrt", 1, Typing.PLAIN, np.sqrt),
     "abs": Function("abs", 1, Typing.KEEP, np.abs),
-    "min": Function("min", None, Typing.SAME, _strict(_minimum)),
-    "max": Function("max", None, Typing.SAME, _strict(_maximum)),
+    "min": Function("min", None, Typing.SAME, _strict(_minimum), work=12),
+    "max": Function("max", None, Typing.SAME, _strict(_maximum), work=12),
     "floor": Function("floor", 1, Typing.PLAIN, np.floor),
     "ceil": Function("ceil", 1, Typing.PLAIN, lambda x: np.ceil(x) + 0.0),
     "round": Function("round", 1, Typing.PLAIN, lambda x: np.rint(x) + 0.0),  # Not -0, for atan2.
-    "sin": Function("sin", 1, Typing.ANGLE, _sin),
-    "cos": Function("cos", 1, Typing.ANGLE, _cos),
-    "tan": Function("tan", 1, Typing.ANGLE, _tan),
-    "atan2": Function("atan2", 2, Typing.RATIO, _strict(lambda y, x: np.degrees(np.arctan2(y, x)))),
-    "hypot": Function("hypot", 2, Typing.SAME, np.hypot),
+    "sin": Function("sin", 1, Typing.ANGLE, _sin, work=20),
+    "cos": Function("cos", 1, Typing.ANGLE, _cos, work=20),
+    "tan": Function("tan", 1, Typing.ANGLE, _tan, work=45),
+    "atan2": Function("atan2", 2, Typing.RATIO, _strict(lambda y, x: np.degrees(np.arctan2(y, x))), work=20),
+    "hypot": Function("hypot", 2, Typing.SAME, np.hypot, work=4),
 }
 """By name."""

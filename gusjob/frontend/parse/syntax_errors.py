@@ -8,7 +8,6 @@ from lark import UnexpectedInput
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
-from gusjob.frontend.parse.foreign import foreign_of
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, words_of
 from gusjob.frontend.parse.misread import END_OF_LINE, Misread, misread
 from gusjob.frontend.parse.unread_numbers import not_decimal, out_of_place, unknown_unit
@@ -38,6 +37,8 @@ def syntax_error(error: UnexpectedInput, text: str, line: int) -> Diagnostic:
     found = misread(error, JOB_GRAMMAR, text, _TERMINALS, out_of_place(words))
     span = Span(line=line, column=found.column, end_line=line, end_column=found.end_column)
     if not text[: found.column - 1].strip():
+        from gusjob.frontend.parse.foreign import foreign_of  # Start-up time: most jobs have no such line.
+
         foreign = foreign_of(text)
         hint = Phrase("; write {meant}", meant=foreign.meant) if foreign else found.hint
         fields: dict[str, object] = {"found": found.found, "hint": hint}

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import Membership, Range
 from gusjob.frontend.parse.forms import Column
@@ -12,11 +15,14 @@ from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns
 from gusjob.ir.arcs import DrawnArcs
 from gusjob.ir.path import Op, Path
-from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, running_sum
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, distinct, running_sum
 from gusjob.kinematics.geometry import arcs_by_either, sin_cos_deg
 
 SCALE_RANGE = Range(name="frame scale", unit="", low=1e-6, high=1e6, section="job language")
 """Size of a frame, with the frames around it: in a smaller one no field is left, in a larger one no pulse."""
+
+_GROUPS_AT_ONCE = 32_768
+"""As numbers of Python they need much memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,11 +60,6 @@ class Frames:
     def vectors_to_machine(self, frame: Ints | int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Map vectors of a frame to the machine: points without the shift."""
         return self.a[frame] * x + self.b[frame] * y, self.c[frame] * x + self.d[frame] * y
-
-    def to_frame(self, frame: int, x: float, y: float) -> tuple[float, float]:
-        """Map a point of the machine to a frame."""
-        inside_x, inside_y = self.vectors_to_frame(frame, x - self.e[frame], y - self.f[frame])
-        return float(inside_x), float(inside_y)
 
 
 def frames_of(columns: ResolvedColumns, parent: Ints) -> Frames:
@@ -155,20 +156,49 @@ def positions_in_frames(x: Floats, y: Floats, relative: Bools, frame: Ints, fram
         is_open.append(~known)
     group = np.cumsum(begins) - 1
     starts = np.flatnonzero(begins)
-    enter_x, enter_y = np.zeros(len(starts)), np.zeros(len(starts))
     # The position of entry matters only where a frame's moves begin relative, or with one axis alone.
-    for one in np.unique(group[is_open[0] | is_open[1]]).tolist():
-        before = (0.0, 0.0)
-        if one:
-            last, of = int(starts[one]) - 1, one - 1
-            lx = in_frame[0][last] + (enter_x[of] if is_open[0][last] else 0.0)
-            ly = in_frame[1][last] + (enter_y[of] if is_open[1][last] else 0.0)
-            gx, gy = frames.to_machine(int(frame[last]), float(lx), float(ly))
-            before = (float(gx), float(gy))
-        enter_x[one], enter_y[one] = frames.to_frame(int(frame[starts[one]]), *before)
+    needed = distinct(group[is_open[0] | is_open[1]])
+    enter_x, enter_y = _entries(needed, starts, in_frame, is_open, frame, frames)
     local_x = in_frame[0] + np.where(is_open[0], enter_x[group], 0.0)
     local_y = in_frame[1] + np.where(is_open[1], enter_y[group], 0.0)
     return frames.to_machine(frame, local_x, local_y)
+
+
+def _entries(
+    needed: Ints, starts: Indices, in_frame: list[Floats], is_open: list[Bools], frame: Ints, frames: Frames
+) -> tuple[Floats, Floats]:
+    """Position at which the path enters each group of moves in one frame, as seen from that frame; 0 if not needed.
+
+    Each may depend on the one before it, so they are found one by one, in numbers of Python, not of numpy: those take
+    ten times as long.
+    """
+    enter_x, enter_y = [0.0] * len(starts), [0.0] * len(starts)
+    rows = (
+        row
+        for begin in range(0, len(needed), _GROUPS_AT_ONCE)
+        for row in _entered(needed[begin : begin + _GROUPS_AT_ONCE], starts, in_frame, is_open, frame, frames)
+    )
+    for one, a, b, c, d, e, f, x, y, open_x, open_y, own_a, own_b, own_c, own_d, own_e, own_f, size in rows:
+        before_x = before_y = 0.0
+        if one:
+            x, y = x + (enter_x[one - 1] if open_x else 0.0), y + (enter_y[one - 1] if open_y else 0.0)
+            before_x, before_y = a * x + b * y + e, c * x + d * y + f
+        before_x, before_y = before_x - own_e, before_y - own_f
+        enter_x[one] = (own_d * before_x - own_b * before_y) / size
+        enter_y[one] = (own_a * before_y - own_c * before_x) / size
+    return np.array(enter_x), np.array(enter_y)
+
+
+def _entered(
+    groups: Ints, starts: Indices, in_frame: list[Floats], is_open: list[Bools], frame: Ints, frames: Frames
+) -> Iterator[tuple[Any, ...]]:
+    """For each group: the map, position and openness of the move before it, its own map and that map's determinant."""
+    last, own = np.maximum(starts[groups] - 1, 0), frame[starts[groups]]
+    maps = (frames.a, frames.b, frames.c, frames.d, frames.e, frames.f)
+    determinant = frames.a[own] * frames.d[own] - frames.b[own] * frames.c[own]
+    before = (*(column[frame[last]] for column in maps), *(column[last] for column in (*in_frame, *is_open)))
+    columns: tuple[npt.NDArray[Any], ...] = (groups, *before, *(column[own] for column in maps), determinant)
+    return zip(*(column.tolist() for column in columns), strict=True)
 
 
 def bent_arcs(path: Path, at: Indices, frames: Frames, frame: Ints, pulses_per_mm: tuple[float, float]) -> DrawnArcs:

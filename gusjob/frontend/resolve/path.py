@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,6 @@ from gusjob.diagnostics.model import Rule
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.resolve.columns import PATH_OP, ResolvedColumns
-from gusjob.frontend.resolve.frames import Frames, bent_arcs
 from gusjob.frontend.resolve.positions import positions
 from gusjob.frontend.resolve.speeds import velocity_and_acceleration
 from gusjob.frontend.resolve.unknown import States, unknown_states
@@ -25,6 +24,9 @@ from gusjob.kinematics.float_noise import settled
 
 _TURNS = 1e-12
 """Least part of a frame's rotation: turns that cancel each other leave float noise."""
+
+if TYPE_CHECKING:  # Start-up time: most jobs have no FRAME.
+    from gusjob.frontend.resolve.frames import Frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +194,8 @@ def _with_chords(
     if not len(rows):
         return path, None, ()
     at, own = (np.cumsum(columns.in_path) - 1)[rows], frame[rows]
+    from gusjob.frontend.resolve.frames import bent_arcs
+
     drawn = bent_arcs(path, at, frames, own, machine.pulses_per_mm)
     angles = chord_angles(drawn.arcs.radius * drawn.mm, machine.chord_tolerance_um / 1000)
     counts = chord_counts(drawn.arcs.sweep, angles)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.resolve.columns import ResolvedColumns, filled, last_set
-from gusjob.frontend.resolve.frames import Frames, positions_in_frames
 from gusjob.kinematics.arrays import Bools, Floats, running_sum
 from gusjob.kinematics.geometry import SAME_POINT_MM, SAME_POINT_PULSE
+
+if TYPE_CHECKING:  # Start-up time: most jobs have no FRAME.
+    from gusjob.frontend.resolve.frames import Frames
 
 _STAYS_PULSE = 1e-6
 
@@ -40,6 +44,8 @@ def _positions(columns: ResolvedColumns, frames: Frames | None) -> tuple[Floats,
     relative = columns.relative()
     if frames is None:
         return _axis_positions(x, relative), _axis_positions(y, relative)
+    from gusjob.frontend.resolve.frames import positions_in_frames
+
     moves = np.flatnonzero(columns.moves)
     frame = columns.frame()[moves]
     is_relative = relative[moves] if relative is not None else np.zeros(len(moves), dtype=np.bool_)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.resolve.columns import ResolvedColumns, settled_rows
-from gusjob.frontend.resolve.frames import SCALE_RANGE, Frames, frames_of
 from gusjob.frontend.resolve.path import ResolvedPath, resolve_path
 from gusjob.frontend.resolve.setups import resolve_setups
 from gusjob.frontend.resolve.speeds import written_speeds
@@ -22,11 +21,18 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import POSITION, is_known
 from gusjob.ir.job import Job
 
+if TYPE_CHECKING:  # Start-up time: most jobs have no FRAME.
+    from gusjob.frontend.resolve.frames import Frames
+
 
 def resolve(expanded: ExpandedJob, machine: Machine) -> tuple[Job, list[Diagnostic]]:
     """The job of expanded statements on a machine."""
     columns = ResolvedColumns(settled_rows(expanded.rows), machine)
-    frames = frames_of(columns, expanded.frame_parent) if columns.has(Column.FRAME) else None
+    frames = None
+    if columns.has(Column.FRAME):
+        from gusjob.frontend.resolve.frames import frames_of
+
+        frames = frames_of(columns, expanded.frame_parent)
     path = resolve_path(columns, frames, expanded.setups)
     sources, lets = expanded.sources, expanded.lets
     job = Job(
@@ -69,6 +75,8 @@ def _diagnostics(job: Job, columns: ResolvedColumns, frames: Frames | None, path
         fields = {"what": "CHANNEL", "value": value, "unit": "", "range": str(CHANNEL), "hint": ""}
         report(rules.OUT_OF_RANGE, row, word, count, **fields)
     if frames is not None:
+        from gusjob.frontend.resolve.frames import SCALE_RANGE
+
         begins, scale = op == RowOp.FRAME, columns.raw(Column.RATIO)
         for row, count in columns.first_of_lines(np.flatnonzero(begins & ~(scale > 0) & ~np.isnan(scale))):
             report(rules.FRAME_SCALE, row, "SCALE", count, value=float(scale[row]))

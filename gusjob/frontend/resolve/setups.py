@@ -38,7 +38,7 @@ def resolve_setups(
     columns: ResolvedColumns, statements: tuple[Statement, ...], path: ResolvedPath
 ) -> tuple[Setup, ...]:
     """All setup statements of a job, in its order. `statements`: those that SETUP rows point to."""
-    channel, pulses = columns.channel(), columns.units_pulse()
+    channel, pulses = np.clip(np.nan_to_num(columns.channel()), 0, 1), columns.units_pulse()
     index, provenance = columns.raw(Column.VALUE), columns.provenance()
     found = []
     for order, row in enumerate(np.flatnonzero(columns.op == RowOp.SETUP).tolist()):
@@ -50,7 +50,7 @@ def resolve_setups(
                 order=order,
                 row=int(path.path_row(row)),
                 line=int(columns.rows.line[row]),
-                channel=int(min(max(np.nan_to_num(channel[row]), 0), 1)),
+                channel=int(channel[row]),
                 word=_shown_name(statement),
                 provenance=int(provenance[row]),
                 unknown=int(path.unknown_before[row]),
