@@ -112,7 +112,6 @@ CHECKS_OF_CALLS: tuple[Check, ...] = (
     frequency.power_now,
     frequency.powers,
     power.saturation,
-    unused.channels,
     unused.powers_in_calls,
     laser.dwells,
     laser.waits,

@@ -53,18 +53,12 @@ class _Limits:
             khz = np.clip(khz, self.distance.low, self.distance.high)
         return np.clip(khz, self.span.mode.low, self.span.mode.high)
 
-    @property
-    def rises(self) -> bool:
-        """Whether distance follow adds to a power somewhere."""
-        return self.distance is not None and max(self.distance.ratio_per_mm) > 0
-
     def reported(self) -> list[float]:
         """List the limits of distance follow that are reported by themselves, as the controller uses them."""
         if self.distance is None:
             return []
         ends = self.applied(np.array([self.distance.low, self.distance.high]))
-        counts = [_counts(self.distance, word) for word in DISTANCE_ENDS]
-        return [float(khz) for khz in ends[_is_bad(self.span, ends, np.array(counts))]]
+        return [float(khz) for khz in ends[_is_bad(self.span, ends)]]
 
 
 def powers(context: LintContext, report: Reporter) -> None:
@@ -120,7 +114,7 @@ def _check_end(
         return False
     khz = np.clip([settings.low if word == "MIN" else settings.high], span.mode.low, span.mode.high)
     remarks = context.mode_remark(span)
-    if _is_bad(span, khz, np.array([_counts(settings, word)]))[0]:
+    if _is_bad(span, khz)[0]:
         report.setup(rules.PULSE_TOO_WIDE, setup, word, **_pulse_fields(span, float(khz[0])), remarks=remarks)
         return True
     highest = context.machine.laser(span.channel).max_frequency_khz
@@ -129,11 +123,6 @@ def _check_end(
         report.setup(rules.CARRIER_TOO_FAST, setup, word, **fields, remarks=remarks)
         return True
     return False
-
-
-def _counts(settings: DistanceFollow, word: str) -> bool:
-    """Whether distance follow reaches an end by itself even if that is 0 kHz: it passes every frequency above."""
-    return word == "MIN" and min(settings.ratio_per_mm) < 0
 
 
 def _is_sound(settings: DistanceFollow) -> bool:
@@ -201,7 +190,7 @@ def _check_now(context: LintContext, report: Reporter, setup: Setup, statement: 
     if span.setup.line in report.faulty or setup.line in report.faulty:
         return
     khz = limits.applied(np.array([statement.power]))
-    if _is_bad(span, khz, np.array([limits.rises]))[0] and khz[0] not in limits.reported():
+    if _is_bad(span, khz)[0] and khz[0] not in limits.reported():
         report.setup(rules.PULSE_TOO_WIDE, setup, "value", **_pulse_fields(span, float(khz[0])))
     highest = context.machine.laser(setup.channel).max_frequency_khz
     if highest is not None and exceeds(khz, highest)[0]:
@@ -222,9 +211,9 @@ def _check_rows(context: LintContext, report: Reporter, rows: Indices, limits: _
         fits = FOLLOW[PowerMode.FREQUENCY].classify(values[follow]) != Membership.OUTSIDE
         follow = follow[fits & np.isin(units[follow], _KHZ)]
     check = _RowCheck(context=context, report=report, limits=limits)
-    found = [check.run(direct, path.power, "LASER POWER", "value", passes=limits.rises)]
+    found = [check.run(direct, path.power, "LASER POWER", "value")]
     for word, values in (("MIN", path.low), ("MAX", path.high)):
-        found.append(check.run(follow, values, FOLLOW_ENDS[word], word, passes=True))
+        found.append(check.run(follow, values, FOLLOW_ENDS[word], word))
     return np.unique(np.concatenate(found))
 
 
@@ -236,10 +225,10 @@ class _RowCheck:
     report: Reporter
     limits: _Limits
 
-    def run(self, rows: Indices, values: Floats, what: str, word: str, *, passes: bool) -> Indices:
-        """Check a column in some rows; return those that are reported. `passes`: the power does not stay there."""
+    def run(self, rows: Indices, values: Floats, what: str, word: str) -> Indices:
+        """Check a column in some rows; return those that are reported."""
         span, khz = self.limits.span, self.limits.applied(values[rows])
-        bad = _is_bad(span, khz, np.full(len(khz), passes)) & ~np.isin(khz, self.limits.reported())
+        bad = _is_bad(span, khz) & ~np.isin(khz, self.limits.reported())
         if bad.any():
             self.report.rows(rules.PULSE_TOO_WIDE, rows[bad], word, **_pulse_fields(span, khz[bad]))
         highest = self.context.machine.laser(span.channel).max_frequency_khz
@@ -249,16 +238,16 @@ class _RowCheck:
         return rows[bad | fast]
 
 
-def _is_bad(span: ModeSpan, khz: Floats, passes: Bools) -> Bools:
+def _is_bad(span: ModeSpan, khz: Floats) -> Bools:
     """Find frequencies at which the laser pulse does not fit its period, (k,) (M 二.2).
 
-    Without pulses (0 kHz) there is nothing to fit, unless the power passes the frequencies just above 0 (`passes`).
+    Without pulses (0 kHz) there is nothing to fit: M itself passes 0 as the MIN of a follow (M 四.2).
     """
     width_us = span.mode.pulse_width_us
     if not width_us:
         return np.zeros(len(khz), dtype=np.bool_)
     outside = PULSE_DUTY_PCT.classify(settled(khz * width_us / US_KHZ_PER_PCT)) != Membership.INSIDE
-    return np.asarray(outside & ((khz > 0) | passes))
+    return np.asarray(outside & (khz > 0))
 
 
 def _pulse_fields(span: ModeSpan, khz: float | Floats) -> dict[str, Any]:

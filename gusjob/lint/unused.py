@@ -18,7 +18,7 @@ from gusjob.lint.reporter import Reporter
 
 
 def channels(context: LintContext, report: Reporter) -> None:
-    """A laser has a mode or a power, but is never switched on, where marks are made without it."""
+    """A laser has a power, but is never switched on, where marks are made without it."""
     path, modal = context.path, context.modal
     lines = np.flatnonzero(path.moves & (path.op != Op.JUMP))
     off = [channel for channel in CHANNELS if _is_never_on(context, channel)]
@@ -42,14 +42,13 @@ def _is_never_on(context: LintContext, channel: int) -> bool:
 
 
 def _report_unused(context: LintContext, report: Reporter, channel: int) -> None:
-    """Report the first power of a channel that is never on, or, if it has none, its first mode."""
+    """Report the first power of a channel that is never on. A mode alone may be there to put it in a safe state."""
     path, modal = context.path, context.modal
     rows = np.flatnonzero(path.sets_power & (path.channel == channel))[:1]
     now = [setup for setup, _ in modal.statements(PowerNow) if setup.channel == channel][:1]
-    modes = [span.setup for span in modal.modes(channel)][:1]
     if len(rows):
         report.rows(rules.UNUSED_CHANNEL, rows, "", word=Op(int(path.op[rows[0]])).word, channel=channel)
-    for setup in [*now, *modes][: not len(rows)]:
+    for setup in now[: not len(rows)]:
         report.setup(rules.UNUSED_CHANNEL, setup, word=setup.word, channel=channel)
 
 

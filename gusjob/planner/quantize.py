@@ -29,7 +29,8 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     arc_at = np.flatnonzero(path.is_arc[timed])
     arcs = exact = NO_ARCS
     if len(arc_at):
-        arc_at, exact = _kept_arcs(path, timed, arc_at, (x0, y0, x1, y1))
+        before = np.concatenate([[0.0], x[:-1]]), np.concatenate([[0.0], y[:-1]])
+        arc_at, exact = _kept_arcs(path, timed, arc_at, (*before, x, y), (x0, y0, x1, y1))
         ends = (x0[arc_at], y0[arc_at], x1[arc_at], y1[arc_at])
         rows = timed[arc_at]
         arcs = _arcs(path, rows, ends, np.rint(path.cx[rows]), np.rint(path.cy[rows]))
@@ -99,17 +100,21 @@ def direction_scale(dx: Floats, dy: Floats, arc_at: Indices, pulses_per_mm: tupl
     return scale
 
 
-def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, ends: Ends) -> tuple[Indices, Arcs]:
+def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, unrounded: Ends, ends: Ends) -> tuple[Indices, Arcs]:
     """Find the arcs that are still arcs in whole pulses: which timed rows they are, and they before rounding.
 
     The others become lines.
 
     Sky writing adds arcs and splits them. A part that rounding leaves without a length, or that could be taken for
     a full circle, is none.
+
+    Args:
+        unrounded, ends: Ends of all timed rows before and after rounding, (m,) pulse each. The row before an arc in the
+            path may be a switch that has not moved with it.
     """
     rows = timed[arc_at]
-    x0, y0, x1, y1 = (values[arc_at] for values in ends)
-    exact = _arcs(path, rows, path.ends(rows), path.cx[rows], path.cy[rows])
+    (a0, b0, a1, b1), (x0, y0, x1, y1) = ([values[arc_at] for values in given] for given in (unrounded, ends))
+    exact = _arcs(path, rows, (a0, b0, a1, b1), path.cx[rows], path.cy[rows])
     chord, is_short = np.hypot(x1 - x0, y1 - y0), np.abs(exact.sweep) <= np.pi
     no_radius = (path.op[rows] == Op.ARC_CENTRE) & (np.rint(exact.cx) == x0) & (np.rint(exact.cy) == y0)
     like_line = is_short & ((chord == 0) | ((chord <= CLOSE_ENDS_PULSE) & (exact.radius > _SMALL_PULSE)))

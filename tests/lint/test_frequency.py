@@ -42,9 +42,9 @@ DISTANCE = "LASER DISTANCE REF X 0 Y 0 RATIO X {ratio} Y 0 MIN {low} MAX {high}\
         ("LASER POWER 50\n", "MIN 110", [("GJ207", 110.0, 110.0)]),
         ("LASER POWER 0\n", "MIN 110", [("GJ207", 110.0, 110.0)]),
         ("LASER POWER 0\n", "", []),
-        # Velocity follow passes every frequency between its ends: 0 kHz, where the mode allows it, too.
+        # The ends of velocity follow count as LASER POWER does: 0 kHz has no pulses.
         ("LASER FOLLOW RATIO 0.01 MIN 1 MAX 99\n", "", []),
-        ("LASER FOLLOW RATIO 0.01 MIN 0 MAX 99\n", "", [("GJ207", 0.0, 0.0)]),
+        ("LASER FOLLOW RATIO 0.01 MIN 0 MAX 99\n", "", []),
         ("LASER FOLLOW RATIO 0.01 MIN 0 MAX 99\n", "MIN 0.2", []),
         ("LASER FOLLOW RATIO 0.01 MIN 0 MAX 99\n", "MIN 0.1", [("GJ207", 0.1, 0.1)]),
         ("LASER FOLLOW RATIO 0.01 MIN 1 MAX 100\n", "", [("GJ207", 100.0, 100.0)]),
@@ -53,10 +53,8 @@ DISTANCE = "LASER DISTANCE REF X 0 Y 0 RATIO X {ratio} Y 0 MIN {low} MAX {high}\
         (DISTANCE.format(ratio=1, low=0, high=99) + "LASER POWER 50\n", "", []),
         (DISTANCE.format(ratio=1, low=1, high=120) + "LASER POWER 50\n", "", [("GJ207", 120.0, 120.0)]),
         (DISTANCE.format(ratio=1, low=1, high=120) + "LASER POWER 50\n", "MAX 110", [("GJ207", 110.0, 110.0)]),
-        # It goes down to its MIN where a ratio is negative, and up from a power of 0 where one is positive.
-        (DISTANCE.format(ratio=-1, low=0, high=99) + "LASER POWER 50\n", "", [("GJ207", 0.0, 0.0)]),
-        (DISTANCE.format(ratio=1, low=0, high=99) + "LASER POWER 0\n", "", [("GJ207", 0.0, 0.0)]),
-        (DISTANCE.format(ratio=0, low=0, high=99) + "LASER POWER 0\n", "", []),
+        (DISTANCE.format(ratio=-1, low=0.05, high=99) + "LASER POWER 50\n", "", [("GJ207", 0.05, 0.05)]),
+        (DISTANCE.format(ratio=-1, low=0, high=99) + "LASER POWER 50\n", "", []),
         ("LASER POWER 100 NOW\n", "", [("GJ207", 100.0, 100.0)]),
         ("LASER POWER 150 NOW\n", "MAX 90", []),
         (DISTANCE.format(ratio=1, low=1, high=99) + "LASER POWER 150 NOW\n", "", []),

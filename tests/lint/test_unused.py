@@ -23,7 +23,7 @@ SECOND = "LASER MODE ANALOG CHANNEL 1\n"
         (HEAD, []),  # A header for others.
         (HEAD + "LASER ON NOW\nLINE X 1\nLASER OFF NOW\n", [(7, "GJ304")]),
         (HEAD + "LNE X 1\nLINE X 1\n", [(5, "GJ102")]),  # What it may contain is not missing.
-        (HEAD + SECOND + DONE, [(5, "GJ410")]),
+        (HEAD + SECOND + DONE, []),
         (HEAD + SECOND + "LASER POWER 3 CHANNEL 1\n" + DONE, [(6, "GJ410")]),
         (HEAD + SECOND + "LASER FOLLOW MIN 1 MAX 5 AT 100 CHANNEL 1\n" + DONE, [(6, "GJ410")]),
         (HEAD + SECOND + "LASER POWER 3 CHANNEL 1\n" + DONE + DONE.replace("1\n", "5\n").replace("N\n", "N CHANNEL 1\n")

@@ -49,8 +49,6 @@ HOLD_FOR_CALLS = (
     rules.MARKED_TWICE,
     rules.PARTLY_MARKED_TWICE,
     rules.ALREADY_ON,
-    rules.NOTHING_MARKED,
-    rules.UNUSED_CHANNEL,
     rules.TOO_FAST,
     rules.ARC_TOO_FAST,
     rules.MARK_WITHOUT_LENGTH,

@@ -84,8 +84,6 @@ INSIDE_AND_OUTSIDE = [
     # At the end of a mark, too; a dwell before the motion pierces.
     (DUTY + POWER + ON + line(1000) + OFF, OFF, "GT_BufDelay(1,5,0)\n" + OFF, "GJ404"),
     (DUTY + POWER + ON + line(1000) + OFF, ON, ON + "GT_BufDelay(1,5,0)\n" + "GT_BufDelay(1,6,0)\n", None),
-    (DUTY + POWER + mark(line(1000)), ON, "", "GJ409"),
-    (DUTY + POWER + mark(line(1000)), POWER, POWER + POWER.replace(",0)", ",1)"), "GJ410"),
     # 100 pulse are 0.1 mm, the largest overlap that only joins marks.
     (DUTY + POWER + mark(line(1000)) + line(900, 0) + mark(line(3000)), line(900, 0), line(899, 0), "GJ407"),
     (DUTY + POWER + mark(line(1000)) + START + WAIT + line(2000), OFF, "", "GJ405"),
@@ -286,8 +284,8 @@ def test_the_listing_of_an_example_breaks_its_rule(code: str, kind: str) -> None
         assert of_rules(read_back(compiled)) == NOT_IN_CALLS.get((code, kind), of_rules(examine(loaded)))
 
 
-ONLY_IN_CALLS = {"GJ407", "GJ409", "GJ513", "GJ516"}
-"""Passes of a single segment; powers of jumps alone, which in calls are motions as any other; arcs that rounding makes
+ONLY_IN_CALLS = {"GJ407", "GJ513", "GJ516"}
+"""Passes of a single segment; arcs that rounding makes
 lines without length; the velocity that the planner gives an arc of a mark, in calls a velocity as any other."""
 ONLY_IN_JOBS = {"GJ508", "GJ209", "GJ313", "GJ408"}
 """The planner slows arcs down, moves ends to whole pulses, and leaves out a second LASER ON under SKYWRITE."""
