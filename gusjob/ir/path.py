@@ -117,8 +117,9 @@ class Path:
         if len(rows) and follow_each_other(rows) and rows[0] > 0:
             before, after = slice(int(rows[0]) - 1, int(rows[-1])), slice(int(rows[0]), int(rows[-1]) + 1)
             return self.x[before], self.y[before], self.x[after], self.y[after]
-        x0, y0 = self.starts()
-        return x0[rows], y0[rows], self.x[rows], self.y[rows]
+        starts = np.maximum(rows - 1, 0)
+        x0, y0 = np.where(rows > 0, self.x[starts], 0.0), np.where(rows > 0, self.y[starts], 0.0)
+        return x0, y0, self.x[rows], self.y[rows]
 
 
 SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")

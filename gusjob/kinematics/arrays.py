@@ -5,6 +5,7 @@ A column is a one-dimensional array with one entry a row.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -16,6 +17,8 @@ Indices = npt.NDArray[np.intp]
 """Row numbers of another column."""
 Bools = npt.NDArray[np.bool_]
 _Number = TypeVar("_Number", bound=np.generic)
+BLOCK_ROWS = 1 << 15
+"""Rows that are computed at a time where what is made on the way is large: it fits in the processor's cache."""
 
 
 def counted(counts: Indices) -> tuple[Indices, Indices]:
@@ -36,9 +39,11 @@ def follow_each_other(rows: Indices) -> bool:
     return len(rows) > 0 and int(rows[-1]) - int(rows[0]) == len(rows) - 1 and bool((rows[1:] > rows[:-1]).all())
 
 
-def picked(column: npt.NDArray[_Number], rows: Indices) -> npt.NDArray[_Number]:
+def picked(column: npt.NDArray[_Number], rows: Indices | slice) -> npt.NDArray[_Number]:
     """Pick the values at some rows; a column with one value for all rows (stride 0) stays so and takes no memory."""
-    return np.broadcast_to(column[:1], len(rows)) if len(column) and column.strides == (0,) else column[rows]
+    if isinstance(rows, slice) or not len(column) or column.strides != (0,):
+        return column[rows]
+    return np.broadcast_to(column[:1], len(rows))
 
 
 def rows_of(numbers: Indices) -> Indices | slice:
@@ -53,6 +58,30 @@ def rows_of(numbers: Indices) -> Indices | slice:
 def where_true(mask: Bools) -> Indices | slice:
     """Return where a mask is true; all of it as a slice, which copies nothing."""
     return slice(None) if mask.all() else np.flatnonzero(mask)
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Yield the rows of columns of `count` rows, a block at a time: what is made of a block takes little memory."""
+    for first in range(0, count, BLOCK_ROWS):
+        yield slice(first, min(first + BLOCK_ROWS, count))
+
+
+def repeated(values: npt.NDArray[_Number]) -> Indices:
+    """Find the rows whose value another row has, too, ascending.
+
+    Args:
+        values: The values, (n,), without NaN.
+    """
+    ordered: npt.NDArray[_Number] = np.sort(values)
+    several = ordered[1:][ordered[1:] == ordered[:-1]]
+    del ordered
+    if not len(several):
+        return np.empty(0, dtype=np.intp)
+    found = []
+    for part in blocks(len(values)):
+        at = np.minimum(np.searchsorted(several, values[part]), len(several) - 1)
+        found.append(np.flatnonzero(several[at] == values[part]) + part.start)
+    return np.concatenate(found)
 
 
 def distinct(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
