@@ -36,7 +36,8 @@ class Op(IntEnum):
 class Path:
     """The path, one row a statement: all columns (n,), NaN (0 for whole numbers) where a row does not use one.
 
-    A column with one value for all rows is a broadcast array (stride 0) and takes no memory.
+    A column with one value for all rows is a broadcast array (stride 0) and takes no memory. The columns of dwells and
+    powers are 0 (or NaN) in rows of other kinds.
 
     Geometry: `x`, `y`: end point, absolute, pulse. `cx`, `cy`: centre of an arc, absolute, pulse. `radius`: signed,
     in pulses of X. `ccw`: direction of an arc. `arc_in_mm`: the arc is a circle in mm, not in pulses (they differ

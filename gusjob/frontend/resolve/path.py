@@ -102,10 +102,11 @@ def _path(
             return np.broadcast_to(column[0], count)
         return column[keep]
 
-    def of_op(row_op: RowOp) -> Floats:
-        """VALUE of the rows of one kind."""
-        is_op = op == row_op
-        return cut(np.where(is_op, columns.raw(Column.VALUE), np.nan) if is_op.any() else nothing)
+    def at_rows(rows: Indices, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        # A column that few rows use is 0 elsewhere: the system gives it memory only where it is written.
+        column = np.zeros(count, dtype=values.dtype)
+        column[rows - keep.start if isinstance(keep, slice) else (np.cumsum(keep) - 1)[rows]] = values
+        return column if len(rows) else np.broadcast_to(np.asarray(np.nan, values.dtype), count)
 
     nothing = np.broadcast_to(np.nan, len(op))
     never = np.broadcast_to(np.False_, len(op))
@@ -114,7 +115,10 @@ def _path(
     cx, cy, radius = _centres(columns, frames, x, y) if has_arcs else (nothing, nothing, nothing)
     velocity, acceleration = velocity_and_acceleration(columns)
     end, end_in_mm = columns.rate(Column.END, acceleration=False)
-    ratio, follow_in_mm = columns.follow_ratio()
+    dwells, powers = np.flatnonzero(op == RowOp.DWELL), np.flatnonzero((op == RowOp.POWER) | (op == RowOp.FOLLOW))
+    value = columns.raw(Column.VALUE)
+    power = np.where(op[powers] == RowOp.POWER, value[powers], np.nan)
+    ratio, follow_in_mm = columns.follow_ratio(powers)
     is_ccw = (op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if has_arcs else never
     return Path(
         op=cut(PATH_OP[op]),
@@ -135,12 +139,12 @@ def _path(
         vel_in_mm=cut(velocity.in_mm if unequal else never),
         acc_in_mm=cut(acceleration.in_mm if unequal else never),
         end_in_mm=cut(end_in_mm if unequal else never),
-        dwell_ms=of_op(RowOp.DWELL),
-        power=of_op(RowOp.POWER),
-        low=cut(columns.raw(Column.LOW)),
-        high=cut(columns.raw(Column.HIGH)),
-        ratio=cut(ratio),
-        follow_in_mm=cut(follow_in_mm if unequal else never),
+        dwell_ms=at_rows(dwells, value[dwells]),
+        power=at_rows(powers, power),
+        low=at_rows(powers, columns.raw(Column.LOW)[powers]),
+        high=at_rows(powers, columns.raw(Column.HIGH)[powers]),
+        ratio=at_rows(powers, ratio),
+        follow_in_mm=at_rows(powers, follow_in_mm) if unequal else cut(never),
         power_unit=cut(columns.power_unit(Column.VALUE)),
         low_unit=cut(columns.power_unit(Column.LOW)),
         high_unit=cut(columns.power_unit(Column.HIGH)),
