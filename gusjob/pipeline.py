@@ -41,6 +41,8 @@ _OF_JOURNALS = (rules.PULSE_TOO_WIDE, rules.CARRIER_TOO_FAST, rules.OFF_DELAY_BE
 
 The machine profile may have changed since, and a journal may be of calls that no job was checked for.
 """
+_LARGE_BYTES = 1_000_000
+"""From this size of a text on memory matters."""
 
 
 class Origin(Enum):
@@ -240,6 +242,10 @@ def parse(
     source, found = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
         return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
+    if len(source.data) > _LARGE_BYTES:
+        from gusjob.kinematics.freed_arrays import return_freed_arrays
+
+        return_freed_arrays()
     sources = {source.name: source}
     file = profile_path or find_profile(path)
     profile = Profile() if file is None else read_profile(file)

@@ -82,20 +82,20 @@ def _marks_twice(context: LintContext, channel: int) -> tuple[RepeatedMarks, ...
     if len(rows) < 2:
         return ()
     dose = _dose_keys(context, channel, rows)
-    keys = _segment_keys(context.path, rows, dose)
+    whole, once = _wholly_repeated(context.path, rows, dose)
+    where = where_true(once)
+    return whole, _partly_repeated(context, channel, rows[where], picked(dose, where))
+
+
+def _wholly_repeated(path: Path, rows: Indices, dose: npt.NDArray[np.uint64]) -> tuple[RepeatedMarks, Bools]:
+    """Find marks that repeat an earlier one as a whole, and which of all have a length and do not, (k,)."""
+    keys = _segment_keys(path, rows, dose)
     once, shapes = keys.has_length.copy(), _repeated_shapes(keys.shape)
     again = shapes.later()
     once[again] = False
     again = again[keys.has_length[again]]
-    where = where_true(once)
-    return (
-        RepeatedMarks(
-            rows=rows[again],
-            first=rows[shapes.first_of(again)],
-            in_pass=_in_passes(context.path, rows, keys, shapes)[again],
-        ),
-        _partly_repeated(context, channel, rows[where], picked(dose, where)),
-    )
+    in_pass = _in_passes(path, rows, keys, shapes)[again]
+    return RepeatedMarks(rows=rows[again], first=rows[shapes.first_of(again)], in_pass=in_pass), once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

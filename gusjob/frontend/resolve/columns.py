@@ -54,7 +54,8 @@ _SETTLED = (
 def settled_rows(rows: Rows) -> Rows:
     """Rows without float noise in their numbers."""
     columns = {column: settled(v) if column in _SETTLED else v for column, v in rows.columns.items()}
-    return replace(rows, columns=columns)
+    few = {c: replace(v, values=settled(v.values)) if c in _SETTLED else v for c, v in rows.few.items()}
+    return replace(rows, columns=columns, few=few)
 
 
 def last_set(is_set: Bools) -> Ints:
@@ -115,7 +116,7 @@ class ResolvedColumns:
 
     def has(self, column: Column) -> bool:
         """Whether some row has a column."""
-        return column in self.rows.columns
+        return self.rows.has(column)
 
     def raw(self, column: Column) -> Floats:
         """A column as it was written; NaN where absent."""

@@ -43,7 +43,7 @@ class ResolvedPath:
 
     Attributes:
         path: The path.
-        count: For each row of the job how many statements of the path there are up to it, (n,).
+        in_path: Rows of the job that are statements of the path, (n,).
         first_row: Where arcs became lines: the path's row at which each of its statements begins.
         bad_arcs: Arcs that are none, of those that became lines.
         unknown_before: State before each row of the job, bits of ir.effects, (n,).
@@ -51,15 +51,16 @@ class ResolvedPath:
     """
 
     path: Path
-    count: Indices
+    in_path: Bools
     first_row: Indices | None
     bad_arcs: tuple[BadArc, ...]
     unknown_before: States
     unknown: States
 
-    def path_row(self, rows: Indices | int) -> Any:
+    def path_row(self, rows: Indices) -> Indices:
         """How many rows of the path there are up to rows of the job."""
-        return self.count[rows] if self.first_row is None else self.first_row[self.count[rows]]
+        count: Indices = np.cumsum(self.in_path, dtype=np.intp)[rows]
+        return count if self.first_row is None else self.first_row[count]
 
 
 def resolve_path(columns: ResolvedColumns, frames: Frames | None, setups: tuple[Statement, ...]) -> ResolvedPath:
@@ -75,9 +76,9 @@ def resolve_path(columns: ResolvedColumns, frames: Frames | None, setups: tuple[
     unknown = _without_unit(columns, unknown_states(columns, setups, x, y))
     path = _path(columns, frames, x, y, unknown)
     if frames is None or columns.machine.equal_axes:
-        return ResolvedPath(path, np.cumsum(keep), None, (), unknown[0], unknown[1])
+        return ResolvedPath(path, keep, None, (), unknown[0], unknown[1])
     path, first_row, bad_arcs = _with_chords(columns, path, frames)
-    return ResolvedPath(path, np.cumsum(keep), first_row, bad_arcs, unknown[0], unknown[1])
+    return ResolvedPath(path, keep, first_row, bad_arcs, unknown[0], unknown[1])
 
 
 def _without_unit(columns: ResolvedColumns, unknown: tuple[States, States]) -> tuple[States, States]:
