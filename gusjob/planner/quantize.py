@@ -40,7 +40,7 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     vel, acc, end = path.vel[timed], path.acc[timed], path.end[timed]
     if not staged.machine.equal_axes:
         machine = staged.machine
-        along = lines_and_arcs.start_x, lines_and_arcs.start_y
+        along = lines_and_arcs.start_direction(np.arange(len(timed)))
         scale = direction_scale(*along, arc_at, machine.pulses_per_mm)
         # The motion goes between whole pulses: there, too, it stays within the limits.
         rounded = direction_scale(x1 - x0, y1 - y0, arc_at, machine.pulses_per_mm)

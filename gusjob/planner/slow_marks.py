@@ -59,4 +59,6 @@ def _per_pulse_of_x(plan: Plan) -> Floats | float:
     if plan.machine.equal_axes or plan.job.in_pulses:
         return 1.0
     segments = plan.segments
-    return direction_scale(segments.start_x, segments.start_y, segments.arc_at, plan.machine.pulses_per_mm)
+    return direction_scale(
+        *segments.start_direction(np.arange(len(plan.timed))), segments.arc_at, plan.machine.pulses_per_mm
+    )
