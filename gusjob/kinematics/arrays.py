@@ -46,6 +46,21 @@ def picked(column: npt.NDArray[_Number], rows: Indices | slice) -> npt.NDArray[_
     return np.broadcast_to(column[:1], len(rows))
 
 
+def before(column: Floats, rows: Indices | slice, start: float) -> Floats:
+    """Return the values in the row before each of some rows that follow each other in a sequence.
+
+    Args:
+        column: The column.
+        rows: The rows, (n,).
+        start: What comes before the first of them. If the row before it has this value, nothing is copied.
+    """
+    if isinstance(rows, slice) and rows.start and column[rows.start - 1] == start:
+        return column[rows.start - 1 : rows.stop - 1]
+    found = np.empty(len(column[rows]))
+    found[:1], found[1:] = start, column[rows][:-1]
+    return found
+
+
 def rows_of(numbers: Indices) -> Indices | slice:
     """Return row numbers as a slice if they follow each other: it takes rows of columns without a copy.
 
@@ -120,7 +135,7 @@ def running_sum(values: Floats) -> Floats:
     Returns:
         The sums, (n+1,), each exact to one rounding. With a value that is not finite, plain sums.
     """
-    top = float(np.max(np.abs(values), initial=0.0)) * max(len(values), 1)
+    top = max(float(values.max(initial=0.0)), -float(values.min(initial=0.0))) * max(len(values), 1)
     sums = np.zeros(len(values) + 1)
     if top == 0.0:
         return sums
@@ -128,11 +143,13 @@ def running_sum(values: Floats) -> Floats:
         np.cumsum(values, out=sums[1:])
         return sums
     step = 2.0 ** (np.ceil(np.log2(top)) - 61)
-    whole = np.rint(values / step)
-    steps = np.zeros(len(values) + 1, dtype=np.int64)
-    np.cumsum(whole.astype(np.int64), out=steps[1:])
-    np.cumsum(values - whole * step, out=sums[1:])
-    sums += steps * step
+    steps, rest = 0, 0.0
+    for part in blocks(len(values)):
+        whole = np.rint(values[part] / step)
+        behind = np.cumsum(whole.astype(np.int64)) + steps
+        left = np.cumsum(np.append(rest, values[part] - whole * step))[1:]
+        sums[1:][part] = left + behind * step
+        steps, rest = int(behind[-1]), float(left[-1])
     return sums
 
 
