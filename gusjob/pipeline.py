@@ -156,7 +156,7 @@ class Checked(Parsed):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Compiled(Checked):
-    """A checked file without errors, and its calls."""
+    """A checked file without errors, and its calls, in place of the path of its job."""
 
     stream: Stream
 
@@ -216,6 +216,8 @@ def simulate_file(
 ) -> Simulated | Checked | Rejected:
     """Load a file and simulate it if there are no errors. Arguments as for `parse`."""
     loaded = load(path, profile_path, scanner=scanner, data=data, overrides=overrides)
+    if isinstance(loaded, Checked):
+        loaded = compile_calls(loaded)  # The path of the job is not kept.
     return simulate(loaded) if isinstance(loaded, Checked) else loaded
 
 
@@ -329,7 +331,9 @@ def compile_calls(checked: Checked) -> Compiled | Checked:
         return _next(Compiled, checked, stream=checked.content)
     stream, found = GUS.compile(checked.job, checked.machine)
     planned = _with_diagnostics(checked, found)
-    return planned if has_errors(planned.diagnostics) else _next(Compiled, planned, stream=stream)
+    if has_errors(planned.diagnostics):
+        return planned
+    return _next(Compiled, replace(planned, content=checked.job.without_path()), stream=stream)
 
 
 def simulate(checked: Checked) -> Simulated | Checked:

@@ -89,6 +89,10 @@ class Path:
     def __len__(self) -> int:
         return len(self.op)
 
+    def without_rows(self) -> Path:
+        """Return a path that has no rows."""
+        return Path(**{f.name: getattr(self, f.name)[:0].copy() for f in fields(Path)})
+
     @property
     def takes_time(self) -> Bools:
         """Rows that are a motion or a dwell, (n,)."""

@@ -61,6 +61,13 @@ class Schedule:
         return np.asarray(np.minimum(np.maximum(found, first), last))
 
 
+def stage_numbers(stage_first: Indices) -> Indices:
+    """Number the stage of each segment, (m,). `stage_first` (s+1,): number of each stage's first segment, and m."""
+    counts = np.diff(stage_first)
+    number: Indices = np.arange(len(counts))
+    return np.broadcast_to(number, int(counts[0])) if len(counts) == 1 else np.repeat(number, counts)
+
+
 def starts_at_rest(dwell: Bools, stage_first: Indices) -> Bools:
     """Find the segments that start at rest, (m,): the first of each stage, and the one after a dwell."""
     breaks = np.zeros(len(dwell), dtype=np.bool_)
@@ -119,12 +126,11 @@ def schedule(
     duration = profile.duration_ms
     if has_dwells:
         duration[dwell] = dwell_ms[dwell]
-    counts = np.diff(stage_first)
     return Schedule(
         profile=profile,
         dwell=dwell,
         duration_ms=duration,
         times_ms=running_sum(duration),
-        stage=np.broadcast_to(0, len(length)) if len(counts) == 1 else np.repeat(np.arange(len(counts)), counts),
+        stage=stage_numbers(stage_first),
         stage_first=stage_first,
     )
