@@ -40,10 +40,15 @@ def follow_each_other(rows: Indices) -> bool:
 
 
 def picked(column: npt.NDArray[_Number], rows: Indices | slice) -> npt.NDArray[_Number]:
-    """Pick the values at some rows; a column with one value for all rows (stride 0) stays so and takes no memory."""
-    if isinstance(rows, slice) or not len(column) or column.strides != (0,):
+    """Pick the values at some rows; a column with one value for all rows (stride 0) stays so and takes no memory.
+
+    So do values at one row that is picked many times.
+    """
+    if isinstance(rows, slice) or not len(column) or not len(rows):
         return column[rows]
-    return np.broadcast_to(column[:1], len(rows))
+    if column.strides == (0,):
+        return np.broadcast_to(column[:1], len(rows))
+    return np.broadcast_to(column[rows[:1]], len(rows)) if rows.strides == (0,) else column[rows]
 
 
 def before(column: Floats, rows: Indices | slice, start: float) -> Floats:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, picked, where_true
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.events import LaserState
 from gusjob.simulate.kinds import SegmentKind
@@ -157,7 +157,11 @@ def make_report(
             "segments": len(length_mm),
             "stages": len(schedule.stage_first) - 1,
             "duration_ms": float(schedule.times_ms[-1]),
-            **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
+            **{
+                f"{of.word}_mm": float(length_mm[where_true(kind == of)].sum())
+                for of in SegmentKind
+                if of != SegmentKind.DWELL
+            },
             "channels": totals,
             "marking": None if marks is None else marking_totals(trace, marks) if marks else [],
         },
@@ -181,14 +185,18 @@ def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any
     px, py = machine.pulses_per_mm
     length_mm = segment_mm(segments, machine)
     duration = schedule.duration_ms
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(duration > 0, length_mm / duration * 1e3, 0.0)
-    scale = mm_per_pulse(segments, machine)
-    vel_max = np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start)) * scale * 1e3
+    mean = np.zeros(len(duration))
+    np.divide(length_mm, duration, out=mean, where=duration > 0)
+    mean *= 1e3
+    vel_max = np.maximum(schedule.profile.peak, schedule.profile.start)
+    vel_max[schedule.dwell] = 0.0
+    vel_max *= mm_per_pulse(segments, machine)
+    vel_max *= 1e3
+    stage_number = np.arange(1, len(schedule.stage_first), dtype=np.int32)
     return {
         "line": trace.line,
         "kind": trace.kind,
-        "stage": (schedule.stage + 1).astype(np.int32),
+        "stage": picked(stage_number, schedule.stage),
         "x_mm": segments.x1 / px,
         "y_mm": segments.y1 / py,
         "length_mm": length_mm,
@@ -215,14 +223,14 @@ def _channel_columns(channel: ChannelTrace, stages: Indices, machine: Machine) -
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = emitted.power_ms / emitted.emission_ms
     # Rounding in the division must not move a mean out of the range.
-    mean = np.clip(mean, emitted.power_min, emitted.power_max)
+    np.clip(mean, emitted.power_min, emitted.power_max, out=mean)
     return {
         f"{name}emission_ms": emitted.emission_ms,
         f"{name}power_min": emitted.power_min,
         f"{name}power_mean": mean,
         f"{name}power_max": emitted.power_max,
         f"{name}power_ms": emitted.power_ms,
-        f"{name}joules": emitted.power_ms * channel.watts_per_unit(stages, machine) / 1e3,
+        f"{name}joules": channel.joules(stages, machine),
         f"{name}clamped_ms": emitted.clamped_ms,
         **({f"{name}unit": channel.unit_at(stages)} if len(channel.units) > 1 else {}),
     }
@@ -230,16 +238,15 @@ def _channel_columns(channel: ChannelTrace, stages: Indices, machine: Machine) -
 
 def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) -> list[dict[str, Any]]:
     """Return one entry per power unit: a job that changes from duty to analog has two for that channel."""
-    emitted = channel.emitted
-    unit_of = channel.unit_at(stages)
-    watts_per_unit = channel.watts_per_unit(stages, machine)
-    joules, power_w = emitted.power_ms * watts_per_unit / 1e3, emitted.power_max * watts_per_unit
+    emitted, unit_of = channel.emitted, channel.unit_at(stages)
+    watts_per_unit, joules = channel.watts_per_unit(stages, machine), channel.joules(stages, machine)
     entries = []
     for number, unit in enumerate(channel.units):
-        of_unit = unit_of == number
+        of_unit = where_true(unit_of == number)
         last = next((s for s in reversed(channel.lasers) if s.power_mode.unit == unit), channel.laser_at_end)
         emission = emitted.emission_ms[of_unit]
-        power_max = emitted.power_max[of_unit][emission > 0]
+        emits = where_true(emission > 0)
+        power_max = emitted.power_max[of_unit][emits]
         known = not np.isnan(_first_value(joules[of_unit]))
         entries.append(
             {
@@ -248,7 +255,9 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
                 "emission_ms": float(emission.sum()),
                 "power_ms": float(emitted.power_ms[of_unit].sum()),
                 "power_max": float(power_max.max()) if len(power_max) else None,
-                "power_max_w": float(power_w[of_unit][emission > 0].max()) if known and len(power_max) else None,
+                "power_max_w": float((power_max * watts_per_unit[of_unit][emits]).max())
+                if known and len(power_max)
+                else None,
                 "joules": float(joules[of_unit].sum()) if known else None,
                 "clamped_ms": float(emitted.clamped_ms[of_unit].sum()),
                 "before_motion_power_ms": channel.before_motion_power_ms if number == 0 else 0.0,
