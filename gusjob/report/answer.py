@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, assert_never
 
@@ -325,7 +325,7 @@ def _of_segment(report: Report, name: str, text: str, at: int) -> Finding:
     return Finding(name=name, text=text, segment=at, **_place(report, report.columns, at))
 
 
-def _place(report: Report, table: dict[str, Any], at: int) -> dict[str, Any]:
+def _place(report: Report, table: Mapping[str, Any], at: int) -> dict[str, Any]:
     """Line and file of a row."""
     number = int(table["file"][at]) if "file" in table else 0
     return {"line": int(table["line"][at]), "file": report.notes["files"][number] if number else ""}

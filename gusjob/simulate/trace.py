@@ -86,7 +86,7 @@ class Trace:
     name: str
     period_us: float
     line: npt.NDArray[np.int32]
-    call: Indices
+    call: npt.NDArray[np.int32]
     stage_line: npt.NDArray[np.int32]
     motion: Motion
     beam: Beam

@@ -57,7 +57,7 @@ def limited_motions(
         dwell=dwell,
         dwell_ms=calls.p[at],
         line=calls.line[at],
-        call=run.source(row),
+        call=run.source(row).astype(np.int32),
     )
     return LimitedMotions(
         events=events,
