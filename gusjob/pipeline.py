@@ -362,6 +362,8 @@ def examine(checked: Checked) -> Checked:
     elif checked.listing_calls is not None:
         _, found = GUS.simulate(checked.listing_calls, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
+    elif isinstance(checked, Compiled):
+        checked = checked if isinstance(checked, Simulated) else _simulated_coarsely(checked)
     elif checked.job is not None and not has_errors(checked.diagnostics):
         from gusjob.lint import Need, need
 

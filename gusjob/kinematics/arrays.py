@@ -93,7 +93,9 @@ def repeated(values: npt.NDArray[_Number]) -> Indices:
         values: The values, (n,), without NaN.
     """
     ordered: npt.NDArray[_Number] = np.sort(values)
-    several = ordered[1:][ordered[1:] == ordered[:-1]]
+    is_again = np.zeros(len(ordered) + 1, dtype=np.bool_)
+    is_again[1:-1] = ordered[1:] == ordered[:-1]
+    several = ordered[is_again[1:] & ~is_again[:-1]]  # Each of them once.
     del ordered
     if not len(several):
         return np.empty(0, dtype=np.intp)
