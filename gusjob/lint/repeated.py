@@ -14,7 +14,18 @@ from gusjob.ir.arcs import drawn_arcs
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import PowerNow
-from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks, hashed, mixed, picked, repeated, where_true
+from gusjob.kinematics.arrays import (
+    Bools,
+    Floats,
+    Indices,
+    blocks,
+    follow_each_other,
+    hashed,
+    mixed,
+    picked,
+    repeated,
+    where_true,
+)
 from gusjob.kinematics.geometry import Ends
 from gusjob.kinematics.overlaps import arc_overlaps, line_overlaps
 from gusjob.lint.context import LintContext
@@ -91,11 +102,12 @@ def _wholly_repeated(path: Path, rows: Indices, dose: npt.NDArray[np.uint64]) ->
     """Find marks that repeat an earlier one as a whole, and which of all have a length and do not, (k,)."""
     keys = _segment_keys(path, rows, dose)
     once, shapes = keys.has_length.copy(), _repeated_shapes(keys.shape)
-    again = shapes.later()
+    again, first = shapes.later()
     once[again] = False
-    again = again[keys.has_length[again]]
+    has_length = keys.has_length[again]
+    again, first = again[has_length], first[has_length]
     in_pass = _in_passes(path, rows, keys, shapes)[again]
-    return RepeatedMarks(rows=rows[again], first=rows[shapes.first_of(again)], in_pass=in_pass), once
+    return RepeatedMarks(rows=rows[again], first=rows[first], in_pass=in_pass), once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,15 +120,12 @@ class _RepeatedShapes:
     order: Indices
     begins: Bools
 
-    def later(self) -> Indices:
-        """List the segments whose shape an earlier one has, ascending."""
-        return np.sort(self.order[~self.begins])
-
-    def first_of(self, later: Indices) -> Indices:
-        """Find the first segment of the shape of some of the segments."""
+    def later(self) -> tuple[Indices, Indices]:
+        """List the segments whose shape an earlier one has, ascending, and for each the first one of its shape."""
         first = self.order[np.maximum.accumulate(np.where(self.begins, np.arange(len(self.order)), 0))]
-        by_number = np.argsort(self.order)
-        return np.asarray(first[by_number][np.searchsorted(self.order[by_number], later)])
+        later, first = self.order[~self.begins], first[~self.begins]
+        ascending = np.argsort(later)
+        return later[ascending], first[ascending]
 
 
 def _repeated_shapes(shape: npt.NDArray[np.uint64]) -> _RepeatedShapes:
@@ -240,8 +249,15 @@ def _end_keys(path: Path, rows: Indices) -> tuple[npt.NDArray[np.uint64], npt.ND
 
     They are well mixed, so that the sums of the keys of both ends differ where the ends do.
     """
-    x0, y0, x1, y1 = (np.rint(values) for values in path.ends(rows))
-    return mixed(hashed([x0, y0])), mixed(hashed([x1, y1]))
+    x0, y0, x1, y1 = path.ends(rows)
+    ends = _point_keys(x1, y1)
+    if follow_each_other(rows):  # Each starts where the one before it ends.
+        return np.concatenate([_point_keys(x0[:1], y0[:1]), ends[:-1]]), ends
+    return _point_keys(x0, y0), ends
+
+
+def _point_keys(x: Floats, y: Floats) -> npt.NDArray[np.uint64]:
+    return mixed(hashed([np.rint(x), np.rint(y)]))
 
 
 _BY_DIRECTION = np.uint64(0x9E3779B97F4A7C15)
