@@ -41,6 +41,8 @@ _OF_JOURNALS = (rules.PULSE_TOO_WIDE, rules.CARRIER_TOO_FAST, rules.OFF_DELAY_BE
 
 The machine profile may have changed since, and a journal may be of calls that no job was checked for.
 """
+_LARGE_BYTES = 1_000_000
+"""From this size of a text on memory matters."""
 
 
 class Origin(Enum):
@@ -154,7 +156,7 @@ class Checked(Parsed):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Compiled(Checked):
-    """A checked file without errors, and its calls."""
+    """A checked file without errors, and its calls, in place of the path of its job."""
 
     stream: Stream
 
@@ -214,6 +216,8 @@ def simulate_file(
 ) -> Simulated | Checked | Rejected:
     """Load a file and simulate it if there are no errors. Arguments as for `parse`."""
     loaded = load(path, profile_path, scanner=scanner, data=data, overrides=overrides)
+    if isinstance(loaded, Checked):
+        loaded = compile_calls(loaded)  # The path of the job is not kept.
     return simulate(loaded) if isinstance(loaded, Checked) else loaded
 
 
@@ -240,6 +244,10 @@ def parse(
     source, found = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
         return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
+    if len(source.data) > _LARGE_BYTES:
+        from gusjob.kinematics.freed_arrays import return_freed_arrays
+
+        return_freed_arrays()
     sources = {source.name: source}
     file = profile_path or find_profile(path)
     profile = Profile() if file is None else read_profile(file)
@@ -323,7 +331,9 @@ def compile_calls(checked: Checked) -> Compiled | Checked:
         return _next(Compiled, checked, stream=checked.content)
     stream, found = GUS.compile(checked.job, checked.machine)
     planned = _with_diagnostics(checked, found)
-    return planned if has_errors(planned.diagnostics) else _next(Compiled, planned, stream=stream)
+    if has_errors(planned.diagnostics):
+        return planned
+    return _next(Compiled, replace(planned, content=checked.job.without_path()), stream=stream)
 
 
 def simulate(checked: Checked) -> Simulated | Checked:
@@ -352,6 +362,8 @@ def examine(checked: Checked) -> Checked:
     elif checked.listing_calls is not None:
         _, found = GUS.simulate(checked.listing_calls, checked.machine, is_listing=True, coarse=True)
         checked = with_simulation(checked, found)
+    elif isinstance(checked, Compiled):
+        checked = checked if isinstance(checked, Simulated) else _simulated_coarsely(checked)
     elif checked.job is not None and not has_errors(checked.diagnostics):
         from gusjob.lint import Need, need
 

@@ -23,6 +23,9 @@ _LISTING_CALL = re.compile(rb"\bGTN?_[A-Za-z]+\s*\(")
 _LONE_RETURN = re.compile(rb"\r(?!\n)")
 """A CR that ends a line by itself, as on old systems: editors and compilers show a line end there."""
 _LINE = re.compile(rb"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+\Z")
+_LINE_END = ord("\n")
+_BLOCK_BYTES = 1 << 14
+"""Bytes of a text whose line ends are counted together."""
 _JOINED_COMMENT = re.compile(rb"//[^\r\n]*[\x80-\xff]\\[ \t]*[\r\n]")
 _SEARCHED_BYTES = 200_000
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -50,8 +53,8 @@ class Source:
     encoding: str = ""
     joined_line: int = 0
     written: bytes | None = field(default=None, repr=False)
-    _ends: Indices | None = field(default=None, repr=False)
-    """Positions of line ends; computed when the first line is looked up."""
+    _line_ends: Indices | None = field(default=None, repr=False)
+    """Number of line ends before each block of the text; counted when the first line is looked up."""
 
     def __post_init__(self) -> None:
         """End the lines that a CR alone ends by LF: everything that reads lines then sees the same ones."""
@@ -73,14 +76,23 @@ class Source:
 
     def line(self, number: int) -> str:
         """Line `number` (from 1), without its end; '' outside the text."""
-        if self._ends is None:
-            self._ends = np.flatnonzero(np.frombuffer(self.data, dtype=np.uint8) == 10)
-        ends = self._ends
-        if number < 1 or number > len(ends) + 1:
+        if self._line_ends is None:
+            starts = range(0, len(self.data), _BLOCK_BYTES)
+            counts = [self.data.count(b"\n", start, start + _BLOCK_BYTES) for start in starts]
+            self._line_ends = np.cumsum([0, *counts])
+        if number < 1 or number > self._line_ends[-1] + 1:
             return ""
-        start = int(ends[number - 2]) + 1 if number > 1 else 0
-        end = int(ends[number - 1]) if number <= len(ends) else len(self.data)
-        return self.data[start:end].decode("utf-8", "replace").rstrip("\r")
+        start = self._end_of(number - 1) + 1 if number > 1 else 0
+        end = self.data.find(b"\n", start)
+        return self.data[start : end if end >= 0 else len(self.data)].decode("utf-8", "replace").rstrip("\r")
+
+    def _end_of(self, number: int) -> int:
+        """Position of the end of line `number`, which has one."""
+        assert self._line_ends is not None
+        block = int(np.searchsorted(self._line_ends, number)) - 1
+        first = block * _BLOCK_BYTES
+        text = np.frombuffer(self.data, dtype=np.uint8, count=min(_BLOCK_BYTES, len(self.data) - first), offset=first)
+        return first + int(np.flatnonzero(text == _LINE_END)[number - 1 - int(self._line_ends[block])])
 
 
 def read_source(path: Path, name: str = "") -> tuple[Source | None, list[Diagnostic]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pathlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,10 @@ class Job:
     """None for a job without loops, routines and includes."""
     with_override_notes: Callable[[Diagnostic], Diagnostic] | None = None
     """Adds to a diagnostic the overrides of LETs that it depends on; None for a job without overrides."""
+
+    def without_path(self) -> Job:
+        """Return what is left to tell of a job when it is compiled: all but its path, which takes the most memory."""
+        return replace(self, path=self.path.without_rows())
 
     def provenance_remarks(self, node: int) -> tuple[Remark, ...]:
         """Describe where a statement came from."""

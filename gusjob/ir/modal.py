@@ -74,7 +74,7 @@ class LaserCommand:
     """Commanded state of a channel's laser along the path.
 
     `on` (n,): on in each row; not where a switch that can't be read may have changed it. `on_line` (n,): line of the ON
-    in force, of the first where several follow each other.
+    in force, of the first where several follow each other; with one ON for all rows a broadcast array.
     `on_at_end`: on after the path; `last_on_line`: line of the ON in force there.
     """
 
@@ -148,11 +148,10 @@ class ModalState:
             self.commands[channel] = replace(found, on=found.on & known)
         return self.commands[channel]
 
-    def mark_numbers(self, channel: int) -> Indices:
-        """Number the marks of a channel: for each row the number of its mark, 0 while the laser is off, (n,)."""
-        instants = np.arange(len(self.job.path)) * 2
-        number = np.searchsorted(self.switches(channel).begins, instants, side="right")
-        return np.where(self.laser(channel).on, number, 0)
+    def mark_numbers(self, channel: int, rows: Indices) -> Indices:
+        """Number the marks of a channel: the number of the mark of some rows, 0 while the laser is off, (k,)."""
+        number = np.searchsorted(self.switches(channel).begins, rows * 2, side="right")
+        return np.where(self.laser(channel).on[rows], number, 0)
 
     def follows_velocity(self, channel: int) -> Bools:
         """Rows in which the power of a channel follows the velocity, (n,)."""
@@ -198,16 +197,18 @@ def _laser_command(switches: Switches, count: int) -> LaserCommand:
     on, lines = switches.on, switches.line
     if not len(switches):
         off: npt.NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
-        return LaserCommand(on=off, on_line=np.zeros(count, dtype=np.intp), on_at_end=False, last_on_line=0)
+        line = np.broadcast_to(np.intp(0), count)
+        return LaserCommand(on=off, on_line=line, on_at_end=False, last_on_line=0)
     # The last switch that acts before each row: they are ascending, so each holds up to the next.
-    begins = np.concatenate([[0], np.minimum((switches.instant + 1) // 2, count), [count]])
-    last = np.repeat(np.arange(-1, len(on)), np.diff(begins))
+    counts = np.diff(np.concatenate([[0], np.minimum((switches.instant + 1) // 2, count), [count]]))
     # The line of the ON that began it: later ONs while the laser is on change nothing.
     turns_on = on & ~np.concatenate([[False], on[:-1]])
     begun = np.maximum.accumulate(np.where(turns_on, np.arange(len(on)), 0))
+    of_each = np.append(lines[begun[-1]], lines[begun])
+    is_one = bool((of_each == of_each[0]).all())
     return LaserCommand(
-        on=np.where(last >= 0, on[last], False),
-        on_line=lines[begun[last]],
+        on=np.repeat(np.append(False, on), counts),
+        on_line=np.broadcast_to(of_each[0], count) if is_one else np.repeat(of_each, counts),
         on_at_end=bool(on[-1]),
         last_on_line=int(lines[begun[-1]]),
     )

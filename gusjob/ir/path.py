@@ -36,7 +36,8 @@ class Op(IntEnum):
 class Path:
     """The path, one row a statement: all columns (n,), NaN (0 for whole numbers) where a row does not use one.
 
-    A column with one value for all rows is a broadcast array (stride 0) and takes no memory.
+    A column with one value for all rows is a broadcast array (stride 0) and takes no memory. The columns of dwells and
+    powers are 0 (or NaN) in rows of other kinds.
 
     Geometry: `x`, `y`: end point, absolute, pulse. `cx`, `cy`: centre of an arc, absolute, pulse. `radius`: signed,
     in pulses of X. `ccw`: direction of an arc. `arc_in_mm`: the arc is a circle in mm, not in pulses (they differ
@@ -88,6 +89,10 @@ class Path:
     def __len__(self) -> int:
         return len(self.op)
 
+    def without_rows(self) -> Path:
+        """Return a path that has no rows."""
+        return Path(**{f.name: getattr(self, f.name)[:0].copy() for f in fields(Path)})
+
     @property
     def takes_time(self) -> Bools:
         """Rows that are a motion or a dwell, (n,)."""
@@ -117,8 +122,9 @@ class Path:
         if len(rows) and follow_each_other(rows) and rows[0] > 0:
             before, after = slice(int(rows[0]) - 1, int(rows[-1])), slice(int(rows[0]), int(rows[-1]) + 1)
             return self.x[before], self.y[before], self.x[after], self.y[after]
-        x0, y0 = self.starts()
-        return x0[rows], y0[rows], self.x[rows], self.y[rows]
+        starts = np.maximum(rows - 1, 0)
+        x0, y0 = np.where(rows > 0, self.x[starts], 0.0), np.where(rows > 0, self.y[starts], 0.0)
+        return x0, y0, self.x[rows], self.y[rows]
 
 
 SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")

@@ -109,7 +109,7 @@ def short_marks(modal: ModalState, speeds: PlannedSpeeds) -> ShortMarks:
 
 def _of_channel(modal: ModalState, channel: int, speeds: PlannedSpeeds, moves: Bools) -> ShortMarks:
     """Find the short marks of one channel."""
-    number = modal.mark_numbers(channel)[speeds.row]
+    number = modal.mark_numbers(channel, speeds.row)
     follows = modal.follows_velocity(channel)[speeds.row]
     rows = np.flatnonzero(moves & (number > 0) & ~follows)
     mark, asked = number[rows], picked(speeds.asked, rows)

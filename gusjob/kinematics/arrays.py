@@ -5,6 +5,7 @@ A column is a one-dimensional array with one entry a row.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -16,6 +17,8 @@ Indices = npt.NDArray[np.intp]
 """Row numbers of another column."""
 Bools = npt.NDArray[np.bool_]
 _Number = TypeVar("_Number", bound=np.generic)
+BLOCK_ROWS = 1 << 15
+"""Rows that are computed at a time where what is made on the way is large: it fits in the processor's cache."""
 
 
 def counted(counts: Indices) -> tuple[Indices, Indices]:
@@ -36,9 +39,31 @@ def follow_each_other(rows: Indices) -> bool:
     return len(rows) > 0 and int(rows[-1]) - int(rows[0]) == len(rows) - 1 and bool((rows[1:] > rows[:-1]).all())
 
 
-def picked(column: npt.NDArray[_Number], rows: Indices) -> npt.NDArray[_Number]:
-    """Pick the values at some rows; a column with one value for all rows (stride 0) stays so and takes no memory."""
-    return np.broadcast_to(column[:1], len(rows)) if len(column) and column.strides == (0,) else column[rows]
+def picked(column: npt.NDArray[_Number], rows: Indices | slice) -> npt.NDArray[_Number]:
+    """Pick the values at some rows; a column with one value for all rows (stride 0) stays so and takes no memory.
+
+    So do values at one row that is picked many times.
+    """
+    if isinstance(rows, slice) or not len(column) or not len(rows):
+        return column[rows]
+    if column.strides == (0,):
+        return np.broadcast_to(column[:1], len(rows))
+    return np.broadcast_to(column[rows[:1]], len(rows)) if rows.strides == (0,) else column[rows]
+
+
+def before(column: Floats, rows: Indices | slice, start: float) -> Floats:
+    """Return the values in the row before each of some rows that follow each other in a sequence.
+
+    Args:
+        column: The column.
+        rows: The rows, (n,).
+        start: What comes before the first of them. If the row before it has this value, nothing is copied.
+    """
+    if isinstance(rows, slice) and rows.start and column[rows.start - 1] == start:
+        return column[rows.start - 1 : rows.stop - 1]
+    found = np.empty(len(column[rows]))
+    found[:1], found[1:] = start, column[rows][:-1]
+    return found
 
 
 def rows_of(numbers: Indices) -> Indices | slice:
@@ -53,6 +78,34 @@ def rows_of(numbers: Indices) -> Indices | slice:
 def where_true(mask: Bools) -> Indices | slice:
     """Return where a mask is true; all of it as a slice, which copies nothing."""
     return slice(None) if mask.all() else np.flatnonzero(mask)
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Yield the rows of columns of `count` rows, a block at a time: what is made of a block takes little memory."""
+    for first in range(0, count, BLOCK_ROWS):
+        yield slice(first, min(first + BLOCK_ROWS, count))
+
+
+def repeated(values: npt.NDArray[_Number]) -> Indices:
+    """Find the rows whose value another row has, too, ascending.
+
+    Args:
+        values: The values, (n,), without NaN.
+    """
+    ordered: npt.NDArray[_Number] = np.sort(values)
+    is_again = np.zeros(len(ordered) + 1, dtype=np.bool_)
+    is_again[1:-1] = ordered[1:] == ordered[:-1]
+    several = ordered[is_again[1:] & ~is_again[:-1]]  # Each of them once.
+    del ordered
+    if not len(several):
+        return np.empty(0, dtype=np.intp)
+    found = []
+    for part in blocks(len(values)):
+        order = np.argsort(values[part])  # Looked up in order, neighbours are in the processor's cache.
+        looked_up = values[part][order]
+        at = np.minimum(np.searchsorted(several, looked_up), len(several) - 1)
+        found.append(np.sort(order[several[at] == looked_up]) + part.start)
+    return np.concatenate(found)
 
 
 def distinct(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
@@ -91,7 +144,7 @@ def running_sum(values: Floats) -> Floats:
     Returns:
         The sums, (n+1,), each exact to one rounding. With a value that is not finite, plain sums.
     """
-    top = float(np.max(np.abs(values), initial=0.0)) * max(len(values), 1)
+    top = max(float(values.max(initial=0.0)), -float(values.min(initial=0.0))) * max(len(values), 1)
     sums = np.zeros(len(values) + 1)
     if top == 0.0:
         return sums
@@ -99,11 +152,13 @@ def running_sum(values: Floats) -> Floats:
         np.cumsum(values, out=sums[1:])
         return sums
     step = 2.0 ** (np.ceil(np.log2(top)) - 61)
-    whole = np.rint(values / step)
-    steps = np.zeros(len(values) + 1, dtype=np.int64)
-    np.cumsum(whole.astype(np.int64), out=steps[1:])
-    np.cumsum(values - whole * step, out=sums[1:])
-    sums += steps * step
+    steps, rest = 0, 0.0
+    for part in blocks(len(values)):
+        whole = np.rint(values[part] / step)
+        behind = np.cumsum(whole.astype(np.int64)) + steps
+        left = np.cumsum(np.append(rest, values[part] - whole * step))[1:]
+        sums[1:][part] = left + behind * step
+        steps, rest = int(behind[-1]), float(left[-1])
     return sums
 
 

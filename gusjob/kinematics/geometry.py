@@ -5,11 +5,11 @@ Pure functions on arrays; any length unit, angles in radians.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 
 TURN = 2 * np.pi
 _ROUNDING_PULSE = 2**0.5
@@ -55,7 +55,7 @@ class Arcs:
         angle = self.angle + self.sweep * share
         return self.cx + self.radius * np.cos(angle), self.cy + self.radius * np.sin(angle)
 
-    def direction(self, share: float) -> tuple[Floats, Floats]:
+    def direction(self, share: Floats | float) -> tuple[Floats, Floats]:
         """Compute the unit direction of travel at a share 0..1 of each arc: x and y, (n,)."""
         angle = self.angle + self.sweep * share
         turn = np.sign(self.sweep)
@@ -135,10 +135,9 @@ def arcs_by_either(ends: Ends, cx: Floats, cy: Floats, radius: Floats, ccw: Bool
 class Segments:
     """Lines and arcs that follow each other, (n,) each.
 
-    `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment; `unrounded_length`: in a plan
-    that before rounding. `start_x`, `start_y`, `end_x`, `end_y`:
-    unit direction at the start and at the end, in a plan that before rounding. `arc_at` (k,): numbers of the segments
-    that are `arcs`.
+    `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment. `arc_at` (k,): numbers of the segments
+    that are `arcs`. `unrounded`: what they are before rounding, in a plan. `moving`: number of the segment whose
+    direction each has; None: its own.
 
     A segment whose ends are one point, also before rounding, has the direction of the one before it, so the corner
     across it counts.
@@ -149,13 +148,41 @@ class Segments:
     x1: Floats
     y1: Floats
     length: Floats
-    unrounded_length: Floats
-    start_x: Floats
-    start_y: Floats
-    end_x: Floats
-    end_y: Floats
     arc_at: Indices
     arcs: Arcs
+    unrounded: Unrounded | None = None
+    moving: Indices | None = None
+
+    def start_direction(self, at: Indices) -> tuple[Floats, Floats]:
+        """Compute the unit direction at the start of some segments, in a plan before rounding: x and y, (k,)."""
+        return self._direction(at, 0.0)
+
+    def end_direction(self, at: Indices) -> tuple[Floats, Floats]:
+        """Compute the unit direction at the end of some segments, in a plan before rounding: x and y, (k,)."""
+        return self._direction(at, 1.0)
+
+    def _direction(self, at: Indices, share: float) -> tuple[Floats, Floats]:
+        source = at if self.moving is None else self.moving[at]
+        dx, dy = self._unrounded_chords(np.maximum(source, 0))
+        length = np.hypot(dx, dy)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x, y = dx / length, dy / length
+        found, arcs = self._unrounded_arcs_among(source)
+        if len(found):
+            # Behind an arc its end counts.
+            x[found], y[found] = arcs.direction(np.where(source == at, share, 1.0)[found])
+        if self.moving is not None:
+            x[source < 0], y[source < 0] = 1.0, 0.0
+        return x, y
+
+    def _unrounded_chords(self, at: Indices | slice) -> tuple[Floats, Floats]:
+        """Compute the way from the start to the end of some segments, in a plan before rounding: x and y, (k,)."""
+        if self.unrounded is None:
+            return self.x1[at] - self.x0[at], self.y1[at] - self.y0[at]
+        return self.unrounded.dx[at], self.unrounded.dy[at]
+
+    def _unrounded_arcs_among(self, at: Indices) -> tuple[Indices, Arcs]:
+        return _among(self.arc_at, self.arcs if self.unrounded is None else self.unrounded.arcs, at)
 
     @property
     def turns(self) -> Floats:
@@ -163,15 +190,30 @@ class Segments:
 
         Behind segments of no length it is at least the change across them: they take no time.
         """
-        changes = np.hypot(self.start_x[1:] - self.end_x[:-1], self.start_y[1:] - self.end_y[:-1])
+        changes = np.empty(max(len(self.length) - 1, 0))
+        for part in blocks(len(changes)):
+            at = np.arange(part.start, part.stop)
+            changes[part] = self._change(at, at + 1)
         still = np.flatnonzero(self.length[:-1] == 0)
         if len(still):
             before = np.maximum.accumulate(np.where(self.length == 0, -1, np.arange(len(self.length))))[still]
-            across = np.hypot(
-                self.start_x[still + 1] - self.end_x[before], self.start_y[still + 1] - self.end_y[before]
-            )
+            across = self._change(np.maximum(before, 0), still + 1)
             changes[still] = np.maximum(changes[still], np.where(before >= 0, across, 0.0))
         return changes
+
+    def _change(self, before: Indices, after: Indices) -> Floats:
+        """Compute the change of the unit direction from some segments to others, (k,)."""
+        (x0, y0), (x1, y1) = self.end_direction(before), self.start_direction(after)
+        return np.asarray(np.hypot(x1 - x0, y1 - y0))
+
+    @property
+    def unrounded_length(self) -> Floats:
+        """Length of each segment, (n,), in a plan before rounding."""
+        if self.unrounded is None:
+            return self.length
+        length = np.hypot(self.unrounded.dx, self.unrounded.dy)
+        length[self.arc_at] = self.unrounded.arcs.length
+        return length
 
     @property
     def moving_length(self) -> Floats:
@@ -185,7 +227,9 @@ class Segments:
     def corner_spacing(self) -> Floats:
         """Mean length of the segments before and behind each corner, (n-1,), not less for rounding."""
         length = np.maximum(self.moving_length, self.unrounded_length)
-        return np.asarray((length[1:] + length[:-1]) / 2)
+        spacing = length[1:] + length[:-1]
+        spacing /= 2
+        return spacing
 
     @property
     def rounding_turns(self) -> Floats:
@@ -195,11 +239,7 @@ class Segments:
 
     def arcs_among(self, at: Indices) -> tuple[Indices, Arcs]:
         """Find the arcs among some segments `at`: their indices in `at`, and the arcs."""
-        if not len(self.arc_at):
-            return np.empty(0, dtype=np.intp), NO_ARCS
-        number = np.minimum(np.searchsorted(self.arc_at, at), len(self.arc_at) - 1)
-        found = np.flatnonzero(self.arc_at[number] == at)
-        return found, self.arcs.pick(number[found])
+        return _among(self.arc_at, self.arcs, at)
 
     def extent(self, at: Indices) -> tuple[Floats, Floats, Floats, Floats]:
         """Compute the bounding boxes of some segments: x low, x high, y low, y high, (k,) each."""
@@ -237,41 +277,28 @@ def segments(
     Args:
         unrounded: Directions of the segments, where their end points are rounded and shorter ones would turn by it.
     """
-    dx, dy = x1 - x0, y1 - y0
-    length = unrounded_length = np.hypot(dx, dy)
-    ideal = arcs
-    if unrounded is not None:
-        dx, dy, ideal = unrounded.dx, unrounded.dy, unrounded.arcs
-        unrounded_length = np.hypot(dx, dy)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        start_x, start_y = dx / unrounded_length, dy / unrounded_length
-    end_x, end_y = start_x, start_y
+    length = np.empty(len(x1))
+    for part in blocks(len(length)):
+        length[part] = np.hypot(x1[part] - x0[part], y1[part] - y0[part])
     if len(arc_at):
         length[arc_at] = arcs.length
-        unrounded_length[arc_at] = ideal.length
-        end_x, end_y = start_x.copy(), start_y.copy()
-        start_x[arc_at], start_y[arc_at] = ideal.direction(0.0)
-        end_x[arc_at], end_y[arc_at] = ideal.direction(1.0)
-    still = (length == 0) & (unrounded_length == 0)
-    if still.any():
-        at = np.maximum.accumulate(np.where(still, -1, np.arange(len(length))))
-        carry_x, carry_y = np.where(at >= 0, end_x[at], 1.0), np.where(at >= 0, end_y[at], 0.0)
-        start_x, end_x = np.where(still, carry_x, start_x), np.where(still, carry_x, end_x)
-        start_y, end_y = np.where(still, carry_y, start_y), np.where(still, carry_y, end_y)
-    return Segments(
-        x0=x0,
-        y0=y0,
-        x1=x1,
-        y1=y1,
-        length=length,
-        unrounded_length=unrounded_length,
-        start_x=start_x,
-        start_y=start_y,
-        end_x=end_x,
-        end_y=end_y,
-        arc_at=arc_at,
-        arcs=arcs,
-    )
+    found = Segments(x0=x0, y0=y0, x1=x1, y1=y1, length=length, arc_at=arc_at, arcs=arcs, unrounded=unrounded)
+    is_still = length == 0
+    if unrounded is not None and is_still.any():
+        is_still &= found.unrounded_length == 0
+    if not is_still.any():
+        return found
+    moving = np.maximum.accumulate(np.where(is_still, -1, np.arange(len(length))))
+    return replace(found, moving=moving)
+
+
+def _among(arc_at: Indices, arcs: Arcs, at: Indices) -> tuple[Indices, Arcs]:
+    """Find the arcs among some segments `at`: their indices in `at`, and the arcs. `arc_at`: segment of each arc."""
+    if not len(arc_at):
+        return np.empty(0, dtype=np.intp), NO_ARCS
+    number = np.minimum(np.searchsorted(arc_at, at), len(arc_at) - 1)
+    found = np.flatnonzero(arc_at[number] == at)
+    return found, arcs.pick(number[found])
 
 
 NO_ARCS = Arcs(cx=np.empty(0), cy=np.empty(0), radius=np.empty(0), angle=np.empty(0), sweep=np.empty(0))

@@ -8,13 +8,14 @@ found.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices, hashed
-from gusjob.kinematics.geometry import TURN, Arcs
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks, hashed, repeated
+from gusjob.kinematics.geometry import TURN, Arcs, Ends
 
 OVERLAP_MM = 0.1
 """Overlaps up to this length, about that of a spot, join marks."""
@@ -62,39 +63,51 @@ class _CarrierSpans:
         )
 
 
-def line_overlaps(x0: Floats, y0: Floats, x1: Floats, y1: Floats, key: npt.NDArray[np.uint64]) -> Overlaps:
+def line_overlaps(ends: Callable[[Indices], Ends], key: npt.NDArray[np.uint64]) -> Overlaps:
     """Find overlaps of lines with a length.
 
     Args:
-        x0, y0, x1, y1: Their ends, mm, (n,) each, in the order in which they are made.
+        ends: Gives the ends of some of the lines, mm; they are numbered in the order in which they are made.
         key: Lines with another key do not count, (n,).
     """
-    dx, dy = x1 - x0, y1 - y0
-    advance = dx * _COSINE + dy * _SINE
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (dy * _COSINE - dx * _SINE) / advance
-        offset = (x0 * dy - y0 * dx) / advance
-        carrier = np.floor(slope / _SLOPE_STEP + _SHIFT).astype(np.int64).view(np.uint64) * _BY_SLOPE + key
-        carrier += np.floor(offset / _OFFSET_STEP_MM + _SHIFT).astype(np.int64).view(np.uint64) * _BY_OFFSET
-    if not _has_equal(carrier):
+    carrier = np.empty(len(key), dtype=np.uint64)
+    for part in blocks(len(key)):
+        carrier[part] = _straight(ends(np.arange(part.start, part.stop)))[0] + key[part]
+    # Only lines whose carrier has others are looked at more closely.
+    at = repeated(carrier)
+    if not len(at):
         return _NO_OVERLAPS
+    carrier, (x0, y0, x1, y1) = carrier[at], ends(at)
+    _, slope, advance = _straight((x0, y0, x1, y1))
     # Lines that continue each other are one span.
-    joined = (carrier[1:] == carrier[:-1]) & ((advance[1:] > 0) == (advance[:-1] > 0))
+    joined = (carrier[1:] == carrier[:-1]) & ((advance[1:] > 0) == (advance[:-1] > 0)) & (at[1:] == at[:-1] + 1)
     joined &= (np.abs(x0[1:] - x1[:-1]) < _TOUCH_MM) & (np.abs(y0[1:] - y1[:-1]) < _TOUCH_MM)
     first = np.flatnonzero(np.concatenate([[True], ~joined]))
-    if not _has_equal(carrier[first]):
-        return _NO_OVERLAPS
     per_mm = np.hypot(1.0, slope)
     along0, along1 = ((x * _COSINE + y * _SINE) * per_mm for x, y in ((x0, y0), (x1, y1)))
     count = np.diff(np.append(first, len(carrier)))
     begin, end = along0[first], along1[first + count - 1]
     low, high = np.minimum(begin, end), np.maximum(begin, end)
     spans = _CarrierSpans(carrier=carrier[first], low=low, high=high, first=first, count=count)
-    return _overlaps(spans, np.minimum(along0, along1), np.maximum(along0, along1))
+    found = _overlaps(spans, np.minimum(along0, along1), np.maximum(along0, along1))
+    return Overlaps(later=at[found.later], earlier=at[found.earlier], length_mm=found.length_mm)
+
+
+def _straight(ends: Ends) -> tuple[npt.NDArray[np.uint64], Floats, Floats]:
+    """Compute the carrier of lines, its slope, and how far each goes in the direction that both are seen from, mm."""
+    x0, y0, x1, y1 = ends
+    dx, dy = x1 - x0, y1 - y0
+    advance = dx * _COSINE + dy * _SINE
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (dy * _COSINE - dx * _SINE) / advance
+        offset = (x0 * dy - y0 * dx) / advance
+        carrier = np.floor(slope / _SLOPE_STEP + _SHIFT).astype(np.int64).view(np.uint64) * _BY_SLOPE
+        carrier += np.floor(offset / _OFFSET_STEP_MM + _SHIFT).astype(np.int64).view(np.uint64) * _BY_OFFSET
+    return carrier, slope, advance
 
 
 def arc_overlaps(arcs: Arcs, key: npt.NDArray[np.uint64]) -> Overlaps:
-    """Find overlaps of arcs with a length; the arguments are as those of line_overlaps."""
+    """Find overlaps of arcs with a length, in mm; `key` as that of line_overlaps."""
     low = np.where(arcs.sweep >= 0, arcs.angle, arcs.angle + arcs.sweep) % TURN
     high = low + np.abs(arcs.sweep)
     over = np.flatnonzero(high > TURN)
@@ -114,24 +127,9 @@ def arc_overlaps(arcs: Arcs, key: npt.NDArray[np.uint64]) -> Overlaps:
 _NO_OVERLAPS = Overlaps(later=np.empty(0, dtype=np.intp), earlier=np.empty(0, dtype=np.intp), length_mm=np.empty(0))
 
 
-def _has_equal(values: npt.NDArray[np.uint64]) -> bool:
-    ordered = np.sort(values)
-    return bool((ordered[1:] == ordered[:-1]).any())
-
-
-def _shared(carrier: npt.NDArray[np.uint64]) -> Indices:
-    """Find the spans whose carrier has others."""
-    ordered = np.sort(carrier)
-    several = ordered[1:][ordered[1:] == ordered[:-1]]
-    if not len(several):
-        return np.empty(0, dtype=np.intp)
-    at = np.minimum(np.searchsorted(several, carrier), len(several) - 1)
-    return np.flatnonzero(several[at] == carrier)
-
-
 def _overlaps(spans: _CarrierSpans, low: Floats, high: Floats) -> Overlaps:
     """Find overlaps of spans; `low`, `high`: begin and end of each segment, (n,)."""
-    spans = spans.pick(_shared(spans.carrier))
+    spans = spans.pick(repeated(spans.carrier))
     spans = spans.pick(np.lexsort((spans.low, spans.carrier)))
     n = len(spans.first)
     if not n:

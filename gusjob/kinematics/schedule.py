@@ -61,6 +61,13 @@ class Schedule:
         return np.asarray(np.minimum(np.maximum(found, first), last))
 
 
+def stage_numbers(stage_first: Indices) -> Indices:
+    """Number the stage of each segment, (m,). `stage_first` (s+1,): number of each stage's first segment, and m."""
+    counts = np.diff(stage_first)
+    number: Indices = np.arange(len(counts))
+    return np.broadcast_to(number, int(counts[0])) if len(counts) == 1 else np.repeat(number, counts)
+
+
 def starts_at_rest(dwell: Bools, stage_first: Indices) -> Bools:
     """Find the segments that start at rest, (m,): the first of each stage, and the one after a dwell."""
     breaks = np.zeros(len(dwell), dtype=np.bool_)
@@ -74,10 +81,11 @@ def reachable_ends(
     length: Floats, vel: Floats, acc: Floats, vel_end: Floats, dwell: Bools, stage_first: Indices
 ) -> Floats:
     """Compute the end velocity that each segment reaches, (m,) pulse/ms; 0 for a dwell. Arguments as of schedule."""
-    breaks = starts_at_rest(dwell, stage_first)
-    given = np.where(dwell, 0.0, vel_end)
-    ends = reached_ends(length, np.where(dwell, 1.0, vel), given, np.where(dwell, 1.0, acc), breaks)
-    return np.where(dwell, 0.0, ends)
+    breaks, has_dwells = starts_at_rest(dwell, stage_first), bool(dwell.any())
+    if has_dwells:
+        vel, acc, vel_end = np.where(dwell, 1.0, vel), np.where(dwell, 1.0, acc), np.where(dwell, 0.0, vel_end)
+    ends = reached_ends(length, vel, vel_end, acc, breaks)
+    return np.where(dwell, 0.0, ends) if has_dwells else ends
 
 
 def schedule(
@@ -103,19 +111,26 @@ def schedule(
         stage_first: Number of each stage's first segment, and m, (s+1,).
         even_time_ms: Least time at constant velocity, (m,) ms; None: there is none.
     """
-    end = reachable_ends(length, vel, acc, vel_end, dwell, stage_first)
-    start = np.concatenate([[0.0], end[:-1]]) if len(end) else end
-    start[starts_at_rest(dwell, stage_first)] = 0.0
-    vel, acc = np.where(dwell, 1.0, vel), np.where(dwell, 1.0, acc)
+    reached = np.zeros(len(length) + 1)
+    reached[1:] = reachable_ends(length, vel, acc, vel_end, dwell, stage_first)
+    start, end, rests = reached[:-1], reached[1:], np.flatnonzero(starts_at_rest(dwell, stage_first))
+    if start[rests].any():
+        start = start.copy()
+        start[rests] = 0.0
+    has_dwells = bool(dwell.any())
+    if has_dwells:
+        vel, acc = np.where(dwell, 1.0, vel), np.where(dwell, 1.0, acc)
     if even_time_ms is not None:
         vel = even_velocity(length, start, vel, end, acc, even_time_ms)
     profile = trapezoids(length, start, vel, end, acc)
-    duration = np.where(dwell, dwell_ms, profile.duration_ms)
+    duration = profile.duration_ms
+    if has_dwells:
+        duration[dwell] = dwell_ms[dwell]
     return Schedule(
         profile=profile,
         dwell=dwell,
         duration_ms=duration,
         times_ms=running_sum(duration),
-        stage=np.searchsorted(stage_first, np.arange(len(length)), side="right") - 1,
+        stage=stage_numbers(stage_first),
         stage_first=stage_first,
     )

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 
 REACHED = 1e-9
 """Relative difference of squared velocities below which a velocity counts as reached: rounding, not physics."""
@@ -42,7 +42,9 @@ class Trapezoids:
     @property
     def duration_ms(self) -> Floats:
         """Duration of each segment, (n,) ms."""
-        return np.asarray(self.rise_ms + self.cruise_ms + self.fall_ms)
+        duration = self.rise_ms + self.cruise_ms
+        duration += self.fall_ms
+        return duration
 
 
 def trapezoids(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats) -> Trapezoids:
@@ -135,15 +137,22 @@ def reached_ends(length: Floats, vel: Floats, given: Floats, acc: Floats, breaks
         End velocities, (n,) pulse/ms.
     """
     goal = np.minimum(given, vel)
+    missed = [np.empty(0, dtype=np.intp)]
+    for part in blocks(len(goal)):
+        goal2 = goal[part] * goal[part]
+        before = np.zeros_like(goal2)
+        before[1:] = goal2[:-1]
+        before[:1] = goal[part.start - 1] * goal[part.start - 1] if part.start else 0.0
+        before[breaks[part]] = 0.0
+        slack = REACHED * (goal2 + before) + 1e-300
+        off = np.abs(goal2 - before) > 2 * acc[part] * length[part] + slack
+        missed.append(np.flatnonzero(off) + part.start)
+    return _reached_after(np.concatenate(missed), goal, 2 * acc * length, breaks) if sum(map(len, missed)) else goal
+
+
+def _reached_after(missed: Indices, goal: Floats, gain: Floats, breaks: Bools) -> Floats:
+    """Follow the chains of segments that miss the velocity `goal` at their end. Other arguments as in reached_ends."""
     goal2 = goal * goal
-    gain = 2 * acc * length
-    before = np.zeros_like(goal2)
-    before[1:] = goal2[:-1]
-    before[breaks] = 0.0
-    slack = REACHED * (goal2 + before) + 1e-300
-    missed = np.flatnonzero(np.abs(goal2 - before) > gain + slack)
-    if not len(missed):
-        return goal
     reached2 = goal2.copy()
     n = len(goal2)
     done = -1
@@ -234,29 +243,30 @@ def look_ahead(length: Floats, acc: Floats, limit: Floats, breaks: Bools) -> Flo
         End velocities, (n,) pulse/ms.
     """
     ends2 = limit * limit
-    gain = 2 * acc * length
-    ends2[breaks] = np.minimum(ends2[breaks], gain[breaks])
-    ends2 = _ramp(ends2, gain)
+    gain = np.empty(len(ends2) + 1)
+    for part in blocks(len(ends2)):
+        gain[part] = 2 * acc[part] * length[part]
+    ends2[breaks] = np.minimum(ends2[breaks], gain[:-1][breaks])
+    _ramp(ends2, gain[:-1])
     if len(ends2) > 1:
         # Backwards: what segment i+1 can lose limits the end of segment i.
-        lost = np.where(breaks, np.inf, gain)
-        tail = ends2[-1:]
-        ends2 = _ramp(np.concatenate([tail, ends2[-2::-1]]), np.concatenate([tail, lost[:0:-1]]))[::-1]
-    return np.sqrt(ends2)
+        gain[:-1][breaks] = np.inf
+        gain[-1] = ends2[-1]
+        _ramp(ends2[::-1], gain[:0:-1])
+    return np.sqrt(ends2, out=ends2)
 
 
-def _ramp(limit2: Floats, gain: Floats) -> Floats:
-    """Compute w[i] = min(limit2[i], w[i-1] + gain[i]) with w[-1] = 0, without a loop over segments.
+def _ramp(w: Floats, gain: Floats) -> None:
+    """Compute w[i] = min(limit2[i], w[i-1] + gain[i]) with w[-1] = 0 in place of limit2, without a loop over segments.
 
     min over j <= i of limit2[j] + (S[i] - S[j]), with S the running sum of gain, is a minimum.accumulate. A gain at
     or above the limit never binds, so it is cut there: S stays small beside what is compared. Blocks keep it
     smaller.
     """
-    w = np.empty_like(limit2)
-    cut = np.minimum(gain, limit2)
     carry = 0.0
     for a in range(0, len(w), _BLOCK):
-        lim, sums = limit2[a : a + _BLOCK].copy(), np.cumsum(cut[a : a + _BLOCK])
+        lim = w[a : a + _BLOCK].copy()
+        sums = np.cumsum(np.minimum(gain[a : a + _BLOCK], lim))
         lim[0] = min(lim[0], carry + gain[a])
         free = lim - sums
         low = np.minimum.accumulate(free)
@@ -264,12 +274,16 @@ def _ramp(limit2: Floats, gain: Floats) -> Floats:
         w[a : a + _BLOCK] = np.minimum(lim, lim[binding] + (sums - sums[binding]))
         carry = float(w[min(a + _BLOCK, len(w)) - 1])
     _settle(w, gain)
-    return w
 
 
 def _settle(w: Floats, gain: Floats) -> None:
     """Correct rounding in place: a near tie in the sums can leave w[i] above w[i-1] + gain[i]."""
-    over = np.flatnonzero(w[1:] > (w[:-1] + gain[1:]) * (1 + 1e-13)) + 1
+    for part in blocks(len(w) - 1):
+        at = np.flatnonzero(w[1:][part] > (w[:-1][part] + gain[1:][part]) * (1 + 1e-13)) + 1 + part.start
+        _settle_from(at, w, gain)
+
+
+def _settle_from(over: Indices, w: Floats, gain: Floats) -> None:
     for first in over.tolist():
         i = first
         while i < len(w) and w[i] > w[i - 1] + gain[i]:

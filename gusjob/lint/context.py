@@ -19,7 +19,7 @@ from gusjob.ir.job import Job
 from gusjob.ir.modal import ModalState, ModeSpan, modal_state
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import Setup
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
 
 Remarks = Callable[[int], tuple[Remark, ...]]
 """Remarks of the diagnostic at an index."""
@@ -51,11 +51,11 @@ class LintContext:
 
     def known(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
         """Whether effects are known before rows: no statement that can't be read may have changed them, (k,)."""
-        return np.asarray(is_known(self.path.unknown_before[rows], effects, channel))
+        return np.asarray(is_known(picked(self.path.unknown_before, rows), effects, channel))
 
     def known_after(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
         """Whether effects are known with what the rows themselves set, (k,)."""
-        return np.asarray(is_known(self.path.unknown[rows], effects, channel))
+        return np.asarray(is_known(picked(self.path.unknown, rows), effects, channel))
 
     def known_at(self, setup: Setup, effects: StateEffect) -> bool:
         """Whether effects are known before a setup statement, on its channel."""

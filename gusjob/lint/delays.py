@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.path import Op
 from gusjob.ir.setup import LaserDelay, LaserFpk
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -147,7 +148,8 @@ def longest_run_ms(context: LintContext) -> float:
     path = context.path
     timed = np.flatnonzero(path.takes_time)
     marks = np.count_nonzero(path.op == Op.ON) if context.job.has_sky_writing else 0
-    return float(longest_ms(context, timed).sum() + _SKY_MS * marks)
+    total = math.fsum(float(longest_ms(context, timed[part]).sum()) for part in blocks(len(timed)))
+    return total + _SKY_MS * marks
 
 
 def longest_ms(context: LintContext, rows: Indices) -> Floats:

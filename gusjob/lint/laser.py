@@ -10,6 +10,7 @@ from gusjob.diagnostics import rules
 from gusjob.ir.effects import StateEffect, is_known
 from gusjob.ir.path import Op
 from gusjob.ir.stages import opens_stage
+from gusjob.kinematics.arrays import blocks
 from gusjob.lint.context import LintContext
 from gusjob.lint.delays import delays_in_force
 from gusjob.lint.reporter import Reporter
@@ -105,9 +106,12 @@ def no_power(context: LintContext, report: Reporter) -> None:
             rows = rows[context.known(rows, StateEffect.POWER | StateEffect.MODE, channel)]
             if not len(rows):
                 continue
-            last = np.searchsorted(powers, rows * 2, side="right") - 1
-            unset = last < 0
-            if len(powers):
-                unset |= powers[last] < changed.first * 2
-            for line in sorted(set(laser.on_line[rows[unset]].tolist())):
+            lines = set[int]()
+            for part in blocks(len(rows)):
+                last = np.searchsorted(powers, rows[part] * 2, side="right") - 1
+                unset = last < 0
+                if len(powers):
+                    unset |= powers[last] < changed.first * 2
+                lines.update(laser.on_line[rows[part][unset]].tolist())
+            for line in sorted(lines):
                 report.line(rules.NO_POWER, line, channel=channel, remarks=context.mode_remark(changed))

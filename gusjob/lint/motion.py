@@ -15,7 +15,7 @@ from gusjob.ir.arcs import arc_faults, drawn_arcs
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import SPEED_WORDS, Op, Path
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
-from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of, where_true
 from gusjob.kinematics.float_noise import exceeds
 from gusjob.kinematics.geometry import Ends, arcs_by_either
 from gusjob.kinematics.trapezoids import peak_velocity
@@ -60,7 +60,7 @@ def missing_speeds(context: LintContext, report: Reporter) -> None:
         (path.acc, rules.NO_ACCELERATION, StateEffect.ACC, StateEffect.JUMPACC),
     ):
         known = context.known_after(rows, effect) & (~is_jump | context.known(rows, of_jumps))
-        absent = rows[np.isnan(values[rows]) & known]
+        absent = rows[np.isnan(picked(values, rows_of(rows))) & known]
         if len(absent):
             report.rows(missing, absent[:1], "", word=Op(int(path.op[absent[0]])).word)
 
@@ -122,15 +122,16 @@ def field(context: LintContext, report: Reporter) -> None:
         ("X", path.x, machine.field_x_mm, in_x, machine.pulses_per_mm[0], StateEffect.X),
         ("Y", path.y, machine.field_y_mm, in_y, machine.pulses_per_mm[1], StateEffect.Y),
     )
-    reported, lines = np.zeros(len(rows), dtype=np.bool_), path.line[rows]
+    reported, lines = np.zeros(len(rows), dtype=np.bool_), path.line[rows_of(rows)]
     for axis, values, (low, high), (first, last), scale, effect in axes:
-        end_mm, sent = values[rows] / scale, np.rint(values[rows])
+        sent = np.rint(values[rows_of(rows)])
         out = ((sent < first) | (sent > last)) & context.known_after(rows, effect)
         again = out & np.isin(lines, lines[reported]) if reported.any() else reported
         outside, out = out, out & (~again | _has_both_words(context, rows, again))
         reported |= out
-        report.rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=end_mm[out], low=low, high=high, hint="")
-        within = np.flatnonzero(~outside & context.known_after(rows, effect))
+        end_mm = values[rows[out]] / scale
+        report.rows(rules.OUTSIDE_FIELD, rows[out], axis, axis=axis, value=end_mm, low=low, high=high, hint="")
+        within = where_true(~outside & context.known_after(rows, effect))
         report.rows_in_range(rows[within], sent[within], ranges.COORDINATE_PULSE, axis, axis)
     arcs = _certain(context, context.arc_rows())
     if not len(arcs):

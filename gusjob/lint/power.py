@@ -18,9 +18,9 @@ from gusjob.diagnostics import rules
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import StateEffect
 from gusjob.ir.modal import ModeSpan
-from gusjob.ir.path import Op
+from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import PowerNow, SwitchNow
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 from gusjob.kinematics.float_noise import exceeds
 from gusjob.lint.context import LintContext, same_remarks
 from gusjob.lint.frequency import FOLLOW_ENDS
@@ -148,28 +148,44 @@ def saturation(context: LintContext, report: Reporter) -> None:
         sets = path.sets_power & (path.channel == channel)
         if not (path.op[sets] == Op.FOLLOW).any():
             continue
-        in_force = np.maximum.accumulate(np.where(sets, np.arange(len(path)), -1))
-        on = context.modal.laser(channel).on
-        marks = np.flatnonzero(path.moves & (path.op != Op.JUMP) & on & (in_force >= 0))
-        marks = marks[context.known(marks, StateEffect.POWER | StateEffect.MODE, channel)]
-        marks = marks[context.known_after(marks, StateEffect.VEL)]
-        source = in_force[marks]
-        with np.errstate(invalid="ignore"):
-            power = path.ratio[source] * path.vel[marks] + path.low[source]
-        over = (path.op[source] == Op.FOLLOW) & (power > path.high[source] * (1 + 1e-9))
-        over &= report.is_sound(path.vel_line[marks])
-        rows, first = np.unique(source[over], return_index=True)
-        which = np.flatnonzero(over)[first]
+        powers, on = np.flatnonzero(sets), context.modal.laser(channel).on
+        marks = np.flatnonzero(path.moves & (path.op != Op.JUMP) & on)
+        marks = marks[np.searchsorted(marks, powers[0]) :]
+        over = np.empty(len(marks), dtype=np.bool_)
+        for part in blocks(len(marks)):
+            over[part] = _saturates(context, channel, marks[part], _in_force(powers, marks[part]))
+        marks = marks[over]
+        marks = marks[report.is_sound(path.vel_line[marks])]
+        rows, which = np.unique(_in_force(powers, marks), return_index=True)
         report.rows(
             rules.FOLLOW_SATURATES,
             rows,
             "",
-            value=power[which],
+            value=_followed(path, marks[which], rows),
             high=path.high[rows],
             unit=_units(context, channel, rows),
             velocity=path.vel[marks[which]] * shown.per_pulse_per_ms,
             speed=shown.speed,
         )
+
+
+def _in_force(powers: Indices, rows: Indices) -> Indices:
+    """Find the power in force in some rows, none of them before the first one: its row, (k,)."""
+    return np.asarray(powers[np.searchsorted(powers, rows, side="right") - 1])
+
+
+def _followed(path: Path, rows: Indices, powers: Indices) -> Floats:
+    """Compute what follows make of the velocity of some rows. `powers`: the power in force in each."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(path.ratio[powers] * path.vel[rows] + path.low[powers])
+
+
+def _saturates(context: LintContext, channel: int, marks: Indices, powers: Indices) -> Bools:
+    """Find the marks for which a follow computes more than its MAX. `powers`: the power in force in each."""
+    path = context.path
+    found = (path.op[powers] == Op.FOLLOW) & (_followed(path, marks, powers) > path.high[powers] * (1 + 1e-9))
+    found &= context.known(marks, StateEffect.POWER | StateEffect.MODE, channel)
+    return np.asarray(found & context.known_after(marks, StateEffect.VEL))
 
 
 def _units(context: LintContext, channel: int, rows: Indices) -> npt.NDArray[np.str_]:

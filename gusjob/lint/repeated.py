@@ -14,7 +14,19 @@ from gusjob.ir.arcs import drawn_arcs
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import PowerNow
-from gusjob.kinematics.arrays import Bools, Floats, Indices, hashed, mixed
+from gusjob.kinematics.arrays import (
+    Bools,
+    Floats,
+    Indices,
+    blocks,
+    follow_each_other,
+    hashed,
+    mixed,
+    picked,
+    repeated,
+    where_true,
+)
+from gusjob.kinematics.geometry import Ends
 from gusjob.kinematics.overlaps import arc_overlaps, line_overlaps
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
@@ -80,45 +92,49 @@ def _marks_twice(context: LintContext, channel: int) -> tuple[RepeatedMarks, ...
     rows = np.flatnonzero(context.path.moves & context.modal.laser(channel).on)
     if len(rows) < 2:
         return ()
-    dose = _dose_keys(context, channel)[rows]
-    keys = _segment_keys(context.path, rows, dose)
-    first = _first_of_shape(keys.shape)
-    if first is None:
-        long = slice(None) if keys.has_length.all() else keys.has_length
-        return (_partly_repeated(context, channel, rows[long], dose[long]),)
-    fresh = first.of_each == np.arange(len(rows))
-    again = np.flatnonzero(~fresh & keys.has_length)
-    in_pass = _in_passes(keys, first.order, first.begins)[again]
-    once = fresh & keys.has_length
-    return (
-        RepeatedMarks(rows=rows[again], first=rows[first.of_each[again]], in_pass=in_pass),
-        _partly_repeated(context, channel, rows[once], dose[once]),
-    )
+    dose = _dose_keys(context, channel, rows)
+    whole, once = _wholly_repeated(context.path, rows, dose)
+    where = where_true(once)
+    return whole, _partly_repeated(context, channel, rows[where], picked(dose, where))
+
+
+def _wholly_repeated(path: Path, rows: Indices, dose: npt.NDArray[np.uint64]) -> tuple[RepeatedMarks, Bools]:
+    """Find marks that repeat an earlier one as a whole, and which of all have a length and do not, (k,)."""
+    keys = _segment_keys(path, rows, dose)
+    once, shapes = keys.has_length.copy(), _repeated_shapes(keys.shape)
+    again, first = shapes.later()
+    once[again] = False
+    has_length = keys.has_length[again]
+    again, first = again[has_length], first[has_length]
+    in_pass = _in_passes(path, rows, keys, shapes)[again]
+    return RepeatedMarks(rows=rows[again], first=rows[first], in_pass=in_pass), once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _FirstOfShape:
-    """Segments by shape, (k,) each.
+class _RepeatedShapes:
+    """Segments whose shape occurs several times, by shape, (k,) each.
 
-    `order`: those of one shape in order. `begins`: where in it a new shape begins. `of_each`: the first segment of the
-    shape of each segment.
+    `order`: the segments, those of one shape in order. `begins`: where in it a new shape begins.
     """
 
     order: Indices
     begins: Bools
-    of_each: Indices
+
+    def later(self) -> tuple[Indices, Indices]:
+        """List the segments whose shape an earlier one has, ascending, and for each the first one of its shape."""
+        first = self.order[np.maximum.accumulate(np.where(self.begins, np.arange(len(self.order)), 0))]
+        later, first = self.order[~self.begins], first[~self.begins]
+        ascending = np.argsort(later)
+        return later[ascending], first[ascending]
 
 
-def _first_of_shape(shape: npt.NDArray[np.uint64]) -> _FirstOfShape | None:
-    """Find the first segment of each shape; None if no two segments have the same."""
-    ascending = np.sort(shape)
-    if not (ascending[1:] == ascending[:-1]).any():
-        return None
-    order = np.argsort(shape, kind="stable")
-    begins = np.concatenate([[True], shape[order][1:] != shape[order][:-1]])
-    of_each = np.empty(len(shape), dtype=np.intp)
-    of_each[order] = order[np.maximum.accumulate(np.where(begins, np.arange(len(order)), 0))]
-    return _FirstOfShape(order=order, begins=begins, of_each=of_each)
+def _repeated_shapes(shape: npt.NDArray[np.uint64]) -> _RepeatedShapes:
+    """Find the segments whose shape occurs several times."""
+    several = repeated(shape)
+    order = several[np.argsort(shape[several], kind="stable")]
+    begins = np.ones(len(order), dtype=np.bool_)
+    begins[1:] = shape[order[1:]] != shape[order[:-1]]
+    return _RepeatedShapes(order=order, begins=begins)
 
 
 def _partly_repeated(context: LintContext, channel: int, rows: Indices, dose: npt.NDArray[np.uint64]) -> RepeatedMarks:
@@ -126,8 +142,12 @@ def _partly_repeated(context: LintContext, channel: int, rows: Indices, dose: np
     path, (px, py) = context.path, context.machine.pulses_per_mm
     is_arc = path.is_arc[rows]
     lines, arcs = (np.flatnonzero(~is_arc), np.flatnonzero(is_arc)) if is_arc.any() else (None, None)
-    x0, y0, x1, y1 = path.ends(rows if lines is None else rows[lines])
-    of_lines = line_overlaps(x0 / px, y0 / py, x1 / px, y1 / py, dose if lines is None else dose[lines])
+
+    def ends_mm(at: Indices) -> Ends:
+        x0, y0, x1, y1 = path.ends(rows[at if lines is None else lines[at]])
+        return x0 / px, y0 / py, x1 / px, y1 / py
+
+    of_lines = line_overlaps(ends_mm, dose if lines is None else dose[lines])
     later, first, length_mm = of_lines.later, of_lines.earlier, of_lines.length_mm
     if lines is not None and arcs is not None:
         of_arcs = arc_overlaps(drawn_arcs(path, rows[arcs], context.machine).in_mm(), dose[arcs])
@@ -141,36 +161,41 @@ def _partly_repeated(context: LintContext, channel: int, rows: Indices, dose: np
 
 def _closes_mark(context: LintContext, channel: int, rows: Indices, later: Indices, first: Indices) -> Bools:
     """Find overlaps that close a contour: a mark's last segment goes on over its first one, in the same direction."""
-    path, mark = context.path, context.modal.mark_numbers(channel)[rows]
-    begins = np.concatenate([[True], mark[1:] != mark[:-1]])
-    ends = np.append(begins[1:], True)
+    path, modal = context.path, context.modal
+    mark = modal.mark_numbers(channel, rows[later])
+    is_first = (first == 0) | (modal.mark_numbers(channel, rows[first - 1]) != mark)
+    is_last = later == len(rows) - 1
+    is_last |= modal.mark_numbers(channel, rows[np.minimum(later + 1, len(rows) - 1)]) != mark
     (x0, y0, x1, y1), (u0, v0, u1, v1) = path.ends(rows[later]), path.ends(rows[first])
     same_way = np.where(
         path.is_arc[rows[later]],
         path.ccw[rows[later]] == path.ccw[rows[first]],
         (x1 - x0) * (u1 - u0) + (y1 - y0) * (v1 - v0) > 0,
     )
-    return np.asarray((mark[later] == mark[first]) & begins[first] & ends[later] & same_way)
+    return np.asarray((mark == modal.mark_numbers(channel, rows[first])) & is_first & is_last & same_way)
 
 
 _PERIODS = 16
 """Lengths of a pass that are tried, the most frequent distances between two equal segments first."""
 
 
-def _in_passes(keys: _SegmentKeys, order: Indices, fresh: Bools) -> Bools:
+def _in_passes(path: Path, rows: Indices, keys: _SegmentKeys, shapes: _RepeatedShapes) -> Bools:
     """Find segments in a pass that repeats the one before, (k,).
 
     Args:
-        keys: Keys of all segments.
-        order: Segments by shape, those of one shape in order, (k,).
-        fresh: Where in `order` a new shape begins, (k,).
+        path: The path.
+        rows: The segments, (k,).
+        keys: Their keys.
+        shapes: Those whose shape occurs several times.
     """
-    n = len(order)
-    lags, counts = np.unique(np.diff(order)[~fresh[1:]], return_counts=True)
+    found = np.zeros(len(rows), dtype=np.bool_)
+    if not len(shapes.order):
+        return found
+    lags, counts = np.unique(np.diff(shapes.order)[~shapes.begins[1:]], return_counts=True)
     periods = lags[np.argsort(-counts, kind="stable")][:_PERIODS].tolist()
-    found = np.zeros(n, dtype=np.bool_)
+    directed = _directed_keys(path, rows, keys.shape)
     for period in periods:
-        same = keys.directed[period:] == keys.directed[:-period]
+        same = directed[period:] == directed[:-period]
         if period == 1:
             found[1:] |= same & keys.closed[1:]
             continue
@@ -180,7 +205,7 @@ def _in_passes(keys: _SegmentKeys, order: Indices, fresh: Bools) -> Bools:
         whole = end - begin >= period
         steps = np.zeros(len(same) + 1, dtype=np.int8)
         steps[begin[whole]], steps[end[whole]] = 1, -1
-        found[period:] |= np.cumsum(steps)[:-1] > 0
+        found[period:] |= np.cumsum(steps, dtype=np.int8)[:-1] > 0
     return found
 
 
@@ -188,31 +213,51 @@ def _in_passes(keys: _SegmentKeys, order: Indices, fresh: Bools) -> Bools:
 class _SegmentKeys:
     """Keys of some motions, (k,) each.
 
-    `shape`: equal where shape (in whole pulses, either direction) and power are equal. `directed`: in one direction.
-    `has_length`: the motion has a length; a full circle has one. `closed`: it ends where it starts.
+    `shape`: equal where shape (in whole pulses, either direction) and power are equal. `has_length`: the motion has a
+    length; a full circle has one. `closed`: it ends where it starts.
     """
 
     shape: npt.NDArray[np.uint64]
-    directed: npt.NDArray[np.uint64]
     has_length: Bools
     closed: Bools
 
 
 def _segment_keys(path: Path, rows: Indices, dose: npt.NDArray[np.uint64]) -> _SegmentKeys:
-    # Well mixed, so that the sums of the keys of both ends differ where the ends do; the path begins at 0, 0.
-    point = mixed(hashed([np.rint(np.append(v, 0.0)) for v in (path.x, path.y)]))
-    start, end = point[rows - 1], point[rows]
-    closed = start == end
-    shape: npt.NDArray[np.uint64] = start + end + dose
-    directed: npt.NDArray[np.uint64] = shape + start * _BY_DIRECTION
-    arcs = np.flatnonzero(path.is_arc[rows])
-    has_length = ~closed
-    if len(arcs):
-        of_arcs = _arc_keys(path, rows[arcs], start[arcs] > end[arcs])
-        shape[arcs] += of_arcs
-        directed[arcs] += of_arcs
-        has_length[arcs] = True
-    return _SegmentKeys(shape=shape, directed=directed, has_length=has_length, closed=closed)
+    shape, closed = np.empty(len(rows), dtype=np.uint64), np.empty(len(rows), dtype=np.bool_)
+    has_length, is_arc = np.empty(len(rows), dtype=np.bool_), path.is_arc
+    for part in blocks(len(rows)):
+        start, end = _end_keys(path, rows[part])
+        shape[part], closed[part] = start + end + dose[part], start == end
+        has_length[part] = ~closed[part]
+        arcs = np.flatnonzero(is_arc[rows[part]])
+        if len(arcs):
+            shape[part][arcs] += _arc_keys(path, rows[part][arcs], start[arcs] > end[arcs])
+            has_length[part][arcs] = True
+    return _SegmentKeys(shape=shape, has_length=has_length, closed=closed)
+
+
+def _directed_keys(path: Path, rows: Indices, shape: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """Keys of motions, equal where shape, power and direction are equal. `shape`: their keys in either direction."""
+    directed = np.empty_like(shape)
+    for part in blocks(len(rows)):
+        directed[part] = shape[part] + _end_keys(path, rows[part])[0] * _BY_DIRECTION
+    return directed
+
+
+def _end_keys(path: Path, rows: Indices) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint64]]:
+    """Keys of the start and of the end of motions, in whole pulses.
+
+    They are well mixed, so that the sums of the keys of both ends differ where the ends do.
+    """
+    x0, y0, x1, y1 = path.ends(rows)
+    ends = _point_keys(x1, y1)
+    if follow_each_other(rows):  # Each starts where the one before it ends.
+        return np.concatenate([_point_keys(x0[:1], y0[:1]), ends[:-1]]), ends
+    return _point_keys(x0, y0), ends
+
+
+def _point_keys(x: Floats, y: Floats) -> npt.NDArray[np.uint64]:
+    return mixed(hashed([np.rint(x), np.rint(y)]))
 
 
 _BY_DIRECTION = np.uint64(0x9E3779B97F4A7C15)
@@ -226,21 +271,23 @@ def _arc_keys(path: Path, rows: Indices, is_reverse: Bools) -> npt.NDArray[np.ui
     return hashed([*centre, np.rint(np.nan_to_num(path.radius[rows])), side])
 
 
-def _dose_keys(context: LintContext, channel: int) -> npt.NDArray[np.uint64]:
-    """A key of each row, (n,): equal where mode, power and velocity are equal."""
-    path = context.path
-    dose = _power_keys(context, channel)
+def _dose_keys(context: LintContext, channel: int, rows: Indices) -> npt.NDArray[np.uint64]:
+    """A key of each motion, (k,): equal where mode, power and velocity are equal."""
+    vel, (firsts, power) = context.path.vel, _power_keys(context, channel)
+    has_velocities = bool(np.fmin.reduce(vel) != np.fmax.reduce(vel))
+    dose = np.empty(len(rows), dtype=np.uint64)
+    for part in blocks(len(rows)):
+        dose[part] = power[np.searchsorted(firsts, rows[part], side="right") - 1]
+        if has_velocities:
+            dose[part] += hashed([np.nan_to_num(vel[rows[part]])])
     for span in context.modal.modes(channel):
         key = (span.mode.mode, span.mode.carrier_khz, span.mode.pulse_width_us)
-        dose[span.first : span.last] += np.uint64(hash(key) % 1_000_003)
-    vel = path.vel
-    if len(vel) and np.fmin.reduce(vel) != np.fmax.reduce(vel):
-        dose += hashed([np.nan_to_num(vel)])
-    return dose
+        dose[slice(*np.searchsorted(rows, [span.first, span.last]))] += np.uint64(hash(key) % 1_000_003)
+    return np.broadcast_to(dose[:1], len(dose)) if (dose == dose[0]).all() else dose
 
 
-def _power_keys(context: LintContext, channel: int) -> npt.NDArray[np.uint64]:
-    """A key of each row, (n,): equal where the same power is in force."""
+def _power_keys(context: LintContext, channel: int) -> tuple[Indices, npt.NDArray[np.uint64]]:
+    """A key of each power, equal where the power is, (e,), and the rows from which on they are in force, ascending."""
     path = context.path
     rows = np.flatnonzero(path.sets_power & (path.channel == channel))
     now = [(setup, power) for setup, power in context.modal.statements(PowerNow) if setup.channel == channel]
@@ -251,5 +298,5 @@ def _power_keys(context: LintContext, channel: int) -> npt.NDArray[np.uint64]:
     order = np.argsort(instants, kind="stable")
     keys = hashed([np.nan_to_num(v[order]) for v in (power, *follow)])
     # Each power is in force from the row behind its instant on.
-    firsts = np.concatenate([[0], (instants[order] + 1) // 2, [len(path)]])
-    return np.repeat(np.concatenate([np.zeros(1, dtype=np.uint64), keys]), np.diff(firsts))
+    firsts = np.concatenate([[0], (instants[order] + 1) // 2])
+    return firsts, np.concatenate([np.zeros(1, dtype=np.uint64), keys])

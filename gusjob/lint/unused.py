@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -54,17 +55,18 @@ def _report_unused(context: LintContext, report: Reporter, channel: int) -> None
 
 def powers(context: LintContext, report: Reporter) -> None:
     """A power is set again before any emission. In a loop or routine the first or last iteration may go without."""
-    _unused(context, report, context.path.line)
+    _unused(context, report, lambda rows: context.path.line[rows])
 
 
 def powers_in_calls(context: LintContext, report: Reporter) -> None:
     """A power is set again before any emission, and is not used elsewhere: calls do not show loops."""
     path = context.path
-    _unused(context, report, hashed([np.nan_to_num(v) for v in (path.power, path.low, path.high, path.ratio)]))
+    powers = path.power, path.low, path.high, path.ratio
+    _unused(context, report, lambda rows: hashed([np.nan_to_num(values[rows]) for values in powers]))
 
 
-def _unused(context: LintContext, report: Reporter, statement: npt.NDArray[Any]) -> None:
-    """Report powers that are never used. `statement` (n,): which statement each row is an iteration of."""
+def _unused(context: LintContext, report: Reporter, statement: Callable[[Indices], npt.NDArray[Any]]) -> None:
+    """Report powers that are never used. `statement`: gives which statement some rows are iterations of."""
     path, modal = context.path, context.modal
     for channel in CHANNELS:
         on = modal.laser(channel).on
@@ -81,7 +83,7 @@ def _unused(context: LintContext, report: Reporter, statement: npt.NDArray[Any])
         rows, used, is_last = powers[buffered] // 2, used[buffered], is_last[buffered]
         # The lowest power is one to leave behind: an analog output has it while the laser is off.
         idle = ~used & ~(path.power[rows] <= _lowest(context, channel, rows))
-        idle &= ~np.isin(statement[rows], statement[rows[used]])
+        idle &= ~np.isin(statement(rows), statement(rows[used]))
         # The last one may leave a low power behind for the next program.
         low = np.append(np.fmin(path.power[rows[used]], path.low[rows[used]]), np.inf).min()
         idle &= ~(is_last & (path.power[rows] < low))

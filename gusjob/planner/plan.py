@@ -20,7 +20,7 @@ from gusjob.ir.intent import Intent, RunKind
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op, Path
 from gusjob.ir.setup import Setup
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of
 from gusjob.kinematics.geometry import Segments
 
 
@@ -51,7 +51,7 @@ class StagedPath:
     @property
     def is_dwell(self) -> Bools:
         """Timed rows that are a dwell, (m,)."""
-        return np.asarray(self.path.op[self.timed] == Op.DWELL)
+        return np.asarray(self.path.op[rows_of(self.timed)] == Op.DWELL)
 
     @property
     def stage_first(self) -> Indices:
@@ -166,7 +166,7 @@ def rearranged(staged: StagedPath, source: Indices, columns: dict[str, npt.NDArr
         columns: Columns with new values, (k,) each.
     """
     path = staged.path
-    given = {f.name: columns.get(f.name, _taken(getattr(path, f.name), source)) for f in fields(Path)}
+    given = {f.name: columns.get(f.name, picked(getattr(path, f.name), source)) for f in fields(Path)}
     moves = given["op"] < Op.DWELL
     if (given["op"] == Op.DWELL).any():
         # A dwell is where the motion before it ended.
@@ -189,10 +189,3 @@ def rearranged(staged: StagedPath, source: Indices, columns: dict[str, npt.NDArr
             for stage, first, last in zip(staged.stages, [0, *ends[:-1]], ends, strict=True)
         ),
     )
-
-
-def _taken(column: npt.NDArray[Any], source: Indices) -> npt.NDArray[Any]:
-    """Take a column's values at rows; a broadcast column stays one and takes no memory."""
-    if len(column) and column.strides == (0,):
-        return np.broadcast_to(column[0], len(source))
-    return column[source]

@@ -10,7 +10,7 @@ import numpy as np
 
 from gusjob.ir.intent import RunKind
 from gusjob.ir.path import Op, Path
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, picked, rows_of
 from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE, NO_ARCS, Arcs, Ends, Unrounded, arcs_by_either, segments
 from gusjob.kinematics.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
 from gusjob.planner.plan import QuantizedPath, SkyRows, StagedPath, next_phase
@@ -22,26 +22,25 @@ _SMALL_PULSE = 10.0
 def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     """Make segments between whole pulses, with velocity and acceleration along each segment's own direction."""
     path, timed = staged.path, staged.timed
-    x, y = path.x[timed], path.y[timed]
-    # + 0.0: a coordinate of -0 is 0.
-    x1, y1 = np.rint(x) + 0.0, np.rint(y) + 0.0
-    x0, y0 = np.concatenate([[0.0], x1[:-1]]), np.concatenate([[0.0], y1[:-1]])
+    rows = rows_of(timed)
+    x, y = path.x[rows], path.y[rows]
+    (x0, x1), (y0, y1) = _whole(x), _whole(y)
     arc_at = np.flatnonzero(path.is_arc[timed])
     arcs = exact = NO_ARCS
     if len(arc_at):
         before = np.concatenate([[0.0], x[:-1]]), np.concatenate([[0.0], y[:-1]])
         arc_at, exact = _kept_arcs(path, timed, arc_at, (*before, x, y), (x0, y0, x1, y1))
         ends = (x0[arc_at], y0[arc_at], x1[arc_at], y1[arc_at])
-        rows = timed[arc_at]
-        arcs = _arcs(path, rows, ends, np.rint(path.cx[rows]), np.rint(path.cy[rows]))
+        arc = timed[arc_at]
+        arcs = _arcs(path, arc, ends, np.rint(path.cx[arc]), np.rint(path.cy[arc]))
     dx, dy = np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)
     if len(sky.events):
         _turn_to_marks(staged, sky, dx, dy)
     lines_and_arcs = segments(x0, y0, x1, y1, arc_at, arcs, Unrounded(dx=dx, dy=dy, arcs=exact))
-    vel, acc, end = path.vel[timed], path.acc[timed], path.end[timed]
+    vel, acc, end = picked(path.vel, rows), picked(path.acc, rows), picked(path.end, rows)
     if not staged.machine.equal_axes:
         machine = staged.machine
-        along = lines_and_arcs.start_x, lines_and_arcs.start_y
+        along = lines_and_arcs.start_direction(np.arange(len(timed)))
         scale = direction_scale(*along, arc_at, machine.pulses_per_mm)
         # The motion goes between whole pulses: there, too, it stays within the limits.
         rounded = direction_scale(x1 - x0, y1 - y0, arc_at, machine.pulses_per_mm)
@@ -60,6 +59,14 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
         forced_end=end,
         sky=sky,
     )
+
+
+def _whole(values: Floats) -> tuple[Floats, Floats]:
+    """Round the ends of segments to whole pulses: their starts and ends, two parts of one column."""
+    points = np.zeros(len(values) + 1)
+    np.rint(values, out=points[1:])
+    points += 0.0  # A coordinate of -0 is 0.
+    return points[:-1], points[1:]
 
 
 def _turn_to_marks(staged: StagedPath, sky: SkyRows, dx: Floats, dy: Floats) -> None:

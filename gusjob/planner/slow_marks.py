@@ -11,7 +11,7 @@ from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.display import display_units
 from gusjob.ir.modal import modal_state
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
-from gusjob.kinematics.arrays import Floats
+from gusjob.kinematics.arrays import Floats, picked, rows_of
 from gusjob.kinematics.trapezoids import peak_velocity
 from gusjob.planner.plan import Plan
 from gusjob.planner.quantize import direction_scale
@@ -34,17 +34,18 @@ def slow_mark_diagnostics(plan: Plan) -> list[Diagnostic]:
 
 
 def _speeds(plan: Plan) -> PlannedSpeeds:
-    row = plan.origin[plan.timed]
+    rows = rows_of(plan.timed)
+    row = plan.origin[rows]
     start = np.concatenate([[0.0], plan.vel_end])[: len(row)]
     start[at_rest_before(plan)] = 0.0
-    scale = _per_pulse_of_x(plan)
-    length, vel, acc = plan.segments.length / scale, plan.vel / scale, plan.acc / scale
-    start, end = start / scale, plan.vel_end / scale
+    length, vel, acc, end = plan.segments.length, plan.vel, plan.acc, plan.vel_end
+    if (scale := _per_pulse_of_x(plan)) is not None:
+        length, vel, acc, start, end = (values / scale for values in (length, vel, acc, start, end))
     return PlannedSpeeds(
         row=row,
-        op=plan.path.op[plan.timed],
+        op=plan.path.op[rows],
         length=length,
-        asked=plan.path.vel[plan.timed],
+        asked=picked(plan.path.vel, rows),
         vel=vel,
         acc=acc,
         start=start,
@@ -54,9 +55,11 @@ def _speeds(plan: Plan) -> PlannedSpeeds:
     )
 
 
-def _per_pulse_of_x(plan: Plan) -> Floats | float:
-    """Pulses along each timed row for a pulse of X, by its direction; 1 where the job is in pulses."""
+def _per_pulse_of_x(plan: Plan) -> Floats | None:
+    """Pulses along each timed row for a pulse of X, by its direction; None where that is 1 everywhere."""
     if plan.machine.equal_axes or plan.job.in_pulses:
-        return 1.0
+        return None
     segments = plan.segments
-    return direction_scale(segments.start_x, segments.start_y, segments.arc_at, plan.machine.pulses_per_mm)
+    return direction_scale(
+        *segments.start_direction(np.arange(len(plan.timed))), segments.arc_at, plan.machine.pulses_per_mm
+    )

@@ -18,7 +18,7 @@ from gusjob.diagnostics.model import Collector, Diagnostic, Rule
 from gusjob.ir.display import display_units
 from gusjob.ir.intent import RunKind
 from gusjob.ir.setup import LookAhead
-from gusjob.kinematics.arrays import Bools, Floats
+from gusjob.kinematics.arrays import Bools, Floats, blocks
 from gusjob.kinematics.schedule import starts_at_rest
 from gusjob.kinematics.trapezoids import corner_velocity, look_ahead
 from gusjob.planner.plan import PlannedPath, QuantizedPath, StagedPath, next_phase
@@ -36,28 +36,42 @@ def velocities(quantized: QuantizedPath) -> PlannedPath:
     ahead, forced = np.isfinite(jump), np.isfinite(forced_end)
     smooth = quantized.sky.smooth_of(quantized.timed)
     vel = path_velocity(quantized, jump)
-    corner = corner_velocity(
-        segments.turns,
-        np.where(ahead, jump, 0.0)[:-1],
-        segments.corner_spacing,
-        quantized.machine.max_acceleration_pulse_per_ms2,
-    )
-    corner = np.where(smooth[:-1], np.inf, corner)
-    limit = np.zeros(n)
-    limit[:-1] = np.where((ahead | smooth)[:-1], np.minimum(np.minimum(vel[:-1], vel[1:]), corner), 0.0)
+    limit = _corner_limit(quantized, jump, vel)
     limit[:-1][breaks[1:] | dwell[:-1] | dwell[1:]] = 0.0
-    limit = np.where(forced, np.minimum(forced_end, vel), limit)
+    if forced.any():
+        limit = np.where(forced, np.minimum(forced_end, vel), limit)
     vel_end = limit
     if ahead.any() or forced.any() or smooth.any():
-        acc = np.where(dwell, 1.0, quantized.acc)
-        vel_end = np.minimum(look_ahead(segments.length, acc, limit, breaks), limit)
+        acc = np.where(dwell, 1.0, quantized.acc) if dwell.any() else quantized.acc
+        vel_end = look_ahead(segments.length, acc, limit, breaks)
+        np.minimum(vel_end, limit, out=vel_end)
     diagnostics = _end_diagnostics(quantized, jump, vel, vel_end, np.append(breaks[1:], True)) if forced.any() else []
     return next_phase(
         PlannedPath,
         replace(quantized, vel=vel),
-        vel_end=np.where(forced, forced_end, vel_end),
+        vel_end=np.where(forced, forced_end, vel_end) if forced.any() else vel_end,
         diagnostics=tuple(diagnostics),
     )
+
+
+def _corner_limit(quantized: QuantizedPath, jump: Floats, vel: Floats) -> Floats:
+    """Compute the highest velocity at the end of each timed row by its corner and the velocities there, (m,) pulse/ms.
+
+    Args:
+        jump: Result of corner_jump, (m,).
+        vel: Result of path_velocity, (m,) pulse/ms.
+    """
+    segments, smooth = quantized.segments, quantized.sky.smooth_of(quantized.timed)
+    limit = np.zeros(len(vel))
+    turns, spacing = segments.turns, segments.corner_spacing
+    for part in blocks(len(turns)):
+        after = slice(part.start + 1, part.stop + 1)
+        ahead = np.isfinite(jump[part])
+        fastest = quantized.machine.max_acceleration_pulse_per_ms2
+        corner = corner_velocity(turns[part], np.where(ahead, jump[part], 0.0), spacing[part], fastest)
+        corner = np.where(smooth[part], np.inf, corner)
+        limit[part] = np.where(ahead | smooth[part], np.minimum(np.minimum(vel[part], vel[after]), corner), 0.0)
+    return limit
 
 
 def path_velocity(quantized: QuantizedPath, jump: Floats) -> Floats:
@@ -69,10 +83,11 @@ def path_velocity(quantized: QuantizedPath, jump: Floats) -> Floats:
     Returns:
         Velocities, (m,) pulse/ms.
     """
-    vel = np.where(quantized.is_dwell, 0.0, quantized.vel)
-    segments = quantized.segments
+    dwell, segments = quantized.is_dwell, quantized.segments
+    vel = np.where(dwell, 0.0, quantized.vel) if dwell.any() else quantized.vel
     if not len(segments.arc_at):
         return vel
+    vel = vel.copy()
     # On an arc v^2/r stays within the machine's acceleration. Marks and runs of sky writing have their speed already.
     at = segments.arc_at
     fastest = np.minimum(vel[at], np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * segments.arcs.radius))
@@ -89,10 +104,14 @@ def at_rest_before(staged: StagedPath) -> Bools:
 
 def corner_jump(staged: StagedPath) -> Floats:
     """Largest change of the velocity vector after each segment, (m,) pulse/ms; NaN where LOOKAHEAD is OFF."""
-    jump = np.full(len(staged.timed), _jump(LookAhead(corner=(math.nan, math.nan)), staged.machine))
-    for setup in staged.job.setups:
-        if isinstance(setup.statement, LookAhead):
-            jump[staged.origin[staged.timed] >= setup.row] = _jump(setup.statement, staged.machine)
+    jump = np.broadcast_to(_jump(LookAhead(corner=(math.nan, math.nan)), staged.machine), len(staged.timed))
+    written = [setup for setup in staged.job.setups if isinstance(setup.statement, LookAhead)]
+    if not written:
+        return jump
+    jump, row = jump.copy(), staged.origin[staged.timed]
+    for setup in written:
+        assert isinstance(setup.statement, LookAhead)
+        jump[row >= setup.row] = _jump(setup.statement, staged.machine)
     return jump
 
 

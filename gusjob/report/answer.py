@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, assert_never
 
@@ -12,7 +12,7 @@ import numpy as np
 from gusjob.config.machine import DEFAULT_NAME
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.i18n.phrases import Phrase, all_of, plural, printable
-from gusjob.kinematics.arrays import Bools, Floats, median
+from gusjob.kinematics.arrays import Bools, Floats, median, where_true
 from gusjob.report.quantities import duration, energy, length, percent, power_time, rated, short
 from gusjob.report.rows import Report
 from gusjob.simulate.kinds import SegmentKind
@@ -252,21 +252,22 @@ def _per_mm(value: float, entry: dict[str, Any]) -> str:
 def _slowest(report: Report) -> Iterator[Finding]:
     """The slowest segment of a mark, if it is slower than usual."""
     columns = report.columns
-    at = np.flatnonzero((columns["kind"] == SegmentKind.MARK) & (columns["length_mm"] > 0))
-    if not len(at):
-        return
+    at = where_true((columns["kind"] == SegmentKind.MARK) & (columns["length_mm"] > 0))
     velocity, length_mm = columns["vel_mean_mm_s"][at], columns["length_mm"][at]
+    if not len(velocity):
+        return
     usual, slow = _weighted_median(velocity, length_mm), int(np.argmin(velocity))
     if velocity[slow] < _SLOW * usual:
         text = Phrase(
             "{value} mm/s on average, typical {typical} mm/s", value=short(float(velocity[slow])), typical=short(usual)
         )
-        yield _of_segment(report, Phrase("slowest"), text, int(at[slow]))
+        yield _of_segment(report, Phrase("slowest"), text, slow if isinstance(at, slice) else int(at[slow]))
 
 
 def _weighted_median(values: Floats, weights: Floats) -> float:
     order = np.argsort(values, kind="stable")
-    upto = np.cumsum(weights[order])
+    upto = weights[order]
+    np.cumsum(upto, out=upto)
     return float(values[order[np.searchsorted(upto, upto[-1] / 2)]])
 
 
@@ -286,10 +287,12 @@ def _limited(report: Report) -> Iterator[Finding]:
 
 def _in_jumps(report: Report) -> Iterator[Finding]:
     """Emission that a delay carries into jumps."""
-    jumps = report.columns["kind"] == SegmentKind.JUMP
-    emission = np.zeros(len(report))
+    jumps = np.flatnonzero(report.columns["kind"] == SegmentKind.JUMP)
+    if not len(jumps):
+        return
+    emission = np.zeros(len(jumps))
     for number in _numbers_of(report.totals["channels"]):
-        emission += np.where(jumps, report.columns[f"ch{number}_emission_ms"], 0.0)
+        emission += report.columns[f"ch{number}_emission_ms"][jumps]
     longest = int(np.argmax(emission))
     if emission[longest] > 0:
         text = Phrase(
@@ -297,7 +300,7 @@ def _in_jumps(report: Report) -> Iterator[Finding]:
             time=duration(float(emission.sum())),
             longest=duration(float(emission[longest])),
         )
-        yield _of_segment(report, Phrase("in jumps"), text, longest)
+        yield _of_segment(report, Phrase("in jumps"), text, int(jumps[longest]))
 
 
 def _worst_ends(report: Report) -> Iterator[Finding]:
@@ -322,7 +325,7 @@ def _of_segment(report: Report, name: str, text: str, at: int) -> Finding:
     return Finding(name=name, text=text, segment=at, **_place(report, report.columns, at))
 
 
-def _place(report: Report, table: dict[str, Any], at: int) -> dict[str, Any]:
+def _place(report: Report, table: Mapping[str, Any], at: int) -> dict[str, Any]:
     """Line and file of a row."""
     number = int(table["file"][at]) if "file" in table else 0
     return {"line": int(table["line"][at]), "file": report.notes["files"][number] if number else ""}

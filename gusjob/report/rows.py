@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,12 +13,13 @@ import numpy.typing as npt
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, all_of, figure, localized
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, picked, where_true
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.events import LaserState
 from gusjob.simulate.kinds import SegmentKind
 from gusjob.simulate.lengths import mm_per_pulse, segment_mm
 from gusjob.simulate.quality.marks import marking_totals, marks_of
+from gusjob.tables.columns import ComputedColumns
 
 if TYPE_CHECKING:
     from gusjob.pipeline import Simulated
@@ -65,7 +67,7 @@ class Report:
         job: Name of the job.
         period_us: Tick of the controller.
         totals: As in the JSON.
-        columns: One value per segment, by name; `kind` holds SegmentKind numbers.
+        columns: One value per segment, by name, computed when it is read; `kind` holds SegmentKind numbers.
         notes: Further facts: machine, scanner, readings, files, overrides.
         marks: Columns of mark quality, one value per mark; None if it was not computed.
     """
@@ -73,7 +75,7 @@ class Report:
     job: str
     period_us: float
     totals: dict[str, Any]
-    columns: dict[str, npt.NDArray[Any]]
+    columns: Mapping[str, npt.NDArray[Any]]
     notes: dict[str, Any]
     marks: dict[str, npt.NDArray[Any]] | None = None
 
@@ -129,13 +131,18 @@ def make_report(
         profile: The machine profile that was read; None: the documented defaults.
         overrides: The values of LETs that the job was run with.
     """
-    schedule = trace.schedule
-    columns = _motion_columns(trace, machine)
+    schedule, stages = trace.schedule, trace.schedule.stage
+    computed = _motion_columns(trace, machine)
+    for channel in trace.channels:
+        computed.update(_channel_columns(channel, stages, machine))
+    if files:
+        computed["line"] = lambda: own_lines(trace.line, files)[0]
+        computed["file"] = lambda: own_lines(trace.line, files)[1]
+    columns = ComputedColumns(computed)
     length_mm, kind = columns["length_mm"], columns["kind"]
     totals: list[dict[str, Any]] = []
     for channel in trace.channels:
-        columns.update(_channel_columns(channel, schedule.stage, machine))
-        totals += _channel_totals(channel, schedule.stage, machine)
+        totals += _channel_totals(channel, stages, machine)
     notes: dict[str, Any] = {"readings": [{"line": a, "channel": b, "value": c} for a, b, c in trace.readings]}
     notes["machine"] = {"name": machine.name or None, "profile": None if profile is None else _shown(profile)}
     scanner = machine.scanner
@@ -144,9 +151,8 @@ def make_report(
         marking = scanner is not None or len(length_mm) <= MARKED_SEGMENTS
     marks = marks_of(trace, machine) if marking else None
     if files:
-        for table in (columns, marks):
-            if table:
-                table["line"], table["file"] = own_lines(table["line"], files)
+        if marks:
+            marks["line"], marks["file"] = own_lines(marks["line"], files)
         notes["files"] = [name for name, _ in files]
     if overrides:
         notes["overrides"] = dict(overrides)
@@ -157,7 +163,11 @@ def make_report(
             "segments": len(length_mm),
             "stages": len(schedule.stage_first) - 1,
             "duration_ms": float(schedule.times_ms[-1]),
-            **{f"{of.word}_mm": float(length_mm[kind == of].sum()) for of in SegmentKind if of != SegmentKind.DWELL},
+            **{
+                f"{of.word}_mm": float(length_mm[where_true(kind == of)].sum())
+                for of in SegmentKind
+                if of != SegmentKind.DWELL
+            },
             "channels": totals,
             "marking": None if marks is None else marking_totals(trace, marks) if marks else [],
         },
@@ -175,26 +185,38 @@ def _shown(path: Path) -> str:
         return str(path)
 
 
-def _motion_columns(trace: Trace, machine: Machine) -> dict[str, npt.NDArray[Any]]:
+_Computed = dict[str, Callable[[], npt.NDArray[Any]]]
+
+
+def _motion_columns(trace: Trace, machine: Machine) -> _Computed:
     """Return the columns of motion."""
     schedule, segments = trace.schedule, trace.segments
     px, py = machine.pulses_per_mm
-    length_mm = segment_mm(segments, machine)
-    duration = schedule.duration_ms
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(duration > 0, length_mm / duration * 1e3, 0.0)
-    scale = mm_per_pulse(segments, machine)
-    vel_max = np.where(schedule.dwell, 0.0, np.maximum(schedule.profile.peak, schedule.profile.start)) * scale * 1e3
+    stage_number = np.arange(1, len(schedule.stage_first), dtype=np.int32)
+
+    def vel_mean() -> Floats:
+        mean = np.zeros(len(trace))
+        np.divide(segment_mm(segments, machine), schedule.duration_ms, out=mean, where=schedule.duration_ms > 0)
+        mean *= 1e3
+        return mean
+
+    def vel_max() -> Floats:
+        highest = np.maximum(schedule.profile.peak, schedule.profile.start)
+        highest[schedule.dwell] = 0.0
+        highest *= mm_per_pulse(segments, machine)
+        highest *= 1e3
+        return highest
+
     return {
-        "line": trace.line,
-        "kind": trace.kind,
-        "stage": (schedule.stage + 1).astype(np.int32),
-        "x_mm": segments.x1 / px,
-        "y_mm": segments.y1 / py,
-        "length_mm": length_mm,
-        "start_ms": schedule.times_ms[:-1],
-        "duration_ms": duration,
-        "vel_mean_mm_s": mean,
+        "line": lambda: trace.line,
+        "kind": lambda: trace.kind,
+        "stage": lambda: picked(stage_number, schedule.stage),
+        "x_mm": lambda: segments.x1 / px,
+        "y_mm": lambda: segments.y1 / py,
+        "length_mm": lambda: segment_mm(segments, machine),
+        "start_ms": lambda: schedule.times_ms[:-1],
+        "duration_ms": lambda: schedule.duration_ms,
+        "vel_mean_mm_s": vel_mean,
         "vel_max_mm_s": vel_max,
     }
 
@@ -210,36 +232,39 @@ def own_lines(
     return line - bases[file], file
 
 
-def _channel_columns(channel: ChannelTrace, stages: Indices, machine: Machine) -> dict[str, npt.NDArray[Any]]:
+def _channel_columns(channel: ChannelTrace, stages: Indices, machine: Machine) -> _Computed:
+    """Return the columns of a channel."""
     emitted, name = channel.emitted, f"ch{channel.channel}_"
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = emitted.power_ms / emitted.emission_ms
-    # Rounding in the division must not move a mean out of the range.
-    mean = np.clip(mean, emitted.power_min, emitted.power_max)
+
+    def mean() -> Floats:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values: Floats = emitted.power_ms / emitted.emission_ms
+        # Rounding in the division must not move a mean out of the range.
+        return np.clip(values, emitted.power_min, emitted.power_max, out=values)
+
     return {
-        f"{name}emission_ms": emitted.emission_ms,
-        f"{name}power_min": emitted.power_min,
+        f"{name}emission_ms": lambda: emitted.emission_ms,
+        f"{name}power_min": lambda: emitted.power_min,
         f"{name}power_mean": mean,
-        f"{name}power_max": emitted.power_max,
-        f"{name}power_ms": emitted.power_ms,
-        f"{name}joules": emitted.power_ms * channel.watts_per_unit(stages, machine) / 1e3,
-        f"{name}clamped_ms": emitted.clamped_ms,
-        **({f"{name}unit": channel.unit_at(stages)} if len(channel.units) > 1 else {}),
+        f"{name}power_max": lambda: emitted.power_max,
+        f"{name}power_ms": lambda: emitted.power_ms,
+        f"{name}joules": lambda: channel.joules(stages, machine),
+        f"{name}clamped_ms": lambda: emitted.clamped_ms,
+        **({f"{name}unit": lambda: channel.unit_at(stages)} if len(channel.units) > 1 else {}),
     }
 
 
 def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) -> list[dict[str, Any]]:
     """Return one entry per power unit: a job that changes from duty to analog has two for that channel."""
-    emitted = channel.emitted
-    unit_of = channel.unit_at(stages)
-    watts_per_unit = channel.watts_per_unit(stages, machine)
-    joules, power_w = emitted.power_ms * watts_per_unit / 1e3, emitted.power_max * watts_per_unit
+    emitted, unit_of = channel.emitted, channel.unit_at(stages)
+    watts_per_unit, joules = channel.watts_per_unit(stages, machine), channel.joules(stages, machine)
     entries = []
     for number, unit in enumerate(channel.units):
-        of_unit = unit_of == number
+        of_unit = where_true(unit_of == number)
         last = next((s for s in reversed(channel.lasers) if s.power_mode.unit == unit), channel.laser_at_end)
         emission = emitted.emission_ms[of_unit]
-        power_max = emitted.power_max[of_unit][emission > 0]
+        emits = where_true(emission > 0)
+        power_max = emitted.power_max[of_unit][emits]
         known = not np.isnan(_first_value(joules[of_unit]))
         entries.append(
             {
@@ -248,7 +273,9 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
                 "emission_ms": float(emission.sum()),
                 "power_ms": float(emitted.power_ms[of_unit].sum()),
                 "power_max": float(power_max.max()) if len(power_max) else None,
-                "power_max_w": float(power_w[of_unit][emission > 0].max()) if known and len(power_max) else None,
+                "power_max_w": float((power_max * watts_per_unit[of_unit][emits]).max())
+                if known and len(power_max)
+                else None,
                 "joules": float(joules[of_unit].sum()) if known else None,
                 "clamped_ms": float(emitted.clamped_ms[of_unit].sum()),
                 "before_motion_power_ms": channel.before_motion_power_ms if number == 0 else 0.0,

@@ -10,7 +10,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase
-from gusjob.kinematics.arrays import Bools, Floats
+from gusjob.kinematics.arrays import Bools, Floats, blocks
 from gusjob.kinematics.schedule import Schedule, starts_at_rest
 from gusjob.simulate.events import Events, MotionEvents
 from gusjob.simulate.motion import Motion
@@ -45,9 +45,12 @@ def segment_reporter(path: str, motion: MotionEvents) -> SegmentReporter:
 
 def misses_end(motion: MotionEvents, schedule: Schedule) -> Bools:
     """Find the segments that do not reach the end velocity that their calls ask for, (m,)."""
-    end, given = schedule.profile.end, np.where(motion.dwell, 0.0, motion.vel_end)
-    off = np.abs(end - given) > 1e-6 * (np.minimum(given, motion.vel) + end) + 1e-12
-    return np.asarray(~motion.dwell & off)
+    found = np.empty(len(motion), dtype=np.bool_)
+    for part in blocks(len(motion)):
+        end, given, moves = schedule.profile.end[part], motion.vel_end[part], ~motion.dwell[part]
+        slack = 1e-6 * (np.minimum(given, motion.vel[part]) + end) + 1e-12
+        found[part] = moves & (np.abs(end - given) > slack)
+    return found
 
 
 def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
@@ -57,8 +60,7 @@ def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
     if not len(motion):
         return []
     breaks = starts_at_rest(schedule.dwell, schedule.stage_first)
-    given = np.where(motion.dwell, 0.0, motion.vel_end)
-    end, start = profile.end, profile.start
+    end, start, given = profile.end, profile.start, motion.vel_end
     moves = ~motion.dwell
     reporter.add(rules.END_VELOCITY_NOT_REACHED, misses_end(motion, schedule), value=end, wanted=given)
     reporter.add(rules.START_TOO_FAST, moves & (start > motion.vel * (1 + 1e-9)), value=start, velocity=motion.vel)

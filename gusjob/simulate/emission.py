@@ -154,8 +154,10 @@ def _commanded(changes: _SwitchChanges, channel: ChannelEvents, schedule: Schedu
     last = np.where(stops, np.append(ends[1:], 0), behind)[opens]
     start = np.minimum(begins[opens], last)
     count = len(times)
-    depth = np.cumsum(np.bincount(start, minlength=count) - np.bincount(last, minlength=count))
-    return np.asarray(depth[:-1] > 0)
+    depth = np.zeros(count, dtype=np.int32)
+    np.add.at(depth, start, 1)
+    np.subtract.at(depth, last, 1)
+    return np.asarray(np.cumsum(depth, out=depth)[:-1] > 0)
 
 
 def _changes(channel: ChannelEvents, events: Events, schedule: Schedule) -> tuple[_SwitchChanges, _ImmediateSwitches]:

@@ -123,7 +123,7 @@ class MotionEvents:
     dwell: Bools
     dwell_ms: Floats
     line: npt.NDArray[np.int32]
-    call: Indices
+    call: npt.NDArray[np.int32]
     run_kind: npt.NDArray[np.int8] | None = None
     even_time_ms: Floats | None = None
 

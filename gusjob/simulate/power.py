@@ -356,10 +356,13 @@ class _SegmentTotals:
 
         self.time[at] += joined(np.add, parts.time)
         self.energy[at] += joined(np.add, parts.energy)
-        self.clamped[at] += joined(np.add, parts.clamped)
+        # What is 0 everywhere takes no memory.
+        if parts.clamped.any():
+            self.clamped[at] += joined(np.add, parts.clamped)
         self.lowest[at] = np.minimum(self.lowest[at], joined(np.minimum, parts.lowest))
         self.highest[at] = np.maximum(self.highest[at], joined(np.maximum, parts.highest))
-        self.unpowered[at] |= joined(np.logical_or, parts.unpowered)
+        if parts.unpowered.any():
+            self.unpowered[at] |= joined(np.logical_or, parts.unpowered)
 
     def result(self) -> SegmentEmission:
         """Return the emission of each segment."""

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gusjob.config.machine import Duty2Switch, Machine
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, picked
 from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.units import US_PER_MS
@@ -45,14 +45,23 @@ class ChannelTrace:
     def unit_at(self, stages: Indices) -> npt.NDArray[np.uint8]:
         """Index among `units` of the unit in stages."""
         table = [self.units.index(state.power_mode.unit) for state in self.lasers] or [0]
-        return np.array(table, dtype=np.uint8)[stages]
+        return picked(np.array(table, dtype=np.uint8), stages)
 
     def watts_per_unit(self, stages: Indices, machine: Machine) -> Floats:
         """Watts per unit of power in segments of these stages; NaN where the rated power is unknown."""
         laser = machine.laser(self.channel)
         per_stage = [laser.watts_per_unit(state.power_mode, state.pulse_width_us) for state in self.lasers]
         table = np.array([np.nan if w is None else w for w in per_stage] or [np.nan])
-        return table[stages] if len(stages) else np.empty(0)
+        return picked(table, stages) if len(stages) else np.empty(0)
+
+    def joules(self, stages: Indices, machine: Machine) -> Floats:
+        """Energy of each segment; NaN where the rated power is unknown. `stages`: the stage of each, (m,)."""
+        watts_per_unit = self.watts_per_unit(stages, machine)
+        if np.isnan(watts_per_unit).all():
+            return np.broadcast_to(np.nan, len(stages))
+        joules = self.emitted.power_ms * watts_per_unit
+        joules /= 1e3
+        return joules
 
     @property
     def first_emitting(self) -> int | None:
@@ -77,7 +86,7 @@ class Trace:
     name: str
     period_us: float
     line: npt.NDArray[np.int32]
-    call: Indices
+    call: npt.NDArray[np.int32]
     stage_line: npt.NDArray[np.int32]
     motion: Motion
     beam: Beam

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,26 @@ class CategoryColumn:
     def texts(self) -> npt.NDArray[np.str_]:
         """The entries as text, (n,)."""
         return np.asarray(np.array(self.categories)[self.codes])
+
+
+class ComputedColumns(Mapping[str, npt.NDArray[Any]]):
+    """A table whose columns are computed when they are first read: the others take no memory."""
+
+    def __init__(self, computed: Mapping[str, Callable[[], npt.NDArray[Any]]]) -> None:
+        """Make a table of columns by name, each as the function that computes it."""
+        self._computed = dict(computed)
+        self._columns: dict[str, npt.NDArray[Any]] = {}
+
+    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        if name not in self._columns:
+            self._columns[name] = self._computed[name]()
+        return self._columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._computed)
+
+    def __len__(self) -> int:
+        return len(self._computed)
 
 
 Column = npt.NDArray[Any] | CategoryColumn

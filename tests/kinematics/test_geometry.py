@@ -61,5 +61,6 @@ def test_extent_holds_every_point_and_no_more(seed: int) -> None:
 def test_a_segment_of_no_length_has_the_direction_before_it() -> None:
     found = segments(a(0, 10, 10), a(0, 0, 0), a(10, 10, 10), a(0, 0, 10), np.empty(0, dtype=np.intp), NO_ARCS)
     assert found.length.tolist() == [10, 0, 10]
-    assert (found.start_x[1], found.start_y[1]) == (1, 0)
-    assert (found.start_x[2], found.start_y[2]) == (0, 1)
+    x, y = found.start_direction(np.arange(3))
+    assert (x[1], y[1]) == (1, 0)
+    assert (x[2], y[2]) == (0, 1)

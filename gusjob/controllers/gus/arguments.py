@@ -25,7 +25,7 @@ from gusjob.controllers.gus.ranges import FOLLOW, POWER, Membership, PowerMode, 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase, number
-from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.kinematics.arrays import Bools, Indices, blocks
 
 EXECUTION_ERROR, PARAMETER_ERROR = 1, 7
 """Return codes (sister series)."""
@@ -128,11 +128,11 @@ class ArgumentChecker:
 
     def _check(self, rows: Indices, at: Indices, signature: Signature, arg: Arg, allowed: Range, bad: Bools) -> None:
         """Check one argument of the rows at `at`; mark bad rows."""
+        if all(self._fits(rows[at[part]], arg, allowed) for part in blocks(len(at))):
+            return
         values = self.calls.column(arg.column)[rows[at]]
         verdict = allowed.classify(values)
         whole = allowed.carries(values) if allowed.whole else np.isfinite(values)
-        if not verdict.any() and whole.all():
-            return
         wrong = (verdict == Membership.OUTSIDE) | ~whole
         fresh = np.flatnonzero(wrong & ~bad[at])
         self._report(
@@ -144,6 +144,11 @@ class ArgumentChecker:
         ends = np.flatnonzero((verdict == Membership.ON_TOLERATED_END) & whole)
         what = {"what": f"{signature.name} {arg.name}", "unit": allowed.unit, "range": str(allowed)}
         self._report(rules.ON_EXCLUDED_END, rows[at[ends]], lambda i: {**what, "value": float(values[ends[i]])})
+
+    def _fits(self, rows: Indices, arg: Arg, allowed: Range) -> bool:
+        """Whether one argument of some rows is within its range, and no number that the call does not carry."""
+        values = self.calls.column(arg.column)[rows]
+        return bool(not allowed.classify(values).any() and allowed.carries(values).all())
 
     def _report(self, rule: Rule, rows: Indices, fields: Callable[[int], dict[str, object]]) -> None:
         """Report each row, with the fields for the i-th."""

@@ -58,7 +58,7 @@ class RunCalls:
     def is_piece(self, row: Indices) -> Bools:
         """Return which rows run exactly as they are."""
         if not len(self.made_from):
-            return np.zeros(len(row), dtype=np.bool_)
+            return np.broadcast_to(np.False_, len(row))
         return np.asarray((row >= self.sent) & self.made_piece[np.maximum(row - self.sent, 0)])
 
     def with_made(self, made: BufferedCalls, made_from: Indices, made_piece: Bools) -> RunCalls:
@@ -109,6 +109,8 @@ class StageRun:
     @property
     def rows(self) -> Indices:
         """Buffered rows in order."""
+        if len(self.parts) == 1:
+            return self.parts[0]
         return np.concatenate(self.parts) if self.parts else np.empty(0, dtype=np.intp)
 
 

@@ -36,7 +36,7 @@ from gusjob.controllers.gus.stops import stop_stage
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Rule, Span
 from gusjob.i18n.phrases import Phrase
-from gusjob.kinematics.arrays import Indices, distinct
+from gusjob.kinematics.arrays import Indices, distinct, picked
 from gusjob.simulate.events import ImmediateAction, LaserState
 
 _DUTY, _FREQUENCY, _ANALOG = Phrase("the duty modes"), Phrase("frequency mode"), Phrase("analog mode")
@@ -113,12 +113,13 @@ class _CallExecutor:
         checker = ArgumentChecker(calls=calls, modes=modes, collector=self.collector)
         rows = checker.accepted(np.arange(first, last))
         self.check_sources(rows)
-        keys = calls.crd[rows].astype(np.int64) * 2 + calls.fifo[rows]
-        lasers = calls.kind[rows] >= Buffered.ON
-        self.named.update(distinct(calls.channel[rows][lasers]).tolist())
-        for key in distinct(keys).tolist():
+        keys = picked(calls.crd, rows) * 2 + picked(calls.fifo, rows)
+        lasers = rows[calls.kind[rows] >= Buffered.ON]
+        self.named.update(distinct(calls.channel[lasers]).tolist())
+        is_one = bool((keys == keys[:1]).all())
+        for key in distinct(keys[:1] if is_one else keys).tolist():
             crd, fifo = key // 2, key % 2
-            part = rows[keys == key] if len(distinct(keys)) > 1 else rows
+            part = rows if is_one else rows[keys == key]
             if self.running is not None and self.running.crd == crd and self.running.stop is None:
                 if self.running.fifo != fifo:
                     runs = self.running.fifo

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, before, rows_of
 from gusjob.kinematics.geometry import Segments, arcs_by_either, segments
 
 _ROUNDING_PULSE = 1e-6
@@ -27,14 +27,12 @@ def call_segments(
         start: Where the first one starts, pulse.
         origin: The origin of each one's coordinate system on the machine, x and y, (m,) pulse; None: all at 0.
     """
-    x1, y1 = calls.x[row], calls.y[row]
-    if origin is not None:
-        x1, y1 = x1 + origin[0], y1 + origin[1]
-    if dwell.any():
-        at = np.maximum.accumulate(np.where(dwell, -1, np.arange(len(row))))
-        x1, y1 = np.where(at >= 0, x1[at], start[0]), np.where(at >= 0, y1[at], start[1])
-    x0, y0 = np.concatenate([[start[0]], x1[:-1]]), np.concatenate([[start[1]], y1[:-1]])
-    kind = calls.kind[row]
+    place = rows_of(row)
+    (x0, x1), (y0, y1) = (
+        _ends(values, place, dwell, begin, None if origin is None else origin[axis])
+        for axis, (values, begin) in enumerate(((calls.x, start[0]), (calls.y, start[1])))
+    )
+    kind = calls.kind[place]
     at = np.flatnonzero((kind == Buffered.ARC_CENTRE) | (kind == Buffered.ARC_RADIUS))
     # After a stop an origin need not be whole: a circle ends where it starts but for rounding.
     near = np.hypot(x1[at] - x0[at], y1[at] - y0[at]) < _ROUNDING_PULSE
@@ -43,3 +41,16 @@ def call_segments(
     p, q, by_radius = calls.p[row], calls.q[row], kind[at] == Buffered.ARC_RADIUS
     arcs = arcs_by_either(ends, x0[at] + p, y0[at] + q, p, calls.r[row] == 1, by_radius)
     return segments(x0, y0, x1, y1, at, arcs)
+
+
+def _ends(
+    values: Floats, rows: Indices | slice, dwell: Bools, start: float, origin: Floats | None
+) -> tuple[Floats, Floats]:
+    """Return where consecutive motions and dwells start and end on an axis. Arguments as those of call_segments."""
+    if origin is None and not dwell.any():
+        return before(values, rows, start), values[rows]
+    ends = values[rows] if origin is None else values[rows] + origin
+    if dwell.any():
+        at = np.maximum.accumulate(np.where(dwell, -1, np.arange(len(ends))))
+        ends = np.where(at >= 0, ends[at], start)
+    return before(ends, slice(0, len(ends)), start), ends

@@ -29,7 +29,7 @@ from gusjob.ir.setup import (
     Setup,
     SwitchNow,
 )
-from gusjob.kinematics.arrays import Floats
+from gusjob.kinematics.arrays import Floats, rows_of
 from gusjob.planner.plan import Plan
 
 _BUFFERED = {
@@ -147,15 +147,20 @@ def _mode_calls(mode: LaserMode, channel: float) -> list[tuple[str, tuple[Value,
 def _buffered(plan: Plan, crd: int, fifo: int) -> BufferedCalls:
     """The buffered calls, one a row of the path (M 四.2)."""
     path, segments, timed = plan.path, plan.segments, plan.timed
-    n = len(path)
+    n, rows = len(path), rows_of(timed)
+    moves = path.op[rows] < Op.DWELL
 
     def spread(values: Floats) -> Floats:
         # From timed rows to all rows.
         if len(timed) == n:
             return values
         column = np.zeros(n)
-        column[timed] = values
+        column[rows] = values
         return column
+
+    def moving(values: Floats) -> Floats:
+        # 0 in a dwell.
+        return spread(values if moves.all() else np.where(moves, values, 0.0))
 
     kind = _KIND_OF_OP[path.op]
     p, q, r = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -172,6 +177,7 @@ def _buffered(plan: Plan, crd: int, fifo: int) -> BufferedCalls:
         lost = path.is_arc
         lost[arcs] = False
         kind[lost] = Buffered.LINE
+    no_channel = np.broadcast_to(np.int16(0), n)
     for op, columns in (
         (Op.POWER, ((p, path.power),)),
         (Op.DWELL, ((p, path.dwell_ms),)),
@@ -180,19 +186,18 @@ def _buffered(plan: Plan, crd: int, fifo: int) -> BufferedCalls:
         at = np.flatnonzero(path.op == op)
         for target, values in columns:
             target[at] = values[at]
-    moves = path.moves[timed]
     return BufferedCalls(
         kind=kind,
         line=path.line,
-        crd=np.full(n, crd, dtype=np.int16),
-        fifo=np.full(n, fifo, dtype=np.int16),
-        channel=np.where(path.takes_time, np.int16(0), path.channel),
-        x=spread(np.where(moves, segments.x1, 0.0)),
-        y=spread(np.where(moves, segments.y1, 0.0)),
+        crd=np.broadcast_to(np.int16(crd), n),
+        fifo=np.broadcast_to(np.int16(fifo), n),
+        channel=np.where(path.takes_time, np.int16(0), path.channel) if path.channel.any() else no_channel,
+        x=moving(segments.x1),
+        y=moving(segments.y1),
         p=p,
         q=q,
         r=r,
-        vel=spread(np.where(moves, plan.vel, 0.0)),
-        acc=spread(np.where(moves, plan.acc, 0.0)),
-        vel_end=spread(np.where(moves, plan.vel_end, 0.0)),
+        vel=moving(plan.vel),
+        acc=moving(plan.acc),
+        vel_end=moving(plan.vel_end),
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from gusjob.controllers.gus.executor import execute
 from gusjob.controllers.gus.motions import limited_motions
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.kinematics.schedule import stage_numbers
 from gusjob.simulate import Trace, simulate
 from gusjob.simulate.events import ChannelEvents, Events, LaserSwitchEvents, MotionEvents, PowerEvents, StageEvents
 
@@ -60,21 +62,13 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
     Returns:
         The events, and diagnostics of the calls that the controller refuses or treats in an unexpected way.
     """
-    calls, stages = execution.run.calls, execution.stages
-    per_stage = [stage.rows for stage in stages]
-    rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
-    stage_of_row = np.repeat(np.arange(len(stages)), [len(r) for r in per_stage])
-    takes_time = calls.kind[rows] <= Buffered.DELAY
-    timed = np.flatnonzero(takes_time)
-    stage_first = np.searchsorted(stage_of_row[timed], np.arange(len(stages) + 1))
-    # For each row, how many motions and dwells run before it.
-    segment_of_row: Indices = np.cumsum(takes_time) - takes_time
-    motion, diagnostics = _motion(stream, execution, rows[timed], stage_of_row[timed])
+    stages, run = execution.stages, _RunRows.of(execution)
+    motion, diagnostics = _motion(stream, execution, run)
     channels = tuple(
         ChannelEvents(
             channel=channel,
-            switch=_switch(stream, calls, rows, stage_of_row, segment_of_row, channel),
-            power=_power(calls, rows, stage_of_row, segment_of_row, channel),
+            switch=_switch(stream, run, channel),
+            power=_power(run, channel),
             laser_at_end=execution.lasers[channel],
         )
         for channel in execution.channels
@@ -93,7 +87,7 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
             )
             for stage in stages
         ),
-        stage_first=stage_first,
+        stage_first=run.stage_first,
         motion=motion,
         channels=channels,
         at_end=execution.at_end,
@@ -101,51 +95,83 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
     return events, [*execution.diagnostics, *diagnostics]
 
 
-def _motion(
-    stream: Stream, execution: Execution, row: Indices, stage: Indices
-) -> tuple[MotionEvents, list[Diagnostic]]:
-    """Make the motions and dwells that run, from their rows and stages, (m,)."""
-    made = limited_motions(execution.run, row, stage, [s.settings for s in execution.stages])
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _RunRows:
+    """The rows of the buffered calls that run, in order, (n,): those of all stages.
+
+    `untimed` (k,): numbers of those that take no time. `row_first`, `stage_first` (s+1,): number of each stage's first
+    row, and of its first motion or dwell; the count of all.
+    """
+
+    calls: BufferedCalls
+    rows: Indices
+    untimed: Indices
+    row_first: Indices
+    stage_first: Indices
+
+    @classmethod
+    def of(cls, execution: Execution) -> _RunRows:
+        """Put the rows of all stages behind each other."""
+        calls, per_stage = execution.run.calls, [stage.rows for stage in execution.stages]
+        rows = per_stage[0] if len(per_stage) == 1 else np.concatenate([np.empty(0, dtype=np.intp), *per_stage])
+        untimed = np.flatnonzero(calls.kind[rows] > Buffered.DELAY)
+        row_first = np.cumsum([0, *map(len, per_stage)])
+        stage_first = row_first - np.searchsorted(untimed, row_first)
+        return cls(calls=calls, rows=rows, untimed=untimed, row_first=row_first, stage_first=stage_first)
+
+    def timed(self) -> Indices:
+        """The rows that are motions and dwells, (m,)."""
+        return np.delete(self.rows, self.untimed) if len(self.untimed) else self.rows
+
+    def of_kinds(self, kinds: Iterable[Buffered], channel: int) -> Indices:
+        """Numbers of the rows of a channel that are of some kinds, none of which takes time."""
+        row = self.rows[self.untimed]
+        found: Indices = self.untimed[np.isin(self.calls.kind[row], [*kinds]) & (self.calls.channel[row] == channel)]
+        return found
+
+    def stage_of(self, numbers: Indices) -> Indices:
+        """Stage of some rows."""
+        return np.searchsorted(self.row_first, numbers, side="right") - 1
+
+    def segment_of(self, numbers: Indices) -> Indices:
+        """Number of motions and dwells that run before some rows."""
+        return numbers - np.searchsorted(self.untimed, numbers)
+
+
+def _motion(stream: Stream, execution: Execution, run: _RunRows) -> tuple[MotionEvents, list[Diagnostic]]:
+    """Make the motions and dwells that run, (m,)."""
+    row, settings = run.timed(), [stage.settings for stage in execution.stages]
+    made = limited_motions(execution.run, row, stage_numbers(run.stage_first), settings)
     motion = made.events
     if stream.intent is not None:
         motion = replace(motion, run_kind=stream.intent.run[row])
     return motion, limit_diagnostics(stream.name, motion, made.too_fast, made.too_strong)
 
 
-def _switch(
-    stream: Stream,
-    calls: BufferedCalls,
-    rows: Indices,
-    stage_of_row: Indices,
-    segment_of_row: Indices,
-    channel: int,
-) -> LaserSwitchEvents:
-    kind = calls.kind[rows]
-    mine = np.flatnonzero(((kind == Buffered.ON) | (kind == Buffered.OFF)) & (calls.channel[rows] == channel))
-    segment, on = segment_of_row[mine], kind[mine] == Buffered.ON
+def _switch(stream: Stream, run: _RunRows, channel: int) -> LaserSwitchEvents:
+    calls, mine = run.calls, run.of_kinds((Buffered.ON, Buffered.OFF), channel)
+    segment, on = run.segment_of(mine), calls.kind[run.rows[mine]] == Buffered.ON
     mark_segment = segment
     if stream.intent is not None:
         # The planner names the motion that starts at the mark's start, or the one that ends at its end.
         number = np.zeros(len(calls), dtype=np.intp)
-        number[rows] = segment_of_row
-        named = stream.intent.mark_end[rows[mine]]
+        number[run.rows] = run.segment_of(np.arange(len(run.rows)))
+        named = stream.intent.mark_end[run.rows[mine]]
         mark_segment = np.where(named >= 0, number[named] + ~on, segment)
-    return LaserSwitchEvents(stage=stage_of_row[mine], segment=segment, on=on, mark_segment=mark_segment)
+    return LaserSwitchEvents(stage=run.stage_of(mine), segment=segment, on=on, mark_segment=mark_segment)
 
 
-def _power(
-    calls: BufferedCalls, rows: Indices, stage_of_row: Indices, segment_of_row: Indices, channel: int
-) -> PowerEvents:
-    mine = np.flatnonzero(np.isin(calls.kind[rows], POWER_KINDS) & (calls.channel[rows] == channel))
-    mine = mine[_changes_power(calls.kind[rows[mine]])]
-    row = rows[mine]
+def _power(run: _RunRows, channel: int) -> PowerEvents:
+    calls, mine = run.calls, run.of_kinds(POWER_KINDS, channel)
+    mine = mine[_changes_power(calls.kind[run.rows[mine]])]
+    row = run.rows[mine]
     kind = calls.kind[row]
     follow = np.isin(kind, FOLLOW_KINDS)
     # What power is in force after the end of a follow is not documented: none that a call has set.
     direct = np.where(kind == Buffered.FOLLOW_OFF, np.nan, calls.p[row])
     return PowerEvents(
-        stage=stage_of_row[mine],
-        segment=segment_of_row[mine],
+        stage=run.stage_of(mine),
+        segment=run.segment_of(mine),
         low=np.where(follow, calls.q[row], direct),
         ratio=np.where(follow, calls.p[row], 0.0),
         high=np.where(follow, calls.r[row], np.inf),

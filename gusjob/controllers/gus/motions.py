@@ -10,7 +10,7 @@ import numpy as np
 from gusjob.controllers.gus.calls import Buffered
 from gusjob.controllers.gus.execution import CrdSettings, RunCalls
 from gusjob.controllers.gus.geometry import call_segments
-from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of
 from gusjob.simulate.events import MotionEvents
 
 
@@ -39,27 +39,33 @@ def limited_motions(
         settings: Of the coordinate system of each stage.
         start: Where the first one starts, pulse on the machine.
     """
-    calls, free = run.calls, run.is_piece(row)
-    dwell = calls.kind[row] == Buffered.DELAY
+    calls, at, free = run.calls, rows_of(row), run.is_piece(row)
+    dwell = calls.kind[at] == Buffered.DELAY
+    if not dwell.any():
+        dwell = np.broadcast_to(np.False_, len(row))
     settings = settings or [CrdSettings()]
-    vel_max = np.array([s.vel_max_pulse_per_ms for s in settings])[stage]
-    acc_max = np.array([s.acc_max_pulse_per_ms2 for s in settings])[stage]
+    vel, vel_max = calls.vel[at], picked(np.array([s.vel_max_pulse_per_ms for s in settings]), stage)
+    acc, acc_max = calls.acc[at], picked(np.array([s.acc_max_pulse_per_ms2 for s in settings]), stage)
     even_time = np.array([s.even_time_ms for s in settings])
     origin = np.array([s.origin_pulse for s in settings])
-    acc = np.minimum(calls.acc[row], acc_max)
     events = MotionEvents(
         segments=call_segments(calls, row, dwell, start, tuple(origin[stage].T) if origin.any() else None),
-        vel=np.where(dwell, 1.0, np.minimum(calls.vel[row], vel_max)),
-        acc=np.where(free, calls.acc[row], acc),
+        vel=_replaced(_replaced(vel, vel > vel_max, vel_max), dwell, 1.0),
+        acc=_replaced(acc, ~free & (acc > acc_max), acc_max),
         even_time_ms=np.where(free, 0.0, even_time[stage]) if even_time.any() else None,
-        vel_end=np.where(dwell, 0.0, calls.vel_end[row]),
+        vel_end=_replaced(calls.vel_end[at], dwell, 0.0),
         dwell=dwell,
-        dwell_ms=calls.p[row],
-        line=calls.line[row],
-        call=run.source(row),
+        dwell_ms=calls.p[at],
+        line=calls.line[at],
+        call=run.source(row).astype(np.int32),
     )
     return LimitedMotions(
         events=events,
-        too_fast=~dwell & (calls.vel[row] > vel_max * (1 + 1e-9)),
-        too_strong=~dwell & ~free & (calls.acc[row] > acc_max * (1 + 1e-9)),
+        too_fast=~dwell & (vel > vel_max * (1 + 1e-9)),
+        too_strong=~dwell & ~free & (acc > acc_max * (1 + 1e-9)),
     )
+
+
+def _replaced(values: Floats, where: Bools, other: Floats | float) -> Floats:
+    """Replace values; where there are none to be replaced, nothing is copied."""
+    return np.where(where, other, values) if where.any() else values

@@ -78,7 +78,7 @@ class Range:
         inside = (v > self.low if self.low_open else v >= self.low) & (
             v < self.high if self.high_open else v <= self.high
         )
-        membership = np.where(inside, Membership.INSIDE, Membership.OUTSIDE).astype(np.int8)
+        membership = np.where(inside, np.int8(Membership.INSIDE), np.int8(Membership.OUTSIDE))
         if self.ends_tolerated:
             on_end = ~inside & ((v == self.low) | (v == self.high))
             membership[on_end] = Membership.ON_TOLERATED_END
@@ -98,7 +98,7 @@ class Range:
         import numpy as np
 
         v = np.asarray(value, dtype=np.float64)
-        return np.isfinite(v) & ((v == np.floor(v)) | (not self.whole))
+        return np.isfinite(v) & (v == np.floor(v)) if self.whole else np.isfinite(v)
 
     def __str__(self) -> str:
         left, right = "(" if self.low_open else "[", ")" if self.high_open else "]"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
@@ -62,7 +62,7 @@ class JobText:
     @property
     def is_plain(self) -> bool:
         """Whether there is nothing to expand: its rows are the job's."""
-        return Column.NODE not in self.rows.columns and not (self.rows.op == RowOp.FRAME).any()
+        return not self.rows.has(Column.NODE) and not (self.rows.op == RowOp.FRAME).any()
 
 
 def more_diagnostics(text: JobText) -> Diagnostic:
@@ -76,7 +76,7 @@ def read_job_text(source: Source) -> JobText:
     reader = _JobReader()
     hidden = report_hidden(source.data, source.name)
     rows = scan(source.data, semicolon_comments=True, learn=reader.learn, parse_line=reader.parse_line)
-    return JobText(
+    text = JobText(
         source=source,
         rows=rows,
         setups=tuple(reader.setups),
@@ -87,6 +87,7 @@ def read_job_text(source: Source) -> JobText:
         unclear_lines=reader.unclear_lines,
         has_lower_case=reader.has_lower_case,
     )
+    return replace(text, rows=rows.thinned()) if text.is_plain else text
 
 
 @dataclass(slots=True)

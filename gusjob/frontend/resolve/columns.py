@@ -54,7 +54,8 @@ _SETTLED = (
 def settled_rows(rows: Rows) -> Rows:
     """Rows without float noise in their numbers."""
     columns = {column: settled(v) if column in _SETTLED else v for column, v in rows.columns.items()}
-    return replace(rows, columns=columns)
+    few = {c: replace(v, values=settled(v.values)) if c in _SETTLED else v for c, v in rows.few.items()}
+    return replace(rows, columns=columns, few=few)
 
 
 def last_set(is_set: Bools) -> Ints:
@@ -115,7 +116,7 @@ class ResolvedColumns:
 
     def has(self, column: Column) -> bool:
         """Whether some row has a column."""
-        return column in self.rows.columns
+        return self.rows.has(column)
 
     def raw(self, column: Column) -> Floats:
         """A column as it was written; NaN where absent."""
@@ -200,18 +201,18 @@ class ResolvedColumns:
         in_force = filled(modal, 0.0) if is_modal.any() else np.zeros(len(self.op))
         return np.where(np.isnan(own), in_force, own) if self.has(Column.CHANNEL) else in_force
 
-    def follow_ratio(self) -> tuple[Floats, Bools]:
-        """Follow ratio per pulse/ms, as written or the one that reaches MAX at AT; and whether it depends on mm."""
-        if not self.has(Column.RATIO) and not self.has(Column.AT):
-            return self.raw(Column.RATIO), np.broadcast_to(np.False_, len(self.op))
-        given, pulses = self.raw(Column.RATIO), self.units_pulse()
-        in_mm = np.broadcast_to(np.True_, len(given)) if pulses is None else ~pulses
+    def follow_ratio(self, rows: Indices) -> tuple[Floats, Bools]:
+        """Follow ratio per pulse/ms at some rows, as written or the one that reaches MAX at AT; whether it is of mm."""
+        given, pulses = self.raw(Column.RATIO)[rows], self.units_pulse()
+        in_mm = np.ones(len(rows), dtype=np.bool_) if pulses is None else ~pulses[rows]
         ratio = settled(np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given))
         if not self.has(Column.AT):
             return ratio, in_mm
-        at, at_in_mm = self.rate(Column.AT, acceleration=False)
+        at, at_in_mm = self.rate_at(Column.AT, rows, acceleration=False)
+        in_x = velocity_pulse_per_ms(self.machine.max_velocity_mm_s, self.machine.pulses_per_mm[0])
+        at = settled(at, in_x)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio_to_max = settled((self.raw(Column.HIGH) - self.raw(Column.LOW)) / at)
+            ratio_to_max = settled((self.raw(Column.HIGH)[rows] - self.raw(Column.LOW)[rows]) / at)
         by_velocity = ~np.isnan(at)
         return np.where(by_velocity, ratio_to_max, ratio), np.where(by_velocity, at_in_mm, in_mm)
 

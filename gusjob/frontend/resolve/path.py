@@ -45,7 +45,7 @@ class ResolvedPath:
 
     Attributes:
         path: The path.
-        count: For each row of the job how many statements of the path there are up to it, (n,).
+        in_path: Rows of the job that are statements of the path, (n,).
         first_row: Where arcs became lines: the path's row at which each of its statements begins.
         bad_arcs: Arcs that are none, of those that became lines.
         unknown_before: State before each row of the job, bits of ir.effects, (n,).
@@ -53,15 +53,16 @@ class ResolvedPath:
     """
 
     path: Path
-    count: Indices
+    in_path: Bools
     first_row: Indices | None
     bad_arcs: tuple[BadArc, ...]
     unknown_before: States
     unknown: States
 
-    def path_row(self, rows: Indices | int) -> Any:
+    def path_row(self, rows: Indices) -> Indices:
         """How many rows of the path there are up to rows of the job."""
-        return self.count[rows] if self.first_row is None else self.first_row[self.count[rows]]
+        count: Indices = np.cumsum(self.in_path, dtype=np.intp)[rows]
+        return count if self.first_row is None else self.first_row[count]
 
 
 def resolve_path(columns: ResolvedColumns, frames: Frames | None, setups: tuple[Statement, ...]) -> ResolvedPath:
@@ -77,9 +78,9 @@ def resolve_path(columns: ResolvedColumns, frames: Frames | None, setups: tuple[
     unknown = _without_unit(columns, unknown_states(columns, setups, x, y))
     path = _path(columns, frames, x, y, unknown)
     if frames is None or columns.machine.equal_axes:
-        return ResolvedPath(path, np.cumsum(keep), None, (), unknown[0], unknown[1])
+        return ResolvedPath(path, keep, None, (), unknown[0], unknown[1])
     path, first_row, bad_arcs = _with_chords(columns, path, frames)
-    return ResolvedPath(path, np.cumsum(keep), first_row, bad_arcs, unknown[0], unknown[1])
+    return ResolvedPath(path, keep, first_row, bad_arcs, unknown[0], unknown[1])
 
 
 def _without_unit(columns: ResolvedColumns, unknown: tuple[States, States]) -> tuple[States, States]:
@@ -104,10 +105,11 @@ def _path(
             return np.broadcast_to(column[0], count)
         return column[keep]
 
-    def of_op(row_op: RowOp) -> Floats:
-        """VALUE of the rows of one kind."""
-        is_op = op == row_op
-        return cut(np.where(is_op, columns.raw(Column.VALUE), np.nan) if is_op.any() else nothing)
+    def at_rows(rows: Indices, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        # A column that few rows use is 0 elsewhere: the system gives it memory only where it is written.
+        column = np.zeros(count, dtype=values.dtype)
+        column[rows - keep.start if isinstance(keep, slice) else (np.cumsum(keep) - 1)[rows]] = values
+        return column if len(rows) else np.broadcast_to(np.asarray(np.nan, values.dtype), count)
 
     nothing = np.broadcast_to(np.nan, len(op))
     never = np.broadcast_to(np.False_, len(op))
@@ -116,7 +118,10 @@ def _path(
     cx, cy, radius = _centres(columns, frames, x, y) if has_arcs else (nothing, nothing, nothing)
     velocity, acceleration = velocity_and_acceleration(columns)
     end, end_in_mm = columns.rate(Column.END, acceleration=False)
-    ratio, follow_in_mm = columns.follow_ratio()
+    dwells, powers = np.flatnonzero(op == RowOp.DWELL), np.flatnonzero((op == RowOp.POWER) | (op == RowOp.FOLLOW))
+    value = columns.raw(Column.VALUE)
+    power = np.where(op[powers] == RowOp.POWER, value[powers], np.nan)
+    ratio, follow_in_mm = columns.follow_ratio(powers)
     is_ccw = (op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if has_arcs else never
     return Path(
         op=cut(PATH_OP[op]),
@@ -137,12 +142,12 @@ def _path(
         vel_in_mm=cut(velocity.in_mm if unequal else never),
         acc_in_mm=cut(acceleration.in_mm if unequal else never),
         end_in_mm=cut(end_in_mm if unequal else never),
-        dwell_ms=of_op(RowOp.DWELL),
-        power=of_op(RowOp.POWER),
-        low=cut(columns.raw(Column.LOW)),
-        high=cut(columns.raw(Column.HIGH)),
-        ratio=cut(ratio),
-        follow_in_mm=cut(follow_in_mm if unequal else never),
+        dwell_ms=at_rows(dwells, value[dwells]),
+        power=at_rows(powers, power),
+        low=at_rows(powers, columns.raw(Column.LOW)[powers]),
+        high=at_rows(powers, columns.raw(Column.HIGH)[powers]),
+        ratio=at_rows(powers, ratio),
+        follow_in_mm=at_rows(powers, follow_in_mm) if unequal else cut(never),
         power_unit=cut(columns.power_unit(Column.VALUE)),
         low_unit=cut(columns.power_unit(Column.LOW)),
         high_unit=cut(columns.power_unit(Column.HIGH)),

@@ -40,15 +40,15 @@ def resolve_setups(
     """All setup statements of a job, in its order. `statements`: those that SETUP rows point to."""
     channel, pulses = np.clip(np.nan_to_num(columns.channel()), 0, 1), columns.units_pulse()
     index, provenance = columns.raw(Column.VALUE), columns.provenance()
-    found = []
-    for order, row in enumerate(np.flatnonzero(columns.op == RowOp.SETUP).tolist()):
+    found, rows = [], np.flatnonzero(columns.op == RowOp.SETUP)
+    for order, (row, path_row) in enumerate(zip(rows.tolist(), path.path_row(rows).tolist(), strict=True)):
         statement = statements[int(index[row])]
         in_pulse = pulses is not None and bool(pulses[row])
         found.append(
             Setup(
                 statement=_canonical(statement, in_pulse, columns.machine.pulses_per_mm),
                 order=order,
-                row=int(path.path_row(row)),
+                row=path_row,
                 line=int(columns.rows.line[row]),
                 channel=int(channel[row]),
                 word=_shown_name(statement),

@@ -115,6 +115,18 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FewValues:
+    """A column that few rows have: these rows, ascending, and their values, (k,)."""
+
+    rows: Indices
+    values: Floats
+
+
+_FEW = 8
+"""A column that at most one of so many rows has is kept as FewValues."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
     """Rows in file order.
 
@@ -123,17 +135,39 @@ class Rows:
         line: Source line from 1, (n,).
         system: Two bits for each column: the unit system its number was written in, (n,).
         columns: Numbers by column, each (n,), NaN where absent. A column that no row uses is absent.
+        few: Further columns, which few rows have, by column.
     """
 
     op: npt.NDArray[np.uint8]
     line: npt.NDArray[np.int32]
     system: npt.NDArray[np.int32]
     columns: dict[int, Floats]
+    few: dict[int, FewValues] = field(default_factory=dict)
 
     def column(self, number: int) -> Floats:
         """A column; all NaN (and without memory) if no row has it."""
-        found = self.columns.get(number)
-        return np.broadcast_to(np.float64(np.nan), len(self.op)) if found is None else found
+        if number in self.few:
+            found = np.full(len(self.op), np.nan)
+            found[self.few[number].rows] = self.few[number].values
+            return found
+        return self.columns.get(number, np.broadcast_to(np.float64(np.nan), len(self.op)))
+
+    def has(self, number: int) -> bool:
+        """Whether some row has a column."""
+        return number in self.columns or number in self.few
+
+    def thinned(self) -> Rows:
+        """The same rows with columns that few rows have as FewValues, which take less memory."""
+        columns, few = dict[int, Floats](), dict[int, FewValues]()
+        for number, column in self.columns.items():
+            is_given = ~np.isnan(column)
+            if np.count_nonzero(is_given) * _FEW <= len(column):
+                rows = np.flatnonzero(is_given)
+                few[number] = FewValues(rows=rows, values=column[rows])
+            else:
+                columns[number] = column
+        system = self.system if self.system.any() else np.broadcast_to(np.int32(0), len(self.op))
+        return Rows(op=self.op, line=self.line, system=system, columns=columns, few=few)
 
     def pick(self, where: npt.NDArray[Any] | slice) -> Rows:
         """The rows at a mask, at indices or in a slice."""

@@ -121,8 +121,8 @@ def _cosines(quantized: QuantizedPath, at: Indices) -> Floats:
     """Cosine of the angle, on the part, by which the path turns after timed rows."""
     px, py = quantized.machine.pulses_per_mm
     segments = quantized.segments
-    out_x, out_y = segments.end_x[at] / px, segments.end_y[at] / py
-    in_x, in_y = segments.start_x[at + 1] / px, segments.start_y[at + 1] / py
+    (out_x, out_y), (in_x, in_y) = segments.end_direction(at), segments.start_direction(at + 1)
+    out_x, out_y, in_x, in_y = out_x / px, out_y / py, in_x / px, in_y / py
     return np.asarray((out_x * in_x + out_y * in_y) / (np.hypot(out_x, out_y) * np.hypot(in_x, in_y)))
 
 
@@ -133,8 +133,9 @@ def _slowed_on_chords(quantized: QuantizedPath, vel: Floats, is_chord: Bools) ->
     """
     segments = quantized.segments
     spacing, radius = segments.corner_spacing, np.full(len(vel), np.inf)
-    turns = is_chord[1:] & (spacing > 0) & (segments.turns > 1e-12)
-    radius[1:][turns] = spacing[turns] / segments.turns[turns]
+    changes = segments.turns
+    turns = is_chord[1:] & (spacing > 0) & (changes > 1e-12)
+    radius[1:][turns] = spacing[turns] / changes[turns]
     fastest = np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * radius)
     begins = np.flatnonzero(~is_chord)
     share = np.minimum.reduceat(np.minimum(fastest / np.maximum(vel, 1e-12), 1.0), begins)

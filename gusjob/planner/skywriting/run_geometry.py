@@ -41,7 +41,7 @@ def runs_of(segments: Segments, at: Indices, length_pulse: Floats, *, ahead: boo
     """
     from_x, from_y = (segments.x1[at], segments.y1[at]) if ahead else (segments.x0[at], segments.y0[at])
     direction = 1.0 if ahead else -1.0
-    dx, dy = (segments.end_x[at], segments.end_y[at]) if ahead else (segments.start_x[at], segments.start_y[at])
+    dx, dy = segments.end_direction(at) if ahead else segments.start_direction(at)
     x, y = _straight(from_x, from_y, direction * dx, direction * dy, length_pulse)
     far_x, far_y, leaves = x, y, np.zeros(len(at), dtype=np.bool_)
     on_arc, arcs = segments.arcs_among(at)

@@ -169,8 +169,8 @@ def _report_slow(planned: PlannedPath, schedule: Schedule, events: PlannedEvents
         mark = events.mark
         reached, full = schedule.profile.end[mark - before], planned.vel[mark]
         slow = of_kind & (reached < full * (1 - _AT_SPEED))
-        x, y = (segments.start_x, segments.start_y) if op is Op.ON else (segments.end_x, segments.end_y)
-        per_pulse = np.hypot(x[mark] / px, y[mark] / py) * US_PER_MS if shown.speed == "mm/s" else np.ones(len(mark))
+        x, y = segments.start_direction(mark) if op is Op.ON else segments.end_direction(mark)
+        per_pulse = np.hypot(x / px, y / py) * US_PER_MS if shown.speed == "mm/s" else np.ones(len(mark))
         columns = {"value": reached * per_pulse, "velocity": full * per_pulse}
         _report(planned, collector, rules.SKY_NOT_AT_SPEED, events, slow, what=what, speed=shown.speed, **columns)
 

@@ -174,8 +174,9 @@ def _kicks(motion: Motion, lag: float) -> tuple[Floats, Floats]:
     acc, bend = np.where(schedule.dwell, 0.0, profile.acc), np.zeros(len(motion))
     bend[segments.arc_at] = np.sign(segments.arcs.sweep) / np.maximum(segments.arcs.radius, 1e-9)
     begin, end = np.where(schedule.dwell, 0.0, profile.start), np.where(schedule.dwell, 0.0, profile.end)
-    out = _law(end, bend, segments.end_x, segments.end_y)
-    come = _law(begin, bend, segments.start_x, segments.start_y)
+    every = np.arange(len(motion))
+    out = _law(end, bend, *segments.end_direction(every))
+    come = _law(begin, bend, *segments.start_direction(every))
     change = np.zeros(len(begin) + 1)
     for after, before, scale in zip(come, out, (lag, lag, lag**2, lag**2), strict=True):
         change += scale * np.abs(np.append(after, 0.0) - np.concatenate([[0.0], before]))

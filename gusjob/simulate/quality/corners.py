@@ -33,8 +33,8 @@ def corners_of(trace: Trace, machine: Machine) -> Corners:
     schedule, segments = trace.schedule, trace.segments
     moves = np.flatnonzero(segments.length > 0)
     before, after = moves[:-1], moves[1:]
-    out_x, out_y = unit_mm(segments.end_x[before], segments.end_y[before], machine)
-    in_x, in_y = unit_mm(segments.start_x[after], segments.start_y[after], machine)
+    out_x, out_y = unit_mm(*segments.end_direction(before), machine)
+    in_x, in_y = unit_mm(*segments.start_direction(after), machine)
     px, py = machine.pulses_per_mm
     shift_pulse = np.hypot(1 / px, 1 / py) * max(px, py)  # Of one end of a segment against the other.
     rounding = shift_pulse / segments.length[before] + shift_pulse / segments.length[after]

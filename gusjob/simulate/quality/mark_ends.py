@@ -86,9 +86,9 @@ def _points(
         x, y = np.zeros(1), np.zeros(1)
     along = np.zeros((2, len(at)))
     comes = before >= begins
-    leaves = ~comes & (after < len(segments.start_x))
-    along[:, comes] = unit_mm(segments.end_x[before[comes]], segments.end_y[before[comes]], machine)
-    along[:, leaves] = unit_mm(segments.start_x[after[leaves]], segments.start_y[after[leaves]], machine)
+    leaves = ~comes & (after < len(segments.length))
+    along[:, comes] = unit_mm(*segments.end_direction(before[comes]), machine)
+    along[:, leaves] = unit_mm(*segments.start_direction(after[leaves]), machine)
     return MarkPoints(x=x[at], y=y[at], along_x=along[0], along_y=along[1])
 
 

@@ -65,7 +65,7 @@ class Page:
     """
 
     facts: dict[str, Any]
-    tables: dict[str, dict[str, npt.NDArray[Any]]]
+    tables: Mapping[str, Mapping[str, npt.NDArray[Any]]]
     diagnostics: list[dict[str, Any]]
     marking: list[dict[str, Any]] | None
     watched: str = ""

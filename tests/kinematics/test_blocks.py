@@ -1,0 +1,38 @@
+"""What is computed a block of rows at a time, or without copies, is what the whole columns give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gusjob.frontend.source import Source
+from gusjob.kinematics import arrays
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_repeated_values(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrays, "BLOCK_ROWS", 7)
+    rng = np.random.default_rng(seed)
+    for _ in range(100):
+        values = rng.integers(0, rng.integers(1, 60), rng.integers(0, 40)).astype(np.uint64)
+        assert arrays.repeated(values).tolist() == [i for i, v in enumerate(values) if (values == v).sum() > 1]
+
+
+def test_values_before_rows() -> None:
+    column = np.array([0.0, 5.0, 7.0, 9.0])
+    shared = arrays.before(column, slice(1, 4), 0.0)
+    assert shared.tolist() == [0, 5, 7]
+    assert np.shares_memory(shared, column)
+    assert arrays.before(column, slice(1, 4), 2.0).tolist() == [2, 5, 7]
+    assert arrays.before(column, slice(0, 2), 0.0).tolist() == [0, 0]
+    assert arrays.before(column, np.array([1, 3]), 4.0).tolist() == [4, 5]
+    assert len(arrays.before(column, slice(0, 0), 0.0)) == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lines_of_a_text_of_several_blocks(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    parts = ["\n", "\r\n", "ab", "é", "x" * 20_000, "y" * 16_384]
+    source = Source(name="x", data="".join(rng.choice(parts, 60).tolist()).encode())
+    lines = [""] + [line.decode().rstrip("\r") for line in source.data.split(b"\n")] + [""]
+    assert [source.line(number) for number in range(len(lines))] == lines
