@@ -14,7 +14,7 @@ from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ChannelForecast:
     """One laser in one unit of power.
 
@@ -40,7 +40,7 @@ class ChannelForecast:
         return float(self.emission_ms[number:].sum()), float(power.max()), float(watts.max())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Forecast:
     """What a run of n rows will do.
 

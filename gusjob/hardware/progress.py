@@ -73,7 +73,7 @@ class Progress:
         return int(number) if number.isdecimal() else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ProgressMeter:
     """Computes the progress from the status of a run. `timed_before` (n+1,): number of timed calls before each row."""
 

@@ -17,7 +17,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import CLOSES_MM, Arcs, Ends, arcs_by_either
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class DrawnArcs:
     """Arcs as the circles that were written, (k,) each: in mm, or in pulses where the axes differ and these were used.
 

@@ -19,7 +19,7 @@ class RunKind(IntEnum):
     RUN_OUT = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Intent:
     """Purpose of each buffered call of a job with sky writing, (n,) each; it is not sent to a controller.
 

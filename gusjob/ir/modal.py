@@ -36,7 +36,7 @@ class ModeSpan:
     last: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Switches:
     """Everything that switches the laser of a channel, (k,) each, ascending: instant, on or off, line."""
 
@@ -69,7 +69,7 @@ class Switches:
         return np.where(last >= 0, self.on[last], False) if len(self) else np.zeros(len(instants), dtype=np.bool_)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class LaserCommand:
     """Commanded state of a channel's laser along the path.
 

@@ -32,7 +32,7 @@ class Op(IntEnum):
         return ("LINE", "JUMP", "ARC", "ARC", "DWELL", "LASER POWER", "LASER FOLLOW", "LASER ON", "LASER OFF")[self]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Path:
     """The path, one row a statement: all columns (n,), NaN (0 for whole numbers) where a row does not use one.
 
@@ -130,7 +130,7 @@ class Path:
 SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Speeds:
     """Every velocity and acceleration that was written, used or not, (k,) each.
 

@@ -22,7 +22,7 @@ _MARK, _PART = Phrase("this mark"), Phrase("this part of the mark")
 _EDGES = Phrase("between its corners this mark")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PlannedSpeeds:
     """Motions and dwells with their velocities, (m,) each; lengths and velocities in pulses of X.
 
@@ -43,7 +43,7 @@ class PlannedSpeeds:
     is_sky: Bools
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ShortMarks:
     """Parts of marks that are too short for their velocity, (q,).
 

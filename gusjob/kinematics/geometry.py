@@ -31,7 +31,7 @@ def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:
     return np.where(back, -sine, sine) + 0.0, np.where(back, -cosine, cosine) + 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Arcs:
     """Circle arcs, (n,) each: centre, radius, angle at the start, signed sweep (> 0 counter-clockwise)."""
 
@@ -131,7 +131,7 @@ def arcs_by_either(ends: Ends, cx: Floats, cy: Floats, radius: Floats, ccw: Bool
     return Arcs(**{f.name: np.where(by_radius, getattr(first, f.name), getattr(second, f.name)) for f in fields(Arcs)})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Segments:
     """Lines and arcs that follow each other, (n,) each.
 
@@ -260,7 +260,7 @@ class Segments:
         return x, y
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Unrounded:
     """Directions before rounding: of each segment as a line from its start to its end, (n,), and of the arcs, (k,)."""
 

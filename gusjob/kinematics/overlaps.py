@@ -33,7 +33,7 @@ _GROUP_MM = 1e8
 """More than any span reaches along its carrier."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Overlaps:
     """Overlaps, (k,) each, `later` ascending: the segment in which each begins, an earlier one on the same part, mm."""
 
@@ -42,7 +42,7 @@ class Overlaps:
     length_mm: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _CarrierSpans:
     """Parts of carriers, (n,) each: the carrier, begin and end along it in mm, the first of the segments, how many."""
 

@@ -17,7 +17,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices, running_sum
 from gusjob.kinematics.trapezoids import Trapezoids, even_velocity, reached_ends, trapezoids
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Schedule:
     """Time and velocity of each segment or dwell, (m,); stages follow each other on one time axis.
 

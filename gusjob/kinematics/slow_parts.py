@@ -14,7 +14,7 @@ REACHES = 0.9
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SlowParts:
     """Parts that stay below their velocity, (q,), each with its fastest run from one corner to the next.
 

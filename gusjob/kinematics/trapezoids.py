@@ -27,7 +27,7 @@ _CACHED = 1 << 14
 """Segments whose profiles are computed at a time: they fit in the processor's cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trapezoids:
     """Velocity profile of each segment, (n,): velocities in pulse/ms, `acc` in pulse/ms2, times in ms."""
 

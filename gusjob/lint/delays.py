@@ -76,7 +76,7 @@ def _report_jumps(report: Reporter, delays: DelaysInForce, rows: Indices, force:
         report.rows(rule, rows[at], "", **fields)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class DelaysInForce:
     """Delays of the switch, and with the first pulse killer of emission after it, (k,) each: from an instant on.
 

@@ -61,7 +61,7 @@ def _report_repeated(context: LintContext, report: Reporter, found: RepeatedMark
         report.rows(rules.PARTLY_MARKED_TWICE, found.rows, "", remarks=remarks, length=np.round(found.length_mm, 3))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RepeatedMarks:
     """Marked segments that were marked before with the same power and velocity, (k,) in order.
 
@@ -110,7 +110,7 @@ def _wholly_repeated(path: Path, rows: Indices, dose: npt.NDArray[np.uint64]) ->
     return RepeatedMarks(rows=rows[again], first=rows[first], in_pass=in_pass), once
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _RepeatedShapes:
     """Segments whose shape occurs several times, by shape, (k,) each.
 
@@ -209,7 +209,7 @@ def _in_passes(path: Path, rows: Indices, keys: _SegmentKeys, shapes: _RepeatedS
     return found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _SegmentKeys:
     """Keys of some motions, (k,) each.
 

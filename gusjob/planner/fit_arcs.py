@@ -82,7 +82,7 @@ def lost_arcs(drawn: Arcs, ends: Ends) -> Bools:
     return np.asarray((_chord(ends) <= CLOSE_ENDS_PULSE) & (np.abs(drawn.sweep) <= np.pi))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Forms:
     """Arcs to be sent, (k,): as drawn, their rounded ends, and by how much each misses its unrounded end."""
 

@@ -33,7 +33,7 @@ class Stage:
     setups: tuple[Setup, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class StagedPath:
     """The path of a job, cut into stages.
 
@@ -64,7 +64,7 @@ class StagedPath:
         return np.searchsorted([stage.first for stage in self.stages], self.timed, side="right") - 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class MarkEvents:
     """Rows of the path that take effect at the start or the end of a mark, (g,) each.
 
@@ -83,7 +83,7 @@ class MarkEvents:
         return len(self.row)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SkyRows:
     """Sky-writing facts about the rows of a path.
 
@@ -119,7 +119,7 @@ NO_SKY_WRITING = SkyRows(
 """Of a job without sky writing."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class QuantizedPath(StagedPath):
     """A path in whole pulses; all (m,) for the timed rows.
 
@@ -134,7 +134,7 @@ class QuantizedPath(StagedPath):
     sky: SkyRows
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PlannedPath(QuantizedPath):
     """A path with end velocities: `vel_end` (m,) pulse/ms. `vel` is slower on arcs, and 0 in a dwell."""
 

@@ -44,7 +44,7 @@ class OverrideChange:
     new: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ColumnChange:
     """The changes of one column, (k,) each. `pair`: indices of the matched segments, ascending. Null values are NaN."""
 
@@ -54,7 +54,7 @@ class ColumnChange:
     change_pct: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SegmentComparison:
     """The segments of two reports.
 

@@ -59,7 +59,7 @@ def while_off(output: dict[str, float] | None) -> str:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Report:
     """Rows and totals of a run.
 

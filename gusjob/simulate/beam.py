@@ -87,7 +87,7 @@ def _commanded(motion: Motion, stage: Indices, time: Floats) -> tuple[Floats, Fl
     return np.where(segment < 0, 0.0, x), np.where(segment < 0, 0.0, y)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Polynomials:
     """The command as polynomials of time, and the beam's transients.
 
@@ -181,7 +181,7 @@ def _decayed(transient: Floats, past: Floats) -> Floats:
     return np.asarray(left)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Phases:
     """Acceleration, cruise and deceleration of segments, those of arcs cut further; none is empty. (q,) each.
 

@@ -63,7 +63,7 @@ def _slack(limit: Floats, relative: float) -> Floats:
     return np.asarray(relative * (1 + np.abs(limit)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _TickVelocity:
     """Velocity at the first tick of pieces and its change, (p,): pulse/ms, pulse/ms2."""
 
@@ -71,7 +71,7 @@ class _TickVelocity:
     acc: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Quadratic:
     """Quadratics c0 + c1*k + c2*k^2 of the number k of a tick, (p,)."""
 

@@ -14,7 +14,7 @@ from gusjob.simulate.events import ChannelEvents, Events, ImmediateAction
 from gusjob.simulate.intervals import Intervals
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Emission:
     """Emission intervals of one channel in time order, (k,): stage, start and end on the schedule's time axis, ms.
 
@@ -44,7 +44,7 @@ class Emission:
         return Intervals(stage=self.stage, start_ms=self.start_ms, end_ms=self.end_ms)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _SwitchChanges:
     """Changes of the switch in order, (c,). `time` -inf: on when the stage starts. `event` -1: an immediate action."""
 
@@ -57,7 +57,7 @@ class _SwitchChanges:
         return _SwitchChanges(**{name: getattr(self, name)[at] for name in self.__slots__})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Emitting:
     """Intervals under construction, (k,). `carried`: on before the stage. `has_off`: a change of the switch ends it."""
 

@@ -106,7 +106,7 @@ class StageEvents:
     rest_ms: float = math.nan
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class MotionEvents:
     """Segments and dwells of all stages in order, (m,).
 
@@ -131,7 +131,7 @@ class MotionEvents:
         return len(self.dwell)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class LaserSwitchEvents:
     """Buffered switches of one channel in order, (e,).
 
@@ -145,7 +145,7 @@ class LaserSwitchEvents:
     mark_segment: Indices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PowerEvents:
     """Settings of one channel's power in order, (e,).
 
@@ -170,7 +170,7 @@ class ChannelEvents:
     laser_at_end: LaserState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Events:
     """Everything that a controller does with a stream.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from gusjob.kinematics.arrays import Floats, Indices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Intervals:
     """Intervals of time, (k,): stage number of each, start and end on the schedule's time axis, ms."""
 

@@ -13,7 +13,7 @@ from gusjob.kinematics.trapezoids import distance_run
 from gusjob.simulate.events import Events, MotionEvents
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Motion:
     """The planned motion of all stages.
 

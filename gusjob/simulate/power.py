@@ -28,7 +28,7 @@ _BLOCK_PARTS = 1 << 15
 """Parts that are integrated at once: their columns fit in the processor's cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SegmentEmission:
     """Emission of one channel in each segment, (m,).
 
@@ -44,7 +44,7 @@ class SegmentEmission:
     unpowered: Bools
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Parts:
     """Parts of intervals in order, (p,): the segment of each, start and end in ms, and the interval that it is of.
 
@@ -60,7 +60,7 @@ class _Parts:
         return _Parts(segment=self.segment[at], start=self.start[at], end=self.end[at], which=self.which[at])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Integrals:
     """Integrals over parts of segments, (p,) each."""
 
@@ -323,7 +323,7 @@ def _duration(schedule: Schedule, parts: _Parts) -> Floats:
     return np.where(whole, schedule.duration_ms[segment], end - start)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _SegmentTotals:
     """Integrals summed up by segment, (m,)."""
 

@@ -20,7 +20,7 @@ CLAMPED = 1e-9
 """Relative distance beyond a limit from which a power counts as clamped: less is rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PowerSettings:
     """Power settings of parts of segments, (p,) each: as in PowerEvents, and the limits of the mode in force."""
 
@@ -37,7 +37,7 @@ class PowerSettings:
         return PowerSettings(**{name: getattr(self, name)[at] for name in self.__slots__})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class StageLasers:
     """What the power of a channel depends on in each stage, (s,): limits of the mode, and distance follow.
 
@@ -108,7 +108,7 @@ def _stage_laser(laser: LaserState, x_axis: int, y_axis: int) -> tuple[float, ..
     return laser.low, laser.high, 1.0, actual, per_x, per_y, x, y, constant, *laser.distance_limits
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class BaseLimits:
     """What all limits make of a base power without distance follow, (p,).
 
@@ -121,7 +121,7 @@ class BaseLimits:
     above: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PowerTimeline:
     """All settings of one channel's power, buffered and immediate, in the order in which they act.
 

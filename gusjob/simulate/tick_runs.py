@@ -22,7 +22,7 @@ def ticks_before(time: Floats, period: float) -> Floats:
     return np.asarray(np.ceil(ticks - ON_TICK - ticks * 1e-15))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class TickRuns:
     """Ticks that follow each other within one segment and under one setting, (r,); no run is empty.
 
@@ -71,7 +71,7 @@ class TickRuns:
         return np.where(self.still, 0.0, np.clip(fall, 0.0, self.count - rising))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RunSums:
     """Power at the ticks of runs, (r,): its sum, the lowest and the highest, and that of the last tick.
 

@@ -74,7 +74,7 @@ class ChannelTrace:
         return self.lasers[int(self.power.motion.schedule.stage[segment])]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trace:
     """Result of a simulation. Times in ms, positions in pulse; columns have one entry a segment or dwell, (m,).
 

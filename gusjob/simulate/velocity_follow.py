@@ -16,7 +16,7 @@ from gusjob.simulate.power_settings import BaseLimits, PowerSettings, base_limit
 from gusjob.simulate.tick_runs import RunSums, TickRuns
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Series:
     """Arithmetic series, (r,): lowest value, step > 0, number of values. Where values fall, they count backwards."""
 
@@ -51,7 +51,7 @@ class _Series:
         return np.asarray(low * lowest + inside + (self.count - low - count) * highest)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _BaseSeries:
     """Base power at the ticks of runs: the first phase, the last one, and `level` at `level_count` ticks between."""
 

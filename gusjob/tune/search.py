@@ -84,7 +84,7 @@ def longest_us(machine: Machine, most_us: float) -> int:
     return int(min(_LAGS * lag_us, most_us))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _TargetPoints:
     """The begins or ends of marks: intended points, and the times at which the command reaches them."""
 

@@ -43,7 +43,7 @@ _SAME_MS = 1e-9
 """Times that differ by less are equal but for rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Line:
     """End points of strokes, (n,) each, mm."""
 
@@ -58,7 +58,7 @@ class Line:
         return np.hypot(self.x1 - self.x0, self.y1 - self.y0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class EmissionStrokes:
     """The emission of one channel, per stroke.
 
@@ -84,7 +84,7 @@ class EmissionStrokes:
     joules_per_unit_ms: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Strokes:
     """Strokes in order, (n,) each.
 
@@ -157,7 +157,7 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Cuts:
     """Cuts after each segment's start as (timed call, ms). `exact`: whether they are fine."""
 

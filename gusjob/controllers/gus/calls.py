@@ -383,7 +383,7 @@ def crd_start(crd: int, fifo: int, *, at: int, line: int) -> Call:
     return Call(name="GT_CrdStart", args=(float(1 << (crd - 1)), float(fifo << (crd - 1))), at=at, line=line)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class BufferedCalls:
     """Buffered calls, (n,) each; unused entries are 0.
 
@@ -418,7 +418,7 @@ class BufferedCalls:
         return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ArgumentConversion:
     """Numbers of one argument that do not arrive as they are written, (k,): source line, number, what arrives.
 

@@ -34,7 +34,7 @@ def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
     return min((_before_on(stream, one, found) for one in switches), key=lambda one: one.key)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _ChannelSwitches:
     """The switches of one channel: the rows from which each one acts, ascending, and whether it switches on, (k,)."""
 

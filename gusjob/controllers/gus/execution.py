@@ -28,7 +28,7 @@ class CrdSettings:
     origin_pulse: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RunCalls:
     """The buffered calls that run: those of a stream, then (k,) what became of those in which a stop came.
 
@@ -72,7 +72,7 @@ class RunCalls:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FirstStop:
     """The first stop of a stage: time since its start, deceleration as of stop_stage, and what would run without it."""
 

@@ -95,7 +95,7 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
     return events, [*execution.diagnostics, *diagnostics]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _RunRows:
     """The rows of the buffered calls that run, in order, (n,): those of all stages.
 

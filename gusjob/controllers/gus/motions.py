@@ -14,7 +14,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of
 from gusjob.simulate.events import MotionEvents
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class LimitedMotions:
     """Motions and dwells, (m,), and which of them ask for more than the limits of their coordinate system."""
 

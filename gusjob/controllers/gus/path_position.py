@@ -65,7 +65,7 @@ def _key(position: PathPosition) -> tuple[int, float]:
     return position.key
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class TimedPath:
     """The path of buffered calls.
 

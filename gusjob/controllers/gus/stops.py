@@ -22,7 +22,7 @@ _NOTHING_PULSE = 1e-9
 """A piece no longer than this is none."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class StoppedStage:
     """A stage that a stop ends: its rows, the rows that are left in the FIFO, and the time from its start to rest."""
 
@@ -32,7 +32,7 @@ class StoppedStage:
     end_ms: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Pieces:
     """Pieces of segments on the way to rest, (k,): from and to a length along the segment, pulse, and their motion."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # Start-up time is part of the tool: a plain job has none.
     from gusjob.frontend.expand.override_notes import OverrideNotes
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ExpandedJob:
     """All statements of a job in the order in which they run.
 

@@ -38,7 +38,7 @@ class ExpressionSlot:
     constants: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ComputedStatements:
     """Statements of one shape in a run whose numbers are computed when the run is expanded.
 

@@ -17,7 +17,7 @@ from gusjob.frontend.scan.rows import Rows, groups_of, join_rows
 from gusjob.kinematics.arrays import Floats, Ints, distinct
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class LaneRows:
     """Rows, each with its lane, (n,)."""
 

@@ -25,7 +25,7 @@ _GROUPS_AT_ONCE = 32_768
 """As numbers of Python they need much memory."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Frames:
     """Maps x' = a x + b y + e, y' = c x + d y + f from a frame to the machine, in pulse.
 

@@ -39,7 +39,7 @@ class BadArc:
     fields: dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ResolvedPath:
     """The path, and how it follows from the rows.
 

@@ -16,7 +16,7 @@ from gusjob.ir.path import Speeds
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ModalSpeed:
     """A velocity or acceleration in force at each row, (n,) each.
 

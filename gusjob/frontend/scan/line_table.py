@@ -42,7 +42,7 @@ class Lines:
         return self.text[int(ends[i - 1]) + 1 if i else 0 : int(ends[i])]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class LineTable:
     """The lines of a chunk.
 

@@ -59,7 +59,7 @@ class NumberForm:
     is_negative: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Numerals:
     """Numerals in a text.
 

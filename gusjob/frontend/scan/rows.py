@@ -114,7 +114,7 @@ class Row:
     values: dict[int, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FewValues:
     """A column that few rows have: these rows, ascending, and their values, (k,)."""
 
@@ -126,7 +126,7 @@ _FEW = 8
 """A column that at most one of so many rows has is kept as FewValues."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Rows:
     """Rows in file order.
 

@@ -19,7 +19,7 @@ _SAME_CORNER = 1e-9
 """Rounding of the cosine of a corner."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Marks:
     """The timed rows of a path as sky writing sees them, (m,) each.
 

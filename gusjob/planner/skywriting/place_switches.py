@@ -43,7 +43,7 @@ def place_switches(planned: PlannedPath) -> Plan:
     return _split(planned, schedule, events, points)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SwitchPoints:
     """Where events are on the path. A position is the number of a timed row plus the share of it that has run.
 
@@ -149,7 +149,7 @@ def _reachable(quantized: QuantizedPath, ends: Floats) -> Floats:
     return np.where(np.isfinite(quantized.path.end[quantized.timed]), ends, reached)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SplitMotions:
     """Timed rows split into pieces, (p,): the timed row that each is a piece of."""
 

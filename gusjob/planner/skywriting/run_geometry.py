@@ -15,7 +15,7 @@ _LONGER_PULSE = (0.0, 0.75, 1.5, 2.25, 3.0, 4.0)
 """Additions that are tried until an arc whose ends and centre are rounded is long enough."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Runs:
     """Runs at one end of the marks `at`, (k,) each: along the mark's own line or circle to (x, y), in whole pulses.
 

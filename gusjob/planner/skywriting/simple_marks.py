@@ -35,7 +35,7 @@ class SwitchLeg(IntEnum):
     RUN_OUT = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SwitchPositions:
     """Switch points of one kind, (m,) for the timed rows: SwitchLeg, and the position in whole pulses."""
 
@@ -44,7 +44,7 @@ class SwitchPositions:
     y: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SimpleMarkSwitches:
     """Laser-on and laser-off of one channel for the timed rows, (m,), where they are `known`."""
 

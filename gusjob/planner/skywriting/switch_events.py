@@ -19,7 +19,7 @@ ON, OFF = 1, 2
 """Index of laser-on and laser-off in delays_us; 0 is a power, which has no delay."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PlannedEvents:
     """Rows that act between motions, (e,) in job order, and those of them that are still to be placed, (g,).
 

@@ -57,7 +57,7 @@ class Level(IntEnum):
     UNKNOWN = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Edges:
     """Edges of a line in a window: its value at the start, then changes, (n,): moment in ns, new value."""
 
@@ -77,7 +77,7 @@ class Window:
     lines: dict[str, Edges]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _Pulses:
     """Low pulses of a + line, (n,) ms in order, none reaching into the next; `unknown`: the level is unknown there."""
 

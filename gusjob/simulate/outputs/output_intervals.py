@@ -18,7 +18,7 @@ _BEYOND_MS = 1.0
 """A level that is kept at the end of the outputs lasts longer than they do."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class OutputEmission:
     """Emission intervals of a channel, (k,) in order: stage, start and end, ms on the outputs.
 
@@ -33,7 +33,7 @@ class OutputEmission:
     last: Indices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class OutputOff:
     """Intervals without emission, (k,): start and end, ms on the outputs, standby pulse (0 kHz: none) and volts."""
 

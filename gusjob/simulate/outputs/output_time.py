@@ -15,7 +15,7 @@ from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import Trace
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class OutputTime:
     """Start and end of stages on the outputs, (s,) ms, and by how much each is later there than in the schedule."""
 

@@ -11,7 +11,7 @@ from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.intervals import Intervals
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PowerSteps:
     """Held power in intervals, (n,): the interval of each step, its start and length in ms, and its power."""
 

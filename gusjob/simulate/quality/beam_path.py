@@ -29,7 +29,7 @@ _SETTLED_PULSE = 0.25
 """A transient below this is over: a parabola through it is off by a hundredth of that."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class BeamPath:
     """Path of the beam during marks, in parts, (n,).
 

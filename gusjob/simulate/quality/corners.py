@@ -20,7 +20,7 @@ _FINER = np.linspace(0.0, 1.0, 9)
 _BLOCK = 1 << 13
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Corners:
     """The path's corners in order, (c,): number of the motion that ends there, and of the one that starts there."""
 

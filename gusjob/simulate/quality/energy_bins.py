@@ -22,7 +22,7 @@ BIN_MM = 0.05
 _BLOCK_BINS = 1 << 17
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class EnergyBins:
     """Bins of one channel's marks, in order of time, (b,).
 

@@ -17,7 +17,7 @@ from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.corners import unit_mm
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class MarkPoints:
     """Points, (k,) pulse, and the unit direction of the path there, in mm (0, 0 in a stage without motion)."""
 
@@ -31,7 +31,7 @@ class MarkPoints:
         return MarkPoints(x=self.x[at], y=self.y[at], along_x=self.along_x[at], along_y=self.along_y[at])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class MarkEnds:
     """S and E of marks, (k,).
 

@@ -146,7 +146,7 @@ def _outside(machine: Machine, channel: ChannelTrace, path: BeamPath, intervals:
     return outside
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class _MarkEntries:
     """Marks that start (or end) outside of [S, E], and the part in which each enters it; `found`: it does."""
 

@@ -50,7 +50,7 @@ Figure = tuple[str, str, str]
 """Name, value and unit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Page:
     """The content of a page. Its texts are untrusted. Phrases are localized when the page is rendered.
 

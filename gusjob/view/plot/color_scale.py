@@ -40,7 +40,7 @@ class ColorBy(StrEnum):
     ORDER = "order"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ColoredPath:
     """The colored path of a panel: one channel, values in one unit.
 
