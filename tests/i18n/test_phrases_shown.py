@@ -444,7 +444,11 @@ def test_errors_of_a_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(JOB)
     crd = stream.buffered.crd.copy()
     crd[-1] = 2
-    stream = replace(stream, buffered=replace(stream.buffered, crd=crd), calls=(*stream.calls, Call(name="GT_Reset", args=(), at=0, line=1)))
+    stream = replace(
+        stream,
+        buffered=replace(stream.buffered, crd=crd),
+        calls=(*stream.calls, Call(name="GT_Reset", args=(), at=0, line=1)),
+    )
     diagnostics = [*check_stream(stream), *(_motion_diagnostic(code) for code in (0, *MEANINGS, 99, -99))]
     diagnostics += [_laser_diagnostic(0, code, powered) for code in MEANINGS for powered in (False, True)]
     monkeypatch.setattr(translate, "_catalogue", _Letters("·"))
