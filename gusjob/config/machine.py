@@ -61,10 +61,10 @@ class Laser:
     )
 
     def watts_per_unit(self, mode: PowerMode, pulse_width_us: float) -> float | None:
-        """Return the average power in W for one unit of power (1 %, 1 kHz, 1 V), None if the rated power is unknown.
+        """Return the average power in W for one unit of power (1 %, 1 kHz, 1 V), None if it is unknown.
 
         Duty modes: rated * duty. Analog: rated * V / 10. Frequency: rated * f * width, the share of time in which the
-        PWM line is active.
+        PWM line is active; unknown without a pulse width, since the controller keeps that of an earlier program.
 
         Source: M 二.2 for the full scale of 10 V.
         """
@@ -76,7 +76,7 @@ class Laser:
             case PowerMode.ANALOG:
                 return self.rated_w / POWER_NOW[mode].high
             case PowerMode.FREQUENCY:
-                return self.rated_w * pulse_width_us / 1000
+                return self.rated_w * pulse_width_us / 1000 if pulse_width_us else None
 
 
 class ScannerModel(StrEnum):

@@ -265,7 +265,7 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
         emission = emitted.emission_ms[of_unit]
         emits = where_true(emission > 0)
         power_max = emitted.power_max[of_unit][emits]
-        known = not np.isnan(_first_value(joules[of_unit]))
+        known = not (np.isnan(_first_value(joules[of_unit])) or np.isnan(joules[of_unit][emits]).any())
         entries.append(
             {
                 "channel": channel.channel,
@@ -276,7 +276,7 @@ def _channel_totals(channel: ChannelTrace, stages: Indices, machine: Machine) ->
                 "power_max_w": float((power_max * watts_per_unit[of_unit][emits]).max())
                 if known and len(power_max)
                 else None,
-                "joules": float(joules[of_unit].sum()) if known else None,
+                "joules": float(np.nansum(joules[of_unit])) if known else None,
                 "clamped_ms": float(emitted.clamped_ms[of_unit].sum()),
                 "before_motion_power_ms": channel.before_motion_power_ms if number == 0 else 0.0,
                 "off_output": _off_output(last),

@@ -137,3 +137,26 @@ def test_watts_above_the_rated_power_have_an_error() -> None:
             if "GJ207" not in ran.codes() and channel["joules"] is not None:
                 assert channel["joules"] <= most_j * (1 + 1e-9), f"seed {seed}"
     assert above > 20
+
+
+NO_WIDTH = """GT_SetAxisMode(7,1)
+GT_LaserPowerMode(1,2000,0,0)
+GT_SetCrdPrm(1,{2,{1,2,0,0,0,0,0,0},10000,1000,0,1,{0,0,0,0,0,0,0,0}})
+GT_CrdClear(1,0)
+GT_BufLaserPrfCmd(1,30,0,0)
+GT_BufLaserOn(1,0,0)
+GT_LnXY(1,10000,0,50,2,0,0)
+GT_BufLaserOff(1,0,0)
+GT_CrdStart(1,0)
+"""
+LATER = NO_WIDTH[NO_WIDTH.index("GT_CrdClear") :].replace("10000,0,50", "20000,0,50")
+
+
+@pytest.mark.parametrize("more", ["", "GT_CrdStatus(1,run,segment,0)\nGT_SetPulseWidth(5,0)\n" + LATER])
+def test_without_a_pulse_width_the_watts_are_not_known(more: str) -> None:
+    """The controller keeps the width of an earlier program."""
+    ran = run_listing(NO_WIDTH + more, RATED)
+    assert "GJ702" in ran.codes()
+    (channel,) = ran.report.totals["channels"]
+    assert (channel["joules"], channel["power_max_w"]) == (None, None)
+    assert channel["emission_ms"] > 0

@@ -99,7 +99,7 @@ def _power_at_rest(found: OnAtRest) -> str:
 
 
 def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:
-    """Report emission in a duty mode without a carrier."""
+    """Report emission in a duty mode without a carrier, or in frequency mode without a pulse width."""
     found = []
     for channel in trace.channels:
         first = channel.first_emitting
@@ -107,10 +107,16 @@ def carrier_diagnostics(trace: Trace) -> list[Diagnostic]:
             continue
         laser = channel.laser_in(first)
         if laser.mode in (PowerMode.DUTY, PowerMode.DUTY2) and laser.carrier_khz is None:
+            call = "GT_LaserOutFrq"
             reason = Phrase("emission in a duty mode without a carrier; call GT_LaserOutFrq first (M 二.2)")
-            fields = {"call": "GT_LaserOutFrq", "reason": reason}
-            span = Span(line=int(trace.line[first]))
-            found.append(Diagnostic(rule=rules.QUESTIONABLE_CALL, span=span, fields=fields, path=trace.name))
+        elif laser.mode is PowerMode.FREQUENCY and not laser.pulse_width_us:
+            call = "GT_SetPulseWidth"
+            reason = Phrase("emission in frequency mode without a pulse width; call GT_SetPulseWidth first (M 二.2)")
+        else:
+            continue
+        fields = {"call": call, "reason": reason}
+        span = Span(line=int(trace.line[first]))
+        found.append(Diagnostic(rule=rules.QUESTIONABLE_CALL, span=span, fields=fields, path=trace.name))
     return found
 
 
