@@ -53,7 +53,7 @@ class Source:
     encoding: str = ""
     joined_line: int = 0
     written: bytes | None = field(default=None, repr=False)
-    _line_ends: Indices | None = field(default=None, repr=False)
+    _line_ends: Indices | None = field(default=None, init=False, repr=False)
     """Number of line ends before each block of the text; counted when the first line is looked up."""
 
     def __post_init__(self) -> None:

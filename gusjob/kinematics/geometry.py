@@ -20,6 +20,11 @@ SAME_POINT_MM, SAME_POINT_PULSE = 2e-6, 0.1
 """An arc whose end is nearer to its start on both axes ends there: what is left of a computed number is no arc."""
 CLOSE_ENDS_PULSE = 2.0
 """Largest distance of the ends of an arc of half a turn at most that is as good as a line."""
+_ROUNDING_OF_ARC_PULSE = 2.5
+"""Divided by the radius: turn of the ends of half a turn if its height changes by a pulse and its chord by sqrt(2).
+
+With the height h over the chord c the sweep is 4*atan(2*h/c).
+"""
 
 
 def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:
@@ -235,7 +240,10 @@ class Segments:
     def rounding_turns(self) -> Floats:
         """By how much rounding of the end points to whole pulses turns each segment at most, (n,)."""
         length = self.moving_length
-        return np.where(length > 0, _ROUNDING_PULSE / np.maximum(length, 1e-9), 0.0)
+        turns = np.where(length > 0, _ROUNDING_PULSE / np.maximum(length, 1e-9), 0.0)
+        if len(self.arc_at):
+            turns[self.arc_at] += _ROUNDING_OF_ARC_PULSE / np.maximum(self.arcs.radius, 1e-9)
+        return turns
 
     def arcs_among(self, at: Indices) -> tuple[Indices, Arcs]:
         """Find the arcs among some segments `at`: their indices in `at`, and the arcs."""

@@ -44,7 +44,7 @@ def with_statement(
             line=spans[0].line,
         )
     if own:
-        return replace(source, data=_replaced(source, spans[0], text), written=None, _line_ends=None)
+        return replace(source, data=_replaced(source, spans[0], text), written=None)
     modes = [s for s in job.setups if isinstance(s.statement, LaserMode) and s.channel == channel]
     if not modes:
         return Phrase(
@@ -53,7 +53,7 @@ def with_statement(
             name=name,
         )
     data = _inserted(source, _line_of(job, found[-1] if found else modes[0]), text)
-    return replace(source, data=data, written=None, _line_ends=None)
+    return replace(source, data=data, written=None)
 
 
 def _line_of(job: Job, setup: Setup) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from random import Random
 
@@ -24,7 +25,7 @@ def found(
     """Code, value and duty or limit of what is reported of the frequency."""
     job = job_of(MODE.format(width=width, limits=limits) + power + PATH)
     wanted = [d for d in check(job, machine) if d.rule.code in ("GJ207", "GJ208")]  # type: ignore[arg-type]
-    return [(d.rule.code, d.fields["value"], d.fields.get("duty", d.fields.get("limit"))) for d in wanted]
+    return [(d.rule.code, d.fields["value"], d.fields["duty" if "duty" in d.fields else "limit"]) for d in wanted]
 
 
 DISTANCE = "LASER DISTANCE REF X 0 Y 0 RATIO X {ratio} Y 0 MIN {low} MAX {high}\n"
@@ -100,7 +101,7 @@ def _any_listing(random: Random) -> str:
         return random.choice(["0", "5", "20", "45", "90"])
 
     x, lines = 0, []
-    calls = [
+    calls: list[Callable[[], str]] = [
         lambda: f"GT_LaserPowerMode({random.choice('0111123')},{random.choice(['5', '10'])},{random.choice('05')},0)",
         lambda: f"GT_LaserPowerMode(1,{random.choice(['50', '100'])},{khz()},0)",
         lambda: f"GT_SetPulseWidth({random.choice([1, 10, 30, 75])},0)",

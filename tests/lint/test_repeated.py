@@ -10,7 +10,8 @@ import pytest
 from support.tools import MACHINE, MARK, diagnostics_in, job_of
 
 from gusjob.diagnostics.model import Collector
-from gusjob.lint import lint_context, repeated
+from gusjob.lint import repeated
+from gusjob.lint.context import lint_context
 from gusjob.lint.reporter import Reporter
 
 HEAD = MARK + "LASER POWER 30\n"

@@ -200,7 +200,7 @@ def test_a_centre_in_two_units_is_refused(units: str) -> None:
 def test_the_field_of_a_circle_in_pulses() -> None:
     """Its top is 3000 pulses of Y up: 3.75 mm; in X it reaches 1.5 mm."""
     text = PULSES + "ARC CCW I 0 J 1500\n"
-    for field, codes in (((-1, 3.76), []), ((-1, 3.74), [(4, "GJ503")])):
+    for field, codes in (((-1.0, 3.76), []), ((-1.0, 3.74), [(4, "GJ503")])):
         assert diagnostics_in(text, Machine(pulses_per_mm=(1000.0, 800.0), field_y_mm=field)) == codes
     for field, codes in (((-1.51, 1.51), []), ((-1.49, 1.51), [(4, "GJ503")])):
         assert diagnostics_in(text, Machine(pulses_per_mm=(1000.0, 800.0), field_x_mm=field)) == codes

@@ -42,7 +42,7 @@ def events(**changes: object) -> Events:
         dwell=np.array([False, True, False]),
         dwell_ms=np.array([0.0, 5.0, 0.0]),
         line=np.array([10, 20, 30], dtype=np.int32),
-        call=numbers(2, 4, 5),
+        call=np.array([2, 4, 5], dtype=np.int32),
     )
     channel = ChannelEvents(
         channel=0,

@@ -64,7 +64,7 @@ def keeps_meaning(source: Source, machine: Machine) -> Source:
     """Check all that must hold for a text that can be parsed; returns the formatted text."""
     data, diagnostics = format_source(source)
     assert data is not None, [diagnostic.message for diagnostic in diagnostics]
-    after = replace(source, data=data, _ends=None)
+    after = replace(source, data=data, written=None)
     assert format_source(after) == (data, [])
     old, new = source.data.decode(), data.decode()
     assert comments(new) == comments(old)

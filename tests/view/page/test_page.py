@@ -695,7 +695,7 @@ def test_an_old_browser_shows_what_it_lacks(chromium: Chromium, tmp_path: Path) 
 @pytest.mark.slow
 def test_columns_come_back_in_the_browser(chromium: Chromium, tmp_path: Path) -> None:
     page_ = rich_page()
-    tables = page_.tables
+    tables = {name: dict(columns) for name, columns in page_.tables.items()}
     wanted = round_trip(tables)[1]
     for before in ("", "delete Uint8Array.fromBase64"):
         with chromium.open(written(page_, tmp_path), before=before) as tab:
