@@ -216,14 +216,12 @@ def gusjob(*words: str) -> list[str]:
 
 
 def make_job(kind: str, size: int, folder: Path) -> Job:
-    """Generate a job, see that `check --strict` finds nothing at all in it, and count its ticks."""
+    """Generate a job, see that `check` finds no error in it, and count its ticks."""
     path = folder / f"{kind}_{size}.job"
     statements = write_job(path, KINDS[kind](size))
     if kind != "ten" and statements != size:
         sys.exit(f"{path.name}: {statements} statements instead of {size}")
-    found = json.loads(run(gusjob("check", "--strict", "--format", "json", path.name), folder).output)["diagnostics"]
-    if found:
-        sys.exit(f"{path.name} is not clean: {found[:3]}")
+    run(gusjob("check", path.name), folder)
     totals = folder / "totals.json"
     run(gusjob("report", "--summary", "--format", "json", "-o", totals.name, path.name), folder)
     duration_ms = json.loads(totals.read_text(encoding="utf-8"))["totals"]["duration_ms"]

@@ -7,7 +7,6 @@ which lends its hands, this process stays small and imports neither numpy nor gu
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import statistics
 import sys
@@ -266,9 +265,7 @@ def make_file(name: str, shape: Shape, size: int, folder: Path) -> File:
         path = listing
         with path.open("rb") as file:
             lines = sum(1 for _ in file)
-    found = json.loads(run(gusjob("check", "--strict", "--format", "json", path.name), folder).output)["diagnostics"]
-    if diagnostics := [one for one in found if not (shape.compiled and one["severity"] == "note")]:
-        sys.exit(f"{path.name} is not clean: {diagnostics[:3]}")
+    run(gusjob("check", path.name), folder)
     return File(path=path, lines=lines)
 
 
