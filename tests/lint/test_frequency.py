@@ -9,7 +9,7 @@ from random import Random
 import pytest
 from support.tools import MACHINE, job_of, run_listing
 
-from gusjob.config.machine import Laser
+from gusjob.config.machine import Laser, Machine
 from gusjob.lint import check
 
 MODE = "LASER MODE FREQUENCY WIDTH {width} {limits}\nVEL 1000\nACC 1000000\n"
@@ -20,11 +20,11 @@ RATED = replace(MACHINE, lasers=(Laser(rated_w=RATED_W),))
 
 
 def found(
-    power: str, *, width: int = 10, limits: str = "", machine: object = MACHINE
+    power: str, *, width: int = 10, limits: str = "", machine: Machine = MACHINE
 ) -> list[tuple[str, float, float]]:
     """Code, value and duty or limit of what is reported of the frequency."""
     job = job_of(MODE.format(width=width, limits=limits) + power + PATH)
-    wanted = [d for d in check(job, machine) if d.rule.code in ("GJ207", "GJ208")]  # type: ignore[arg-type]
+    wanted = [d for d in check(job, machine) if d.rule.code in ("GJ207", "GJ208")]
     return [(d.rule.code, d.fields["value"], d.fields["duty" if "duty" in d.fields else "limit"]) for d in wanted]
 
 
