@@ -76,15 +76,23 @@ class Source:
 
     def line(self, number: int) -> str:
         """Line `number` (from 1), without its end; '' outside the text."""
+        return next(iter(self.lines(number, number)), "")
+
+    def lines(self, first: int, last: int) -> list[str]:
+        """Lines `first` to `last` (from 1) of those that the text has, without their ends."""
         if self._line_ends is None:
             starts = range(0, len(self.data), _BLOCK_BYTES)
             counts = [self.data.count(b"\n", start, start + _BLOCK_BYTES) for start in starts]
             self._line_ends = np.cumsum([0, *counts])
-        if number < 1 or number > self._line_ends[-1] + 1:
-            return ""
-        start = self._end_of(number - 1) + 1 if number > 1 else 0
-        end = self.data.find(b"\n", start)
-        return self.data[start : end if end >= 0 else len(self.data)].decode("utf-8", "replace").rstrip("\r")
+        if first < 1 or first > self._line_ends[-1] + 1:
+            return []
+        found, start = [], self._end_of(first - 1) + 1 if first > 1 else 0
+        for _ in range(first, min(last, int(self._line_ends[-1]) + 1) + 1):
+            end = self.data.find(b"\n", start)
+            end = end if end >= 0 else len(self.data)
+            found.append(self.data[start:end].decode("utf-8", "replace").rstrip("\r"))
+            start = end + 1
+        return found
 
     def _end_of(self, number: int) -> int:
         """Position of the end of line `number`, which has one."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -555,13 +555,13 @@ def test_a_million_segments() -> None:
     new = {name: np.insert(column, two, column[0]) for name, column in base.items()}
     new |= {"line": np.arange(1, count + 3), "x_mm": np.insert(base["x_mm"], two, 9.0)}
     totals = dict.fromkeys(flat_totals(text.totals), 0.0)
-    began = perf_counter()
+    began = process_time()
     there = compare(
         Report(job="", period_us=250, totals=text.totals, columns=new, notes={}),
         EarlierReport(path="", job="", totals=totals, columns=base),
         1.0,
     )
-    assert perf_counter() - began < 20
+    assert process_time() - began < 20
     assert rows_of(there).appeared.tolist() == [count // 4, count // 2 + 1]
     assert rows_of(there).vanished.tolist() == []
     assert changed_rows(there) == {}

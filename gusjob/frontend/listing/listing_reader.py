@@ -289,7 +289,7 @@ class _ListingReader:
 
     def code_between(self, first: int, last: int) -> str:
         """Return the code of some lines, without their comments."""
-        return "\n".join(self.text.line(i).split("//")[0] for i in range(first, last + 1))
+        return "\n".join(line.split("//")[0] for line in self.text.lines(first, last))
 
     def is_complete(self, code: str, number: int) -> bool:
         """Whether all brackets of a statement are closed, or it is too long to go on."""
@@ -415,7 +415,7 @@ class _ListingReader:
     def is_next_code(self, line: int, later: int) -> bool:
         """Whether nothing but braces and blanks is between two lines."""
         return later - line < _LOOK_BACK and all(
-            _BRACES.fullmatch(self.text.line(i).split("//")[0]) for i in range(line + 1, later)
+            _BRACES.fullmatch(between.split("//")[0]) for between in self.text.lines(line + 1, later - 1)
         )
 
     def continues_comment(self, number: int, code: str) -> bool:

@@ -145,9 +145,9 @@ def test_it_is_read(text: str, name: str, calls: list[str]) -> None:
     ids=["macros", "numbers", "arrays", "prose", "sums", "parentheses", "braces", "if", "comments", "quotes"],
 )
 def test_hostile_texts_take_no_long_time(text: str) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     read(text)
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 5  # Each takes below 0.6 s on a quiet machine.
 
 
 def test_a_recording_is_read_without_a_card_whatever_the_profile_says() -> None:
