@@ -245,9 +245,9 @@ def parse(
     if source is None:
         return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
     if len(source.data) > _LARGE_BYTES:
-        from gusjob.kinematics.freed_arrays import return_freed_arrays
+        from gusjob.kinematics.freed_arrays import reuse_freed_arrays
 
-        return_freed_arrays()
+        reuse_freed_arrays()
     sources = {source.name: source}
     file = profile_path or find_profile(path)
     profile = Profile() if file is None else read_profile(file)

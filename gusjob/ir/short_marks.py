@@ -14,7 +14,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.display import DisplayUnits
 from gusjob.ir.modal import ModalState
 from gusjob.ir.path import Op
-from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks, picked
 from gusjob.kinematics.slow_parts import SlowParts, slow_parts
 
 _DIGITS = 4
@@ -109,25 +109,39 @@ def short_marks(modal: ModalState, speeds: PlannedSpeeds) -> ShortMarks:
 
 def _of_channel(modal: ModalState, channel: int, speeds: PlannedSpeeds, moves: Bools) -> ShortMarks:
     """Find the short marks of one channel."""
-    number = modal.mark_numbers(channel, speeds.row)
-    follows = modal.follows_velocity(channel)[speeds.row]
-    rows = np.flatnonzero(moves & (number > 0) & ~follows)
-    mark, asked = number[rows], picked(speeds.asked, rows)
-    # Where a part begins: a mark, a velocity, the power again after it followed the velocity.
-    new_mark = np.diff(mark, prepend=-1) != 0
-    begins_part = new_mark.copy()
-    if follows.any():
-        begins_part |= np.diff(np.cumsum(follows)[rows], prepend=0) != 0
-    part = np.cumsum(begins_part | (np.diff(asked, prepend=np.nan) != 0))
+    is_marked = modal.laser(channel).on & ~modal.follows_velocity(channel)
+    rows = np.flatnonzero(moves & is_marked[speeds.row])
+    begins, begins_part = part_begins(modal, channel, speeds.row[rows], picked(speeds.asked, rows))
     columns = {name: getattr(speeds, name) for name in ("length", "vel", "acc", "start", "peak", "end")}
-    if len(rows) < len(moves):
-        columns = {name: column[rows] for name, column in columns.items()}
-    parts = slow_parts(part, **columns)
+    parts = slow_parts(rows, begins_part, **columns)
     first, last = parts.first, parts.last
-    begins = new_mark
-    ends = np.append(new_mark[1:], True)[: len(rows)]
+    ends = np.append(begins[1:], True)[: len(rows)]
     found = ShortMarks(parts=parts, at=rows[first], last=rows[last], is_part=~(begins[first] & ends[last]))
     return found.pick(~(speeds.is_sky[rows[first]] & (begins[first] | ends[last])))
+
+
+def part_begins(modal: ModalState, channel: int, rows: Indices, asked: Floats) -> tuple[Bools, Bools]:
+    """Find where a mark begins, and where a part of one does: another velocity, or the power no longer follows it.
+
+    Args:
+        modal: State of the job.
+        channel: Channel of the marks.
+        rows: Rows of the path that are motions of marks without velocity follow, (k,) ascending.
+        asked: Their velocities, (k,).
+
+    Returns:
+        Whether a mark begins, and whether a part does, (k,) each.
+    """
+    begins_mark, begins_part = np.ones(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
+    follows = modal.job.path.takes_time & modal.follows_velocity(channel)
+    followed = np.cumsum(follows, dtype=np.int32) if follows.any() else None
+    for block in blocks(len(rows)):
+        with_previous, later = slice(max(block.start - 1, 0), block.stop), slice(max(block.start, 1), block.stop)
+        begins_mark[later] = np.diff(modal.mark_numbers(channel, rows[with_previous])) != 0
+        begins_part[later] = begins_mark[later] | (np.diff(asked[with_previous]) != 0)
+        if followed is not None:
+            begins_part[later] |= np.diff(followed[rows[with_previous]]) != 0
+    return begins_mark, begins_part
 
 
 def _covers(found: ShortMarks, count: int) -> Bools:

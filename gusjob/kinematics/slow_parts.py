@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 
 REACHES = 0.9
 """Share of its velocity that a part has to reach: below it every mm takes at least a ninth longer than intended."""
@@ -66,26 +66,31 @@ class SlowParts:
 
 
 def slow_parts(
-    part: Indices, *, length: Floats, vel: Floats, acc: Floats, start: Floats, peak: Floats, end: Floats
+    rows: Indices, begins: Bools, *, length: Floats, vel: Floats, acc: Floats, start: Floats, peak: Floats, end: Floats
 ) -> SlowParts:
     """Find the parts that stay below REACHES of their velocity in all their segments.
 
-    A part that moves evenly, as fast as its corners allow, is none: it is not too short. All columns are (k,), for
-    segments with a length.
+    A part that moves evenly, as fast as its corners allow, is none: it is not too short.
 
     Args:
-        part: Number of the part of each segment; the segments of a part follow each other.
-        length, vel, acc: Length, velocity and acceleration, pulse, pulse/ms, pulse/ms2.
-        start, peak, end: Velocities at the start and the end, and the highest, pulse/ms.
+        rows: Rows of the columns that are segments of a part, with a length, (k,). `first` and `last` of the result
+            are their indices.
+        begins: Where a part begins, (k,), at the first of them, too.
+        length, vel, acc: Length, velocity and acceleration of all rows, (n,) pulse, pulse/ms, pulse/ms2.
+        start, peak, end: Velocities at the start and the end, and the highest, (n,) pulse/ms.
     """
-    share = np.maximum(peak, start) / vel
-    begins = np.flatnonzero(np.diff(part, prepend=part[:1] - 1))
-    slow = np.maximum.reduceat(share, begins) < REACHES if len(begins) else np.zeros(0, dtype=np.bool_)
-    rows = np.flatnonzero(np.repeat(slow, np.diff(begins, append=len(part))))
-    if not len(rows):
+    below = np.empty(len(rows), dtype=np.bool_)
+    for block in blocks(len(rows)):
+        own = rows[block]
+        below[block] = np.maximum(peak[own], start[own]) / vel[own] < REACHES
+    firsts = np.flatnonzero(begins)
+    slow = np.logical_and.reduceat(below, firsts) if len(firsts) else np.zeros(0, dtype=np.bool_)
+    if not slow.any():
         return SlowParts.joined([])
-    part, share = part[rows], share[rows]
-    length, vel, acc, start, peak, end = (column[rows] for column in (length, vel, acc, start, peak, end))
+    rows, of_rows = np.flatnonzero(np.repeat(slow, np.diff(firsts, append=len(rows)))), rows
+    part = np.cumsum(begins)[rows]
+    length, vel, acc, start, peak, end = (c[of_rows[rows]] for c in (length, vel, acc, start, peak, end))
+    share = np.maximum(peak, start) / vel
     opens = np.diff(part, prepend=part[:1] - 1) != 0
     # At a corner the velocity is lower than before and after it.
     valley = np.zeros(len(rows), dtype=np.bool_)

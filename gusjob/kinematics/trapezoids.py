@@ -93,8 +93,12 @@ def _phases(
 
 def peak_velocity(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats) -> Floats:
     """Compute the highest velocity of each segment, (n,) pulse/ms. Arguments as for trapezoids."""
-    tip = np.sqrt(acc * length + (start * start + end * end) / 2)
-    return np.maximum(np.maximum(np.minimum(tip, vel), start), end)
+    peak = np.empty(len(length))
+    for block in blocks(len(length)):
+        own_start, own_end = start[block], end[block]
+        tip = np.sqrt(acc[block] * length[block] + (own_start * own_start + own_end * own_end) / 2)
+        peak[block] = np.maximum(np.maximum(np.minimum(tip, vel[block]), own_start), own_end)
+    return peak
 
 
 def even_velocity(length: Floats, start: Floats, vel: Floats, end: Floats, acc: Floats, even_time_ms: Floats) -> Floats:

@@ -14,11 +14,11 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.arcs import arc_faults, drawn_arcs
 from gusjob.ir.effects import POSITION, StateEffect
 from gusjob.ir.path import SPEED_WORDS, Op, Path
-from gusjob.ir.short_marks import PlannedSpeeds, short_marks
-from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of, where_true
+from gusjob.ir.short_marks import part_begins
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks, picked, rows_of, where_true
 from gusjob.kinematics.float_noise import exceeds
 from gusjob.kinematics.geometry import Ends, arcs_by_either
-from gusjob.kinematics.trapezoids import peak_velocity
+from gusjob.kinematics.slow_parts import REACHES
 from gusjob.lint.context import LintContext
 from gusjob.lint.reporter import Reporter
 
@@ -306,23 +306,24 @@ def may_be_slow(context: LintContext) -> bool:
 
     No segment of such a mark reaches the velocity from rest to rest.
     """
-    path, (numbers, _) = context.path, context.job.sky_writing_by_row()
-    rows = np.flatnonzero(path.moves & context.modal.any_on())
-    length, vel, acc = context.lengths(rows), picked(path.vel, rows), picked(path.acc, rows)
-    rest = np.broadcast_to(0.0, len(rows))
-    speeds = PlannedSpeeds(
-        row=rows,
-        op=path.op[rows],
-        length=length,
-        asked=vel,
-        vel=vel * _MARGIN,
-        acc=acc,
-        start=rest,
-        peak=peak_velocity(length, rest, vel, rest, acc),
-        end=rest,
-        is_sky=numbers[rows] >= 0,
-    )
-    return len(short_marks(context.modal, speeds)) > 0
+    return any(_may_be_slow(context, channel) for channel in CHANNELS if len(context.modal.switches(channel)))
+
+
+def _may_be_slow(context: LintContext, channel: int) -> bool:
+    """Whether some part of a mark of a channel, at one velocity, has segments but none that reaches the velocity."""
+    path, modal = context.path, context.modal
+    is_marked = modal.laser(channel).on & ~modal.follows_velocity(channel)
+    rows = np.flatnonzero(path.moves & (path.op != Op.JUMP) & is_marked)
+    if not len(rows):
+        return False
+    reaches, has_length = np.empty(len(rows), dtype=np.bool_), np.empty(len(rows), dtype=np.bool_)
+    for block in blocks(len(rows)):
+        own = rows[block]
+        length, vel, acc = context.lengths(own), path.vel[own], path.acc[own]
+        reaches[block] = np.minimum(np.sqrt(acc * length), vel) >= REACHES * _MARGIN * vel
+        has_length[block] = length > 0
+    firsts = np.flatnonzero(part_begins(modal, channel, rows, picked(path.vel, rows))[1])
+    return bool((np.logical_or.reduceat(has_length, firsts) & ~np.logical_or.reduceat(reaches, firsts)).any())
 
 
 def dwells(context: LintContext, report: Reporter) -> None:

@@ -123,6 +123,10 @@ class ResolvedColumns:
         found: Floats = self.rows.column(column)
         return found
 
+    def raw_at(self, column: Column, rows: Indices) -> Floats:
+        """A column as it was written at some rows, (k,); NaN where absent."""
+        return self.rows.at(column, rows)
+
     def units_pulse(self) -> Bools | None:
         """Whether UNITS PULSE is in force; None if never."""
         if not (self.op == RowOp.UNITS_PULSE).any():
@@ -132,10 +136,11 @@ class ResolvedColumns:
 
     def in_pulse(self, column: Column) -> Bools | None:
         """Whether a column's number is in the controller's units; None if nowhere."""
-        written = (self.rows.system >> (2 * column)) & 3 if self.rows.system.any() else None
+        written = self.rows.system & (3 << (2 * column)) if self.rows.system.any() else None
         by_units = self.units_pulse()
-        if written is None:
+        if written is None or not written.any():
             return by_units
+        written >>= 2 * column
         explicit = written == UnitSystem.PULSE
         return np.asarray(explicit if by_units is None else explicit | (by_units & (written == UnitSystem.DEFAULT)))
 
@@ -163,16 +168,18 @@ class ResolvedColumns:
 
     def rate_at(self, column: Column, rows: Indices, *, acceleration: bool) -> tuple[Floats, Bools]:
         """What `rate` is at some rows, (k,)."""
-        values, pulses = self.raw(column)[rows], self.in_pulse(column)
+        values, pulses = self.raw_at(column, rows), self.in_pulse(column)
         in_mm = np.ones(len(rows), dtype=np.bool_) if pulses is None else ~pulses[rows]
         convert = acceleration_pulse_per_ms2 if acceleration else velocity_pulse_per_ms
         return np.where(in_mm, convert(values, self.machine.pulses_per_mm[0]), values), in_mm
 
     def power_unit(self, column: Column) -> npt.NDArray[np.int8]:
         """PowerUnit in which a power was written."""
-        if not self.rows.system.any():
+        written = self.rows.system & (3 << (2 * column))
+        if not written.any():
             return np.broadcast_to(np.int8(0), len(self.op))
-        return np.asarray((self.rows.system >> (2 * column)) & 3, dtype=np.int8)
+        written >>= 2 * column
+        return written.astype(np.int8)
 
     def arc_units(self) -> tuple[Bools, Bools]:
         """Whether an arc's centre or radius was written in mm, and whether it was in pulses; 0 has any unit."""
@@ -203,7 +210,7 @@ class ResolvedColumns:
 
     def follow_ratio(self, rows: Indices) -> tuple[Floats, Bools]:
         """Follow ratio per pulse/ms at some rows, as written or the one that reaches MAX at AT; whether it is of mm."""
-        given, pulses = self.raw(Column.RATIO)[rows], self.units_pulse()
+        given, pulses = self.raw_at(Column.RATIO, rows), self.units_pulse()
         in_mm = np.ones(len(rows), dtype=np.bool_) if pulses is None else ~pulses[rows]
         ratio = settled(np.where(in_mm, given * 1e3 / self.machine.pulses_per_mm[0], given))
         if not self.has(Column.AT):
@@ -212,7 +219,7 @@ class ResolvedColumns:
         in_x = velocity_pulse_per_ms(self.machine.max_velocity_mm_s, self.machine.pulses_per_mm[0])
         at = settled(at, in_x)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio_to_max = settled((self.raw(Column.HIGH)[rows] - self.raw(Column.LOW)[rows]) / at)
+            ratio_to_max = settled((self.raw_at(Column.HIGH, rows) - self.raw_at(Column.LOW, rows)) / at)
         by_velocity = ~np.isnan(at)
         return np.where(by_velocity, ratio_to_max, ratio), np.where(by_velocity, at_in_mm, in_mm)
 

@@ -61,7 +61,7 @@ class ResolvedPath:
 
     def path_row(self, rows: Indices) -> Indices:
         """How many rows of the path there are up to rows of the job."""
-        count: Indices = np.cumsum(self.in_path, dtype=np.intp)[rows]
+        count = np.cumsum(self.in_path, dtype=np.int32)[rows].astype(np.intp)
         return count if self.first_row is None else self.first_row[count]
 
 
@@ -119,8 +119,7 @@ def _path(
     velocity, acceleration = velocity_and_acceleration(columns)
     end, end_in_mm = columns.rate(Column.END, acceleration=False)
     dwells, powers = np.flatnonzero(op == RowOp.DWELL), np.flatnonzero((op == RowOp.POWER) | (op == RowOp.FOLLOW))
-    value = columns.raw(Column.VALUE)
-    power = np.where(op[powers] == RowOp.POWER, value[powers], np.nan)
+    power = np.where(op[powers] == RowOp.POWER, columns.raw_at(Column.VALUE, powers), np.nan)
     ratio, follow_in_mm = columns.follow_ratio(powers)
     is_ccw = (op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if has_arcs else never
     return Path(
@@ -142,10 +141,10 @@ def _path(
         vel_in_mm=cut(velocity.in_mm if unequal else never),
         acc_in_mm=cut(acceleration.in_mm if unequal else never),
         end_in_mm=cut(end_in_mm if unequal else never),
-        dwell_ms=at_rows(dwells, value[dwells]),
+        dwell_ms=at_rows(dwells, columns.raw_at(Column.VALUE, dwells)),
         power=at_rows(powers, power),
-        low=at_rows(powers, columns.raw(Column.LOW)[powers]),
-        high=at_rows(powers, columns.raw(Column.HIGH)[powers]),
+        low=at_rows(powers, columns.raw_at(Column.LOW, powers)),
+        high=at_rows(powers, columns.raw_at(Column.HIGH, powers)),
         ratio=at_rows(powers, ratio),
         follow_in_mm=at_rows(powers, follow_in_mm) if unequal else cut(never),
         power_unit=cut(columns.power_unit(Column.VALUE)),

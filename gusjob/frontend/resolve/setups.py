@@ -38,11 +38,11 @@ def resolve_setups(
     columns: ResolvedColumns, statements: tuple[Statement, ...], path: ResolvedPath
 ) -> tuple[Setup, ...]:
     """All setup statements of a job, in its order. `statements`: those that SETUP rows point to."""
-    channel, pulses = np.clip(np.nan_to_num(columns.channel()), 0, 1), columns.units_pulse()
-    index, provenance = columns.raw(Column.VALUE), columns.provenance()
     found, rows = [], np.flatnonzero(columns.op == RowOp.SETUP)
+    channel, pulses = np.clip(np.nan_to_num(columns.channel()[rows]), 0, 1), columns.units_pulse()
+    index, provenance = columns.raw_at(Column.VALUE, rows), columns.provenance()
     for order, (row, path_row) in enumerate(zip(rows.tolist(), path.path_row(rows).tolist(), strict=True)):
-        statement = statements[int(index[row])]
+        statement = statements[int(index[order])]
         in_pulse = pulses is not None and bool(pulses[row])
         found.append(
             Setup(
@@ -50,7 +50,7 @@ def resolve_setups(
                 order=order,
                 row=path_row,
                 line=int(columns.rows.line[row]),
-                channel=int(channel[row]),
+                channel=int(channel[order]),
                 word=_shown_name(statement),
                 provenance=int(provenance[row]),
                 unknown=int(path.unknown_before[row]),

@@ -152,6 +152,14 @@ class Rows:
             return found
         return self.columns.get(number, np.broadcast_to(np.float64(np.nan), len(self.op)))
 
+    def at(self, number: int, rows: Indices) -> Floats:
+        """The values of a column at some rows, (k,): of a column that few rows have, nothing else is made."""
+        if number not in self.few:
+            return self.column(number)[rows]
+        few = self.few[number]
+        place = np.minimum(np.searchsorted(few.rows, rows), len(few.rows) - 1)
+        return np.where(few.rows[place] == rows, few.values[place], np.nan)
+
     def has(self, number: int) -> bool:
         """Whether some row has a column."""
         return number in self.columns or number in self.few
