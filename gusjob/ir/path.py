@@ -127,6 +127,8 @@ class Path:
         return x0, y0, self.x[rows], self.y[rows]
 
 
+OF_DWELLS_AND_POWERS = ("dwell_ms", "power", "low", "high", "ratio")
+"""Columns that rows of other kinds do not use."""
 SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")
 
 

@@ -135,9 +135,10 @@ def part_begins(modal: ModalState, channel: int, rows: Indices, asked: Floats) -
     begins_mark, begins_part = np.ones(len(rows), dtype=np.bool_), np.ones(len(rows), dtype=np.bool_)
     follows = modal.job.path.takes_time & modal.follows_velocity(channel)
     followed = np.cumsum(follows, dtype=np.int32) if follows.any() else None
+    begun = modal.switches(channel).begins
     for block in blocks(len(rows)):
         with_previous, later = slice(max(block.start - 1, 0), block.stop), slice(max(block.start, 1), block.stop)
-        begins_mark[later] = np.diff(modal.mark_numbers(channel, rows[with_previous])) != 0
+        begins_mark[later] = np.diff(np.searchsorted(begun, rows[with_previous] * 2, side="right")) != 0
         begins_part[later] = begins_mark[later] | (np.diff(asked[with_previous]) != 0)
         if followed is not None:
             begins_part[later] |= np.diff(followed[rows[with_previous]]) != 0

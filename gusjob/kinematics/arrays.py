@@ -51,21 +51,6 @@ def picked(column: npt.NDArray[_Number], rows: Indices | slice) -> npt.NDArray[_
     return np.broadcast_to(column[rows[:1]], len(rows)) if rows.strides == (0,) else column[rows]
 
 
-def before(column: Floats, rows: Indices | slice, start: float) -> Floats:
-    """Return the values in the row before each of some rows that follow each other in a sequence.
-
-    Args:
-        column: The column.
-        rows: The rows, (n,).
-        start: What comes before the first of them. If the row before it has this value, nothing is copied.
-    """
-    if isinstance(rows, slice) and rows.start and column[rows.start - 1] == start:
-        return column[rows.start - 1 : rows.stop - 1]
-    found = np.empty(len(column[rows]))
-    found[:1], found[1:] = start, column[rows][:-1]
-    return found
-
-
 def rows_of(numbers: Indices) -> Indices | slice:
     """Return row numbers as a slice if they follow each other: it takes rows of columns without a copy.
 

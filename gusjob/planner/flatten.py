@@ -24,7 +24,7 @@ def flatten(job: Job, machine: Machine) -> tuple[Path, Indices]:
     """
     path, origin = _circles_in_mm(job.path, machine)
     fitted, fitted_origin = fit_arcs(path, machine)
-    return fitted, origin[fitted_origin]
+    return fitted, fitted_origin if path is job.path else origin[fitted_origin]
 
 
 def _circles_in_mm(path: Path, machine: Machine) -> tuple[Path, Indices]:

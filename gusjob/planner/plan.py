@@ -18,7 +18,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.ir.intent import Intent, RunKind
 from gusjob.ir.job import Job
-from gusjob.ir.path import Op, Path
+from gusjob.ir.path import OF_DWELLS_AND_POWERS, Op, Path
 from gusjob.ir.setup import Setup
 from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of
 from gusjob.kinematics.geometry import Segments
@@ -157,6 +157,15 @@ def next_phase(kind: type[_P], phase: StagedPath, **added: Any) -> _P:
     return kind(**{f.name: getattr(phase, f.name) for f in fields(phase)}, **added)
 
 
+def _picked_few(column: Floats, source: Indices, few: Indices) -> Floats:
+    """Pick values of a column that only some of the new rows (`few`) use; elsewhere it takes no memory."""
+    if column.strides == (0,):
+        return picked(column, source)
+    found = np.zeros(len(source))
+    found[few] = column[source[few]]
+    return found
+
+
 def rearranged(staged: StagedPath, source: Indices, columns: dict[str, npt.NDArray[Any]]) -> StagedPath:
     """Make a path with other rows. No row leaves its stage.
 
@@ -166,7 +175,14 @@ def rearranged(staged: StagedPath, source: Indices, columns: dict[str, npt.NDArr
         columns: Columns with new values, (k,) each.
     """
     path = staged.path
-    given = {f.name: columns.get(f.name, picked(getattr(path, f.name), source)) for f in fields(Path)}
+    kept = [f.name for f in fields(Path) if f.name not in columns]
+    few = np.flatnonzero((path.op >= Op.DWELL)[source])
+    given = columns | {
+        name: _picked_few(getattr(path, name), source, few)
+        if name in OF_DWELLS_AND_POWERS
+        else picked(getattr(path, name), source)
+        for name in kept
+    }
     moves = given["op"] < Op.DWELL
     if (given["op"] == Op.DWELL).any():
         # A dwell is where the motion before it ended.

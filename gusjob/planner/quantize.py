@@ -10,7 +10,7 @@ import numpy as np
 
 from gusjob.ir.intent import RunKind
 from gusjob.ir.path import Op, Path
-from gusjob.kinematics.arrays import Floats, Indices, picked, rows_of
+from gusjob.kinematics.arrays import Floats, Indices, blocks, picked, rows_of
 from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE, NO_ARCS, Arcs, Ends, Unrounded, arcs_by_either, segments
 from gusjob.kinematics.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
 from gusjob.planner.plan import QuantizedPath, SkyRows, StagedPath, next_phase
@@ -80,17 +80,19 @@ def _turn_to_marks(staged: StagedPath, sky: SkyRows, dx: Floats, dy: Floats) -> 
     timed, written = staged.timed, staged.job.path
     row = staged.origin[timed]
     straight = (staged.path.op[timed] == Op.LINE) & (written.op[row] == Op.LINE)
-    at = np.flatnonzero((sky.run_of(timed) != RunKind.NONE) & straight)
-    x0, y0, x1, y1 = written.ends(row[at])
-    mark_x, mark_y = x1 - x0, y1 - y0
-    mark_length = np.hypot(mark_x, mark_y)
-    moves = mark_length > 0
-    at = at[moves]
-    scale = np.hypot(dx[at], dy[at]) / mark_length[moves]
-    mark_x, mark_y = mark_x[moves] * scale, mark_y[moves] * scale
-    # Mode 1 also goes back.
-    back = mark_x * dx[at] + mark_y * dy[at] < 0
-    dx[at], dy[at] = np.where(back, -mark_x, mark_x), np.where(back, -mark_y, mark_y)
+    turned = np.flatnonzero((sky.run_of(timed) != RunKind.NONE) & straight)
+    for block in blocks(len(turned)):
+        at = turned[block]
+        x0, y0, x1, y1 = written.ends(row[at])
+        mark_x, mark_y = x1 - x0, y1 - y0
+        mark_length = np.hypot(mark_x, mark_y)
+        moves = mark_length > 0
+        at = at[moves]
+        scale = np.hypot(dx[at], dy[at]) / mark_length[moves]
+        mark_x, mark_y = mark_x[moves] * scale, mark_y[moves] * scale
+        # Mode 1 also goes back.
+        back = mark_x * dx[at] + mark_y * dy[at] < 0
+        dx[at], dy[at] = np.where(back, -mark_x, mark_x), np.where(back, -mark_y, mark_y)
 
 
 def direction_scale(dx: Floats, dy: Floats, arc_at: Indices, pulses_per_mm: tuple[float, float]) -> Floats:

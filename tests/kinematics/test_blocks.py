@@ -18,17 +18,6 @@ def test_repeated_values(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
         assert arrays.repeated(values).tolist() == [i for i, v in enumerate(values) if (values == v).sum() > 1]
 
 
-def test_values_before_rows() -> None:
-    column = np.array([0.0, 5.0, 7.0, 9.0])
-    shared = arrays.before(column, slice(1, 4), 0.0)
-    assert shared.tolist() == [0, 5, 7]
-    assert np.shares_memory(shared, column)
-    assert arrays.before(column, slice(1, 4), 2.0).tolist() == [2, 5, 7]
-    assert arrays.before(column, slice(0, 2), 0.0).tolist() == [0, 0]
-    assert arrays.before(column, np.array([1, 3]), 4.0).tolist() == [4, 5]
-    assert len(arrays.before(column, slice(0, 0), 0.0)) == 0
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_lines_of_a_text_of_several_blocks(seed: int) -> None:
     rng = np.random.default_rng(seed)
