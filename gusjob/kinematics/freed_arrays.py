@@ -9,14 +9,14 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 """Numbers of the parameters in glibc's mallopt()."""
 _LARGEST_BYTES = 32 << 20
 """The highest threshold that glibc takes."""
-_KEPT_BYTES = 64 << 20
+_KEPT_BYTES = 4 << 20
 
 
 def reuse_freed_arrays() -> None:
     """Make glibc keep the memory of freed arrays for the next ones.
 
     Otherwise it returns each large one to the system, which has to clear the memory before it gives it out again: that
-    takes up to half of the time of a job of a million statements. Not more than 64 MB are kept at the end of the heap.
+    takes up to half of the time of a job of a million statements. Not more than 4 MB are kept at the end of the heap.
     """
     if sys.platform != "linux":
         return
