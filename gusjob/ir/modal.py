@@ -86,12 +86,13 @@ class LaserCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModalState:
-    """The modal state of a job, by channel. Laser commands are computed when they are first needed."""
+    """The modal state of a job, by channel. Switches and laser commands are computed when they are first needed."""
 
     job: Job
     mode_spans: tuple[tuple[ModeSpan, ...], ...]
     stage_first: tuple[int, ...]
     """For each setup statement the first row of its stage: it runs before that row."""
+    switched: dict[int, Switches] = field(default_factory=dict)
     commands: dict[int, LaserCommand] = field(default_factory=dict)
     by_kind: dict[type, tuple[Any, ...]] = field(default_factory=dict)
 
@@ -127,6 +128,11 @@ class ModalState:
 
     def switches(self, channel: int) -> Switches:
         """Collect everything that switches the laser of a channel."""
+        if channel not in self.switched:
+            self.switched[channel] = self._switches(channel)
+        return self.switched[channel]
+
+    def _switches(self, channel: int) -> Switches:
         path = self.job.path
         rows = np.flatnonzero(((path.op == Op.ON) | (path.op == Op.OFF)) & (path.channel == channel))
         instants = rows * 2 + 1
@@ -174,7 +180,7 @@ class ModalState:
         path = self.job.path
         rows = np.flatnonzero(path.sets_power & (path.channel == channel)) * 2 + 1
         now = [self.stage_first[s.order] * 2 for s, _ in self.statements(PowerNow) if s.channel == channel]
-        return np.sort(np.concatenate([rows, np.array(now, dtype=rows.dtype)]))
+        return np.sort(np.concatenate([rows, np.array(now, dtype=rows.dtype)])) if now else rows
 
 
 def modal_state(job: Job) -> ModalState:

@@ -19,6 +19,8 @@ from gusjob.simulate.kinds import SegmentKind
 
 LEFT_ON = Phrase("LEFT ON")
 """Name of the finding that a laser is still on at the end."""
+_BINS, _SORTED_AT_ONCE = 1000, 10_000
+"""Of the weighted median: the part of the values that has it is halved by bins before it is sorted."""
 _SLOW = 0.9
 """Share of the usual velocity of marks below which the slowest mark is named."""
 _HOT = 1.05
@@ -265,10 +267,20 @@ def _slowest(report: Report) -> Iterator[Finding]:
 
 
 def _weighted_median(values: Floats, weights: Floats) -> float:
+    """Return the least of some values whose weight, with that of all smaller ones, is at least half of the whole."""
+    half, below = float(weights.sum()) / 2, 0.0
+    while len(values) > _SORTED_AT_ONCE and (step := (float(values.max()) - float(values.min())) / _BINS) > 0:
+        number = np.minimum((values - values.min()) / step, _BINS - 1).astype(np.int32)
+        upto = below + np.cumsum(np.bincount(number, weights, _BINS))
+        at = min(int(np.searchsorted(upto, half)), _BINS - 1)
+        inside = number == at
+        if inside.all():
+            break
+        below = float(upto[at - 1]) if at else below
+        values, weights = values[inside], weights[inside]
     order = np.argsort(values, kind="stable")
-    upto = weights[order]
-    np.cumsum(upto, out=upto)
-    return float(values[order[np.searchsorted(upto, upto[-1] / 2)]])
+    place = np.searchsorted(below + np.cumsum(weights[order]), half)
+    return float(values[order[min(int(place), len(order) - 1)]])
 
 
 def _limited(report: Report) -> Iterator[Finding]:
