@@ -28,12 +28,27 @@ def settled(values: Floats, limit: float | None = None) -> Floats:
     """
     import numpy as np
 
+    from gusjob.kinematics.arrays import blocks
+
     if len(values) and values.strides == (0,):  # A column with one value takes no memory, and stays so.
         return np.broadcast_to(settled(values[:1].copy(), limit)[0], len(values))
+    found = values  # Copied only where a number changes.
+    for part in blocks(len(values)):
+        own = _settled(values[part], limit)
+        if own is not None:
+            found = values.copy() if found is values else found
+            found[part] = own
+    return found
+
+
+def _settled(values: Floats, limit: float | None) -> Floats | None:
+    """Replace numbers as `settled` does; None if all of them stay."""
+    import numpy as np
+
     whole = np.rint(values)
     at = np.flatnonzero((values != whole) & np.isfinite(values))
     if not len(at):
-        return values
+        return None
     number, short = values[at], whole[at]
     powers = np.array([float(f"1e{k}") for k in range(_LARGEST_POWER + 1)])
     shift = (SHORT_DIGITS - 1 - np.floor(np.log10(np.abs(number)))).astype(np.int64)
@@ -44,8 +59,11 @@ def settled(values: Floats, limit: float | None = None) -> Floats:
     result = np.where(np.abs(short - number) <= noise, short, result)
     if limit is not None:
         result = np.where(np.abs(limit - number) <= noise, limit, result)
+    result = np.where(np.abs(number) < FLOAT_NOISE, 0.0, result)
+    if (result == number).all():
+        return None
     found = values.copy()
-    found[at] = np.where(np.abs(number) < FLOAT_NOISE, 0.0, result)
+    found[at] = result
     return found
 
 

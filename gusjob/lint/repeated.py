@@ -294,7 +294,8 @@ def _power_keys(context: LintContext, channel: int) -> tuple[Indices, npt.NDArra
     at_rest = np.array([context.modal.stage_first[setup.order] * 2 for setup, _ in now], dtype=np.intp)
     instants = np.concatenate([rows * 2 + 1, at_rest])
     power = np.concatenate([path.power[rows], [power.power for _, power in now]])
-    follow = [np.concatenate([v[rows], np.full(len(now), np.nan)]) for v in (path.low, path.high, path.ratio)]
+    given = [v for v in (path.low, path.high, path.ratio) if v.strides != (0,)]  # Without FOLLOW there are none.
+    follow = [np.concatenate([v[rows], np.full(len(now), np.nan)]) for v in given]
     order = np.argsort(instants, kind="stable")
     keys = hashed([np.nan_to_num(v[order]) for v in (power, *follow)])
     # Each power is in force from the row behind its instant on.

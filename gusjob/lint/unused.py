@@ -61,7 +61,7 @@ def powers(context: LintContext, report: Reporter) -> None:
 def powers_in_calls(context: LintContext, report: Reporter) -> None:
     """A power is set again before any emission, and is not used elsewhere: calls do not show loops."""
     path = context.path
-    powers = path.power, path.low, path.high, path.ratio
+    powers = [path.power, *(v for v in (path.low, path.high, path.ratio) if v.strides != (0,))]
     _unused(context, report, lambda rows: hashed([np.nan_to_num(values[rows]) for values in powers]))
 
 

@@ -120,7 +120,9 @@ def _path(
     end, end_in_mm = columns.rate(Column.END, acceleration=False)
     dwells, powers = np.flatnonzero(op == RowOp.DWELL), np.flatnonzero((op == RowOp.POWER) | (op == RowOp.FOLLOW))
     power = np.where(op[powers] == RowOp.POWER, columns.raw_at(Column.VALUE, powers), np.nan)
-    ratio, follow_in_mm = columns.follow_ratio(powers)
+    # LASER POWER has no limits and no ratio: without a FOLLOW there are none.
+    follows = powers if (op[powers] == RowOp.FOLLOW).any() else powers[:0]
+    ratio, follow_in_mm = columns.follow_ratio(follows)
     is_ccw = (op == RowOp.ARC_CENTRE_CCW) | (op == RowOp.ARC_RADIUS_CCW) if has_arcs else never
     return Path(
         op=cut(PATH_OP[op]),
@@ -143,10 +145,10 @@ def _path(
         end_in_mm=cut(end_in_mm if unequal else never),
         dwell_ms=at_rows(dwells, columns.raw_at(Column.VALUE, dwells)),
         power=at_rows(powers, power),
-        low=at_rows(powers, columns.raw_at(Column.LOW, powers)),
-        high=at_rows(powers, columns.raw_at(Column.HIGH, powers)),
-        ratio=at_rows(powers, ratio),
-        follow_in_mm=at_rows(powers, follow_in_mm) if unequal else cut(never),
+        low=at_rows(follows, columns.raw_at(Column.LOW, follows)),
+        high=at_rows(follows, columns.raw_at(Column.HIGH, follows)),
+        ratio=at_rows(follows, ratio),
+        follow_in_mm=at_rows(follows, follow_in_mm) if unequal else cut(never),
         power_unit=cut(columns.power_unit(Column.VALUE)),
         low_unit=cut(columns.power_unit(Column.LOW)),
         high_unit=cut(columns.power_unit(Column.HIGH)),
