@@ -100,6 +100,11 @@ def main() -> None:
         from gusjob.cli.common import stop_writing
 
         stop_writing(None, error)
+    except MemoryError:
+        from gusjob.cli.common import stop
+        from gusjob.i18n.phrases import Phrase
+
+        stop(Phrase("there is not enough memory for what this command has to compute"))
     finally:
         _flush_standard_output()
 

@@ -185,7 +185,9 @@ def run(command: list[str], folder: Path, checkout: Path | None = None) -> Run:
 
     `checkout`: where gusjob is imported from, None for what is installed.
     """
-    environment = None if checkout is None else {**os.environ, "PYTHONPATH": str(checkout)}
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    if checkout is not None:
+        environment["PYTHONPATH"] = str(checkout)
     with tempfile.TemporaryFile(dir=folder) as out:
         start = time.perf_counter()
         process = subprocess.Popen(

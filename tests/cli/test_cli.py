@@ -17,7 +17,7 @@ from support.cli import GOOD, gusjob, write
 from support.journals import with_checksums
 from support.tools import MARK, ROOT
 
-from gusjob.cli import common
+from gusjob.cli import common, main
 from gusjob.diagnostics.fixes import FIXES
 from gusjob.diagnostics.rules import RULES
 
@@ -505,3 +505,19 @@ def test_exit_zero(tmp_path: Path) -> None:
     assert gusjob("check", "--exit-zero", "--diff", write(tmp_path, GOOD.replace("LASER OFF\n", ""))).exit_code == 0
     both = gusjob("check", "--exit-zero", "--strict", bad)
     assert (both.exit_code, "exclude each other" in both.stderr) == (2, True)
+
+
+def test_too_little_memory_is_no_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def too_much(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    job = tmp_path / "part.job"
+    job.write_text("DWELL 1\n", encoding="utf-8")
+    monkeypatch.setattr(sys, "argv", ["gusjob", "check", str(job)])
+    monkeypatch.setattr("gusjob.pipeline.load", too_much)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "not enough memory" in capsys.readouterr().err
