@@ -16,7 +16,6 @@ methods for them raise JobError. The diagnostics are those of `gusjob check`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from numbers import Integral, Real
@@ -25,6 +24,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Scanner, parse_scanner
 from gusjob.controllers.control import Control
@@ -97,8 +97,7 @@ class JobError(Exception):
         return type(self), (self._name, self.diagnostics)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReportedDiagnostic:
+class ReportedDiagnostic(Struct, frozen=True, kw_only=True):
     """One problem of a job, at its position in the source.
 
     Attributes:
@@ -261,8 +260,7 @@ def run_on(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerRun:
+class ControllerRun(Struct, frozen=True, kw_only=True):
     """How a run on a controller ended.
 
     Attributes:

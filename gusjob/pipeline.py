@@ -8,11 +8,13 @@ server and the Python interface all take this way.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Budget, Machine, Scanner
 from gusjob.config.profile import Profile, find_profile, read_profile
@@ -53,8 +55,7 @@ class Origin(Enum):
     JOURNAL = "journal"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class FileResult:
+class FileResult(Struct, frozen=True, kw_only=True, eq=False):
     """Result for one file: its machine, the selection of rules, and its diagnostics, by position.
 
     `profile`: the machine profile that was read, None for the defaults. `sources`: the texts that spans point into, by
@@ -95,8 +96,7 @@ class FileResult:
         return source.line(span.line) if source is not None else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Rejected(FileResult):
+class Rejected(FileResult, frozen=True, kw_only=True, eq=False):
     """A file that was not parsed: it, or its profile, can't be read, or the profile has errors."""
 
     unreadable: bool = False
@@ -107,8 +107,7 @@ class Rejected(FileResult):
         return self.unreadable
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Parsed(FileResult):
+class Parsed(FileResult, frozen=True, kw_only=True, eq=False):
     """A file that was read: a job's statements, or the calls of a listing or journal."""
 
     source: Source
@@ -148,21 +147,17 @@ class Parsed(FileResult):
         return FileResult.text_of(self, span, path)
 
 
-class Checked(Parsed):
+class Checked(Parsed, frozen=True, kw_only=True, eq=False):
     """A parsed file after the lint rules of a job."""
 
-    __slots__ = ()
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Compiled(Checked):
+class Compiled(Checked, frozen=True, kw_only=True, eq=False):
     """A checked file without errors, and its calls, in place of the path of its job."""
 
     stream: Stream
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Simulated(Compiled):
+class Simulated(Compiled, frozen=True, kw_only=True, eq=False):
     """A compiled file and the trace of its run."""
 
     trace: Trace
@@ -427,7 +422,7 @@ def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
 
 def _next(phase: type[_P], result: Parsed, **more: Any) -> _P:
     """A result of a later phase: all of an earlier one, and what is new."""
-    known = {f.name: getattr(result, f.name) for f in fields(Parsed)}
+    known = {name: getattr(result, name) for name in Parsed.__struct_fields__}
     if isinstance(result, Compiled):
         known["stream"] = result.stream
     return phase(**known, **more)

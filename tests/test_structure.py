@@ -111,6 +111,14 @@ def test_class_names_are_unique() -> None:
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
+def test_records_are_structs() -> None:
+    """Each dataclass would compile its methods at every start."""
+    found = [
+        path for path in MODULES for n in nodes(path) if isinstance(n, ast.ImportFrom) and n.module == "dataclasses"
+    ]
+    assert found == []
+
+
 def test_every_module_says_what_it_is() -> None:
     assert [path for path in MODULES if not ast.get_docstring(tree(path))] == []
 

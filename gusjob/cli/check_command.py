@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
+from msgspec import Struct, field
 
 from gusjob.cli.common import ExitStatus, counted_files, machine_option, output_option, refuse_overwriting, show, write
 from gusjob.cli.completion import complete_codes
@@ -143,8 +143,7 @@ def command(
     sys.exit(0 if exit_zero and code == 1 else code)
 
 
-@dataclass(slots=True, kw_only=True)
-class _Sums:
+class _Sums(Struct, kw_only=True):
     """Sums over all files. `left_out`: what is not selected, by severity; `read`: every file that was read.
 
     `fixable`: what --fix corrects; `is_counted`: this was counted in every file.

@@ -6,12 +6,12 @@ import errno
 import os
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO, NoReturn
 
 import click
+from msgspec import Struct
 
 from gusjob.cli.color import use_color
 from gusjob.cli.endings import output_path
@@ -59,8 +59,7 @@ output_option = click.option(
 )
 
 
-@dataclass(slots=True, kw_only=True)
-class ExitStatus:
+class ExitStatus(Struct, kw_only=True):
     """Exit status of several files: 0 clean, 1 an error (or a warning with `strict`), 2 a file that can't be read."""
 
     strict: bool = False

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
 
 from gusjob.cli.color import colored_difference
 from gusjob.cli.common import BOM, bom_of, rewrite, write
@@ -46,8 +46,7 @@ def _fixed(loaded: Checked, machine_path: Path | None, asked: SelectionLayer) ->
     return apply_fixes(loaded, lambda data: load(path, machine_path, data=data), lambda d: selection.selects(d, asked))
 
 
-@dataclass(slots=True, kw_only=True)
-class FileFixer:
+class FileFixer(Struct, kw_only=True):
     """Fixes files, or only shows what would change (`diffs`). `asked`: the rules selected on the command line."""
 
     machine_path: Path | None

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct, field
 
 from gusjob.cli.color import colored_difference
 from gusjob.cli.common import BOM, bom_of, counted_files, rewrite, show, write
@@ -63,8 +63,7 @@ def _files(paths: tuple[Path, ...]) -> list[Path]:
     return sorted(files_named(paths, _FORMATTED), key=lambda path: path != STANDARD_INPUT)
 
 
-@dataclass(slots=True, kw_only=True)
-class _Formatting:
+class _Formatting(Struct, kw_only=True):
     """Formats files one by one and counts the outcomes."""
 
     checks: bool

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 
+from msgspec import Struct
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -24,8 +24,7 @@ _WIDTH = 80
 _STYLES = {Phase.RUNNING: "bold green", Phase.PAUSED: "bold yellow", Phase.STOPPING: "bold red"}
 
 
-@dataclass(slots=True)
-class LivePanel:
+class LivePanel(Struct):
     """A panel that is drawn over itself. `closed`: its terminal is gone, and nothing can be restored there."""
 
     live: Live

@@ -6,8 +6,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO
+
+from msgspec import Struct
 
 from gusjob.cli.color import terminal_console
 from gusjob.cli.keys import Keys
@@ -71,8 +72,7 @@ class _NoDisplay:
         """Do nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class KeyHandler:
+class KeyHandler(Struct, frozen=True):
     """Turns keys into requests."""
 
     keys: Keys

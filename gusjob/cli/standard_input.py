@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 import click
+from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
 
@@ -17,8 +17,7 @@ STANDARD_INPUT = Path(DASH)
 _SHOWN = "<stdin>"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InputFile:
+class InputFile(Struct, frozen=True, kw_only=True):
     """A file to read. `data`: its content if it is standard input, whose `path` is only a name; None: read the file."""
 
     path: Path

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
 
 from gusjob.cli.common import (
     exit_code,
@@ -47,8 +47,7 @@ _EXTRA = {"vcd": ("trace", "vcd"), "parquet": ("parquet", "pyarrow")}
 _UNITS_MS = {"us": 1e-3, "ms": 1.0, "s": 1e3, "": 1.0}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Bound:
+class _Bound(Struct, frozen=True, kw_only=True):
     """Begin or end of a trace: a time, or a source line."""
 
     time_ms: float = 0.0

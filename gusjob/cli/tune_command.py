@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
+from msgspec.structs import replace
 
 from gusjob.cli.common import bom_of, machine_option, rewrite, scanner_option, show, stop, write
 from gusjob.cli.formats import FormatChoice

@@ -1,1 +1,1 @@
-"""The machine profile: the machine as frozen dataclasses, read from gusjob.toml."""
+"""The machine profile: the machine as records, read from gusjob.toml."""

@@ -1,25 +1,23 @@
 """The entries of the profile: the kind of a value, its range, its key in the file, and a line for the guide.
 
-Each field of the machine and its parts has an Entry in its metadata. The reader (table_reader.py), its checks and the
+Each field of the machine and its parts has an Entry in its annotation. The reader (table_reader.py), its checks and the
 table in docs/profile.md are driven by these entries.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any
+from typing import get_type_hints
+
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import Range
 
-_METADATA = "entry"
-
 Kind = Range | type
-"""A number in a range; str, bool, an enumeration of texts, Scanner; or a dataclass with entries of its own: a table."""
+"""A number in a range; str, bool, an enumeration of texts, Scanner; or a record with entries of its own: a table."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """An entry of the profile.
 
     `help`: its meaning, for the guide. `key`: its dotted key in the file, if that is not the field's name. `example`: a
@@ -42,13 +40,9 @@ class Entry:
     """No two tables of the array have the same value."""
 
 
-def entry(kind: Kind, help: str = "", **options: Any) -> dict[str, Entry]:  # noqa: A002  (as click names it)
-    """Return the metadata of a field; the options are the other fields of Entry."""
-    return {_METADATA: Entry(kind=kind, help=help, **options)}
-
-
 @cache
 def entries_of(table: type) -> dict[str, tuple[str, Entry]]:
-    """Return the field and entry of each (dotted) key of a dataclass."""
-    found = ((part.name, part.metadata[_METADATA]) for part in fields(table) if _METADATA in part.metadata)
+    """Return the field and entry of each (dotted) key of a table."""
+    hints = get_type_hints(table, include_extras=True)
+    found = ((name, mark) for name, hint in hints.items() for mark in getattr(hint, "__metadata__", ()))
     return {entry.key or name: (name, entry) for name, entry in found}

@@ -1,4 +1,4 @@
-"""The machine that a job runs on, as frozen dataclasses with the profile's entries in their metadata.
+"""The machine that a job runs on, as records whose annotations have the entries of the profile.
 
 profile.py reads them from gusjob.toml, which docs/profile.md describes.
 """
@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
-from gusjob.config.entry import entry
+from msgspec import Struct
+
+from gusjob.config.entry import Entry
 from gusjob.controllers.gus.ranges import (
     ACCELERATION,
     CARRIER_KHZ,
@@ -38,27 +40,22 @@ def _whole(name: str, low: float, high: float) -> Range:
     return Range(name=name, unit="", low=low, high=high, whole=True, section="profile")
 
 
-def _budget(unit: str) -> Range:
-    return Range(name="budget", unit=unit, low=0, high=1e12, section="profile")
-
-
-_COORDINATE_MM = _closed("field", "mm", -1e6, 1e6)
+_POSITION_MM = _closed("field", "mm", -1e6, 1e6)
+_ENDS_MM = (-150.0, 150.0)
+"""Where the default field begins and ends, in X and in Y."""
 _TIMEOUT_S = _closed("time-out", "s", 0.01, 600)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Laser:
+class Laser(Struct, frozen=True, kw_only=True):
     """A laser source. `rated_w`: watts at full power, None if unknown; `max_frequency_khz`: its highest response."""
 
-    channel: int = field(default=0, metadata=entry(CHANNEL, "Laser channel", unique=True))
-    name: str = field(default="", metadata=entry(str, "Name in reports", example='"30 W CO2"'))
-    rated_w: float | None = field(
-        default=None,
-        metadata=entry(_closed("rated power", "W", 1e-6, 1e6), "Power at 100 %, for watts and joules", example="30"),
-    )
-    max_frequency_khz: float | None = field(
-        default=None, metadata=entry(CARRIER_KHZ, "Highest response frequency", example="25")
-    )
+    channel: Annotated[int, Entry(CHANNEL, "Laser channel", unique=True)] = 0
+    name: Annotated[str, Entry(str, "Name in reports", example='"30 W CO2"')] = ""
+    rated_w: Annotated[
+        float | None,
+        Entry(_closed("rated power", "W", 1e-6, 1e6), "Power at 100 %, for watts and joules", example="30"),
+    ] = None
+    max_frequency_khz: Annotated[float | None, Entry(CARRIER_KHZ, "Highest response frequency", example="25")] = None
 
     def watts_per_unit(self, mode: PowerMode, pulse_width_us: float) -> float | None:
         """Return the average power in W for one unit of power (1 %, 1 kHz, 1 V), None if it is unknown.
@@ -87,8 +84,7 @@ class ScannerModel(StrEnum):
     SECOND_ORDER = "second-order"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scanner:
+class Scanner(Struct, frozen=True, kw_only=True):
     """Lag of the beam behind the command: at constant velocity, every model lags by velocity * tracking error."""
 
     model: ScannerModel
@@ -141,72 +137,69 @@ class Duty2Switch(StrEnum):
     OFF = "off"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interlock:
+class Interlock(Struct, frozen=True, kw_only=True):
     """A digital input that must read `value` as long as a job runs: bit `input` of GT_GetDi(di_type)."""
 
-    di_type: int = field(default=4, metadata=entry(SHORT, "Type of GT_GetDi; 4: general inputs"))
-    input: int = field(default=0, metadata=entry(_whole("input", 0, 31), "Number of the input"))
-    value: int = field(default=1, metadata=entry(SWITCH_VALUE, "Value while a job may run"))
+    di_type: Annotated[int, Entry(SHORT, "Type of GT_GetDi; 4: general inputs")] = 4
+    input: Annotated[int, Entry(_whole("input", 0, 31), "Number of the input")] = 0
+    value: Annotated[int, Entry(SWITCH_VALUE, "Value while a job may run")] = 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerSettings:
+class ControllerSettings(Struct, frozen=True, kw_only=True):
     """Access to the controller through the vendor's library, and its state after a run. An empty text is not set."""
 
-    library: str = field(
-        default="",
-        metadata=entry(
-            str, "Vendor's library: beside the profile, or where the system looks for it", example='"gts.dll"'
-        ),
-    )
-    abi: Abi | None = field(default=None, metadata=entry(Abi, "Interface of the library", example='"gts"'))
-    configuration: str = field(default="", metadata=entry(str, "File for GT_LoadConfig", example='"machine.cfg"'))
-    card: int = field(default=0, metadata=entry(_whole("card", 0, 15), "Card number (gts-multi)"))
-    open_channel: int = field(default=0, metadata=entry(SHORT, "First argument of GT_Open"))
-    open_param: int = field(default=1, metadata=entry(SHORT, "Second argument of GT_Open"))
-    axes_off_after: bool = field(default=False, metadata=entry(bool, "Switch the axes off after a run"))
-    call_timeout_s: float = field(default=2.0, metadata=entry(_TIMEOUT_S, "Time after which a call counts as hung"))
-    link_patience_s: float = field(
-        default=5.0,
-        metadata=entry(
+    library: Annotated[
+        str, Entry(str, "Vendor's library: beside the profile, or where the system looks for it", example='"gts.dll"')
+    ] = ""
+    abi: Annotated[Abi | None, Entry(Abi, "Interface of the library", example='"gts"')] = None
+    configuration: Annotated[str, Entry(str, "File for GT_LoadConfig", example='"machine.cfg"')] = ""
+    card: Annotated[int, Entry(_whole("card", 0, 15), "Card number (gts-multi)")] = 0
+    open_channel: Annotated[int, Entry(SHORT, "First argument of GT_Open")] = 0
+    open_param: Annotated[int, Entry(SHORT, "Second argument of GT_Open")] = 1
+    axes_off_after: Annotated[bool, Entry(bool, "Switch the axes off after a run")] = False
+    call_timeout_s: Annotated[float, Entry(_TIMEOUT_S, "Time after which a call counts as hung")] = 2.0
+    link_patience_s: Annotated[
+        float,
+        Entry(
             _closed("patience", "s", 0.01, 600), "Time for attempts to switch the laser off over a link without answer"
         ),
-    )
-    guard_switches_off: bool = field(
-        default=False,
-        metadata=entry(bool, "After a crash, let the guard process switch the controller off: see docs/hardware.md"),
-    )
-    position_tolerance_pulse: float = field(
-        default=2.0,
-        metadata=entry(_closed("tolerance", "pulse", 0, 1e6), "Allowed error of the position at the end of a run"),
-    )
-    interlock: Interlock | None = field(default=None, metadata=entry(Interlock))
+    ] = 5.0
+    guard_switches_off: Annotated[
+        bool, Entry(bool, "After a crash, let the guard process switch the controller off: see docs/hardware.md")
+    ] = False
+    position_tolerance_pulse: Annotated[
+        float, Entry(_closed("tolerance", "pulse", 0, 1e6), "Allowed error of the position at the end of a run")
+    ] = 2.0
+    interlock: Annotated[Interlock | None, Entry(Interlock)] = None
 
 
-def _limit(unit: str, help_text: str, example: str) -> float | None:
-    limit: float | None = field(default=None, metadata=entry(_budget(unit), help_text, example=example))
-    return limit
+Limit = float | None
+"""A limit of a budget; None: no limit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Budget:
-    """The limits of a process; None: no limit. Energy per mm is the peak of a mark (simulate/quality/marks.py).
+def _limit(unit: str, help_text: str, example: str) -> Entry:
+    return Entry(Range(name="budget", unit=unit, low=0, high=1e12, section="profile"), help_text, example=example)
+
+
+class Budget(Struct, frozen=True, kw_only=True):
+    """The limits of a process. Energy per mm is the peak of a mark (simulate/quality/marks.py).
 
     Power and energy per mm are in the unit of the mode, and in watts and joules if the laser's rated power is known.
     """
 
-    duration_s: float | None = _limit("s", "Time of the run", "60")
-    power_pct: float | None = _limit("%", "Power in a duty mode", "80")
-    power_khz: float | None = _limit("kHz", "Power in frequency mode", "20")
-    power_v: float | None = _limit("V", "Power in analog mode", "8")
-    power_w: float | None = _limit("W", "Power, with rated_w", "25")
-    energy_pct_ms_per_mm: float | None = _limit("%*ms/mm", "Energy per mm at the peak of a mark", "500")
-    energy_khz_ms_per_mm: float | None = _limit("kHz*ms/mm", "The same in frequency mode", "100")
-    energy_v_ms_per_mm: float | None = _limit("V*ms/mm", "The same in analog mode", "50")
-    energy_j_per_mm: float | None = _limit("J/mm", "The same in joules, with rated_w", "0.1")
-    clamped_ms: float | None = _limit("ms", "Time for which a limit may clamp the power in a segment", "1")
-    on_error_um: float | None = _limit("um", "Distance of the beam from the start of a mark when emission starts", "20")
+    duration_s: Annotated[Limit, _limit("s", "Time of the run", "60")] = None
+    power_pct: Annotated[Limit, _limit("%", "Power in a duty mode", "80")] = None
+    power_khz: Annotated[Limit, _limit("kHz", "Power in frequency mode", "20")] = None
+    power_v: Annotated[Limit, _limit("V", "Power in analog mode", "8")] = None
+    power_w: Annotated[Limit, _limit("W", "Power, with rated_w", "25")] = None
+    energy_pct_ms_per_mm: Annotated[Limit, _limit("%*ms/mm", "Energy per mm at the peak of a mark", "500")] = None
+    energy_khz_ms_per_mm: Annotated[Limit, _limit("kHz*ms/mm", "The same in frequency mode", "100")] = None
+    energy_v_ms_per_mm: Annotated[Limit, _limit("V*ms/mm", "The same in analog mode", "50")] = None
+    energy_j_per_mm: Annotated[Limit, _limit("J/mm", "The same in joules, with rated_w", "0.1")] = None
+    clamped_ms: Annotated[Limit, _limit("ms", "Time for which a limit may clamp the power in a segment", "1")] = None
+    on_error_um: Annotated[
+        Limit, _limit("um", "Distance of the beam from the start of a mark when emission starts", "20")
+    ] = None
 
     def power(self, unit: str) -> float | None:
         """Return the power limit in the unit of a mode."""
@@ -228,88 +221,74 @@ MAX_TICKS = 10_000_000_000
 """A longer run is refused: its simulation would take too long."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Machine:
+class Machine(Struct, frozen=True, kw_only=True):
     """The machine that a job runs on. The defaults are those of the job language."""
 
-    name: str = field(default=DEFAULT_NAME, metadata=entry(str, "Name of the machine"))
-    pulses_per_mm: tuple[float, float] = field(
-        default=(1000.0, 1000.0),
-        metadata=entry(
-            _closed("pulses per mm", "pulse/mm", 0.001, 1e7), "Resolution, or [x, y]", pair=True, single=True
-        ),
-    )
-    field_x_mm: tuple[float, float] = field(
-        default=(-150.0, 150.0), metadata=entry(_COORDINATE_MM, "Field in X", pair=True, ascending=True)
-    )
-    field_y_mm: tuple[float, float] = field(
-        default=(-150.0, 150.0), metadata=entry(_COORDINATE_MM, "Field in Y", pair=True, ascending=True)
-    )
-    max_velocity_mm_s: float = field(
-        default=10_000.0, metadata=entry(_closed("velocity", "mm/s", 0.001, 1e9), "Highest velocity")
-    )
-    max_acceleration_mm_s2: float = field(
-        default=1e6, metadata=entry(_closed("acceleration", "mm/s2", 0.001, 1e12), "Highest acceleration")
-    )
-    period_us: float = field(default=250.0, metadata=entry(_closed("period", "us", 1, 1e6), "Controller's tick"))
-    scanner: Scanner | None = field(
-        default=None,
-        metadata=entry(
+    name: Annotated[str, Entry(str, "Name of the machine")] = DEFAULT_NAME
+    pulses_per_mm: Annotated[
+        tuple[float, float],
+        Entry(_closed("pulses per mm", "pulse/mm", 0.001, 1e7), "Resolution, or [x, y]", pair=True, single=True),
+    ] = (1000.0, 1000.0)
+    field_x_mm: Annotated[tuple[float, float], Entry(_POSITION_MM, "Field in X", pair=True, ascending=True)] = _ENDS_MM
+    field_y_mm: Annotated[tuple[float, float], Entry(_POSITION_MM, "Field in Y", pair=True, ascending=True)] = _ENDS_MM
+    max_velocity_mm_s: Annotated[float, Entry(_closed("velocity", "mm/s", 0.001, 1e9), "Highest velocity")] = 10_000.0
+    max_acceleration_mm_s2: Annotated[
+        float, Entry(_closed("acceleration", "mm/s2", 0.001, 1e12), "Highest acceleration")
+    ] = 1e6
+    period_us: Annotated[float, Entry(_closed("period", "us", 1, 1e6), "Controller's tick")] = 250.0
+    scanner: Annotated[
+        Scanner | None,
+        Entry(
             Scanner,
             "Lag of the beam: delay, first-order or second-order, and its tracking error. Without it the beam is at "
             "the commanded position",
             example='"first-order:250us"',
         ),
-    )
-    chord_tolerance_um: float = field(
-        default=1.0,
-        metadata=entry(
-            _closed("chord tolerance", "um", 0.01, 1000), "Tolerance for arcs that the axes can only run as lines"
-        ),
-    )
-    host_calls_per_s: float | None = field(
-        default=None,
-        metadata=entry(
+    ] = None
+    chord_tolerance_um: Annotated[
+        float,
+        Entry(_closed("chord tolerance", "um", 0.01, 1000), "Tolerance for arcs that the axes can only run as lines"),
+    ] = 1.0
+    host_calls_per_s: Annotated[
+        float | None,
+        Entry(
             _closed("calls per second", "1/s", 0.001, 1e9),
             "Calls per second that the host can send, for GJ515",
             example="20000",
         ),
-    )
-    duty2_switch: Duty2Switch = field(
-        default=Duty2Switch.ON,
-        metadata=entry(Duty2Switch, "Level of the switch line in DUTY2, in traces: on (PWM1+ low) or off (PWM1+ high)"),
-    )
-    expansion_max_statements: int = field(
-        default=1_000_000,
-        metadata=entry(
+    ] = None
+    duty2_switch: Annotated[
+        Duty2Switch,
+        Entry(Duty2Switch, "Level of the switch line in DUTY2, in traces: on (PWM1+ low) or off (PWM1+ high)"),
+    ] = Duty2Switch.ON
+    expansion_max_statements: Annotated[
+        int,
+        Entry(
             _whole("statements", 1, 1e8),
             "Statements after expanding loops and routines",
             key="expansion.max_statements",
         ),
-    )
-    expansion_max_depth: int = field(
-        default=64,
-        metadata=entry(_whole("depth", 1, 150), "Depth of blocks, calls and includes", key="expansion.max_depth"),
-    )
-    expansion_max_includes: int = field(
-        default=16,
-        metadata=entry(_whole("includes", 0, 32), "Depth of includes", key="expansion.max_includes"),
-    )
-    lookahead_time_ms: float = field(
-        default=5.0,
-        metadata=entry(
+    ] = 1_000_000
+    expansion_max_depth: Annotated[
+        int, Entry(_whole("depth", 1, 150), "Depth of blocks, calls and includes", key="expansion.max_depth")
+    ] = 64
+    expansion_max_includes: Annotated[
+        int, Entry(_whole("includes", 0, 32), "Depth of includes", key="expansion.max_includes")
+    ] = 16
+    lookahead_time_ms: Annotated[
+        float,
+        Entry(
             LOOKAHEAD_TIME_MS,
             "At a corner the velocity vector changes by at most time * acceleration",
             key="lookahead.time_ms",
         ),
-    )
-    lookahead_acc_pulse_per_ms2: float = field(
-        default=1.0,
-        metadata=entry(ACCELERATION, "See time_ms", key="lookahead.acc_pulse_per_ms2"),
-    )
-    controller: ControllerSettings = field(default=ControllerSettings(), metadata=entry(ControllerSettings))
-    budget: Budget = field(default=Budget(), metadata=entry(Budget))
-    lasers: tuple[Laser, ...] = field(default=(), metadata=entry(Laser, key="laser", repeated=True))
+    ] = 5.0
+    lookahead_acc_pulse_per_ms2: Annotated[
+        float, Entry(ACCELERATION, "See time_ms", key="lookahead.acc_pulse_per_ms2")
+    ] = 1.0
+    controller: Annotated[ControllerSettings, Entry(ControllerSettings)] = ControllerSettings()
+    budget: Annotated[Budget, Entry(Budget)] = Budget()
+    lasers: Annotated[tuple[Laser, ...], Entry(Laser, key="laser", repeated=True)] = ()
 
     @property
     def longest_run_ms(self) -> float:

@@ -1,13 +1,15 @@
 """Find, read and check the machine profile, gusjob.toml. Every wrong value gets a diagnostic.
 
-The allowed values of an entry are in the metadata of the machine's fields (machine.py); rule_tables.py reads [check].
+The allowed values of an entry are in the annotation of the machine's field (machine.py); rule_tables.py reads [check].
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.ranges import ACCELERATION, VELOCITY
@@ -28,8 +30,7 @@ CHECK = "check"
 """The table of a profile that selects rules."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profile:
+class Profile(Struct, frozen=True, kw_only=True):
     """A machine profile.
 
     `machine`: the defaults, if anything is wrong. `selection`: the rules of [check]. `source`: the file, None for the

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from gusjob.config.table_reader import MISSING, TableReader, quoted, type_name
 from gusjob.config.toml_spans import TomlNode

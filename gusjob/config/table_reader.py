@@ -1,11 +1,12 @@
-"""Read TOML tables into dataclasses by the entries in the metadata of their fields."""
+"""Read TOML tables into records by the entries in the annotations of their fields."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, is_dataclass
 from enum import StrEnum
 from typing import Any
+
+from msgspec import Struct, field
 
 from gusjob.config.entry import Entry, entries_of
 from gusjob.config.machine import SCANNER_FORM, Scanner, parse_scanner
@@ -36,8 +37,7 @@ _MAX_QUOTED = 40
 """The number of characters of a wrong text that are shown."""
 
 
-@dataclass(slots=True, kw_only=True)
-class TableReader:
+class TableReader(Struct, kw_only=True):
     """Reads tables and collects the diagnostics of one profile. What is wrong is left out of the result."""
 
     path: str
@@ -58,13 +58,13 @@ class TableReader:
     def fields(
         self, node: TomlNode, table: type, name: str = "", prefix: str = "", extra: tuple[str, ...] = ()
     ) -> dict[str, Any]:
-        """Read a table into the arguments of a dataclass.
+        """Read a table into the arguments of a record.
 
         Args:
             node: The table.
-            table: The dataclass.
+            table: The type of the record.
             name: The name of the table in the profile.
-            prefix: The part of the dataclass's dotted keys that names this table.
+            prefix: The part of the record's dotted keys that names this table.
             extra: Keys that are read elsewhere.
         """
         if not isinstance(node.value, dict):
@@ -98,7 +98,7 @@ class TableReader:
         kind = entry.kind
         if isinstance(kind, Range):
             return self._pair(node, entry, kind, key) if entry.pair else self._number(node, kind, key)
-        if is_dataclass(kind) and kind is not Scanner:
+        if issubclass(kind, Struct) and kind is not Scanner:
             return self._tables(node, kind, key) if entry.repeated else self._table(node, kind, key)
         if kind is bool:
             if isinstance(node.value, bool):

@@ -10,14 +10,14 @@ import re
 import sys
 from bisect import bisect_right
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.model import Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TomlNode:
+class TomlNode(Struct, frozen=True, kw_only=True):
     """A value with its position.
 
     `value`: a scalar, a dict of nodes (a table) or a list of nodes. `span`: the value as it is written; of a table with
@@ -70,8 +70,7 @@ def long_integer_span(text: str) -> Span:
     return Span(line=line, column=column, end_line=line, end_column=column + len(found[0]))
 
 
-@dataclass(slots=True)
-class _Spans:
+class _Spans(Struct):
     """The positions of a value and, in a table or an array, of its items."""
 
     key: Span

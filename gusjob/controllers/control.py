@@ -7,8 +7,9 @@ lock.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+
+from msgspec import Struct
 
 _SLEEP_STEP_S = 0.002
 """Longest time until a new request ends a sleep."""
@@ -46,8 +47,7 @@ class PauseKind(IntEnum):
     """SIGTSTP: SIGCONT continues, as without a terminal nobody could press a key."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunStatus:
+class RunStatus(Struct, frozen=True, kw_only=True):
     """The state of a run.
 
     `row`: the first row of the whole job that is not done; `sent`: the first one that is not sent; `queued`: calls in
@@ -65,8 +65,7 @@ class RunStatus:
     doubling_mm: float = 0.0
 
 
-@dataclass(slots=True)
-class Control:
+class Control(Struct):
     """Stops or pauses a run, from any thread or signal handler; `status` is what the run reports.
 
     Call request_stop() and toggle_pause(); suspend() and resume() are for signal handlers, the fields for the run.

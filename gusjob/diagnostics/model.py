@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.i18n.phrases import Phrase, localized
 
@@ -33,8 +35,7 @@ _SEVERITIES = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
+class Span(Struct, frozen=True, kw_only=True):
     """A start and an end in a text: lines and columns from 1, in characters; `end_column` is exclusive.
 
     An `end_line` or `end_column` of 0 means that only the start is known. `path`: '' for the text that a diagnostic is
@@ -52,8 +53,7 @@ NOWHERE = Span(line=1)
 """The span of a diagnostic about a whole file."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rule:
+class Rule(Struct, frozen=True, kw_only=True):
     """A kind of diagnostic.
 
     `code`: stable. `text`: the message, a template that a diagnostic's fields are filled into. `why`: why it matters.
@@ -80,8 +80,7 @@ def name_of(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Remark:
+class Remark(Struct, frozen=True, kw_only=True):
     """Another position that matters for a diagnostic. `text`: a template, one of REMARKS."""
 
     text: str
@@ -99,8 +98,7 @@ class Remark:
         return localized(Phrase(self.text, **self.fields))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnostic:
+class Diagnostic(Struct, frozen=True, kw_only=True):
     """A reported problem: a rule, a span, and the values in its message.
 
     `path`: the text that it is about; `span.path`, if set, is the file with the position. `count`: the number of
@@ -178,8 +176,7 @@ MAX_PER_RULE = 1000
 """The number of diagnostics of one rule that are listed; the others are only counted."""
 
 
-@dataclass(slots=True)
-class Collector:
+class Collector(Struct):
     """Collects the diagnostics of one text: lists up to MAX_PER_RULE of each rule and counts the others.
 
     `counts`: all diagnostics by code; `listed`: the listed ones.

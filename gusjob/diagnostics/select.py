@@ -6,17 +6,18 @@ Rules are named by their codes or by prefixes of codes: GJ4 stands for all rules
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import lru_cache
 from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import SEVERITY_ORDER, Diagnostic, Severity
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SelectionLayer:
+class SelectionLayer(Struct, frozen=True, kw_only=True):
     """The settings of one table or of the command line. The longest prefix that matches a code wins.
 
     `glob`: the files that it applies to, relative to the profile's folder; '' for all. `select`: only these rules;
@@ -44,8 +45,7 @@ class SelectionLayer:
 EMPTY_LAYER = SelectionLayer()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RuleSelection:
+class RuleSelection(Struct, frozen=True, kw_only=True):
     """Layers, of which the last one that mentions a rule wins. `folder`: where globs start."""
 
     layers: tuple[SelectionLayer, ...] = ()

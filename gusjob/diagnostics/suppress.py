@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Severity, Span
@@ -30,8 +32,7 @@ MAX_BYTES = 100_000
 """Longer lines are not searched: no statement is that long."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Suppression:
+class Suppression(Struct, frozen=True, kw_only=True):
     """A comment that suppresses one rule on its line.
 
     `span`: the code in the comment. `why_not`: why it has no effect, '' if it has. `used`: whether it suppressed
@@ -49,8 +50,7 @@ _Key = tuple[str, int, str]
 """File, line and code of a rule."""
 
 
-@dataclass(frozen=True, slots=True)
-class Suppressions:
+class Suppressions(Struct, frozen=True):
     """The suppressing comments of a job, by file, line and rule."""
 
     by_position: Mapping[_Key, Suppression] = field(default_factory=dict)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PureWindowsPath
+
+from msgspec import Struct
 
 from gusjob.frontend.source import Source, read_source
 from gusjob.i18n.phrases import Phrase
@@ -15,8 +16,7 @@ _MAX_JOBS, _MAX_BYTES = 5000, 10_000_000
 """How many jobs near a file are searched, and how much of each."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FoundInclude:
+class FoundInclude(Struct, frozen=True, kw_only=True):
     """What an INCLUDE names. `path`: the file, None if it may not be read; `reason`: why there is no `source`."""
 
     path: Path | None = None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from gusjob.config.machine import Abi, Machine
 from gusjob.diagnostics import model as d

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import IO
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
@@ -33,8 +33,7 @@ _OTHER_ENCODING = "GB18030"
 """Encoding of a listing that is not UTF-8: a superset of GB2312 and GBK, which Chinese Windows writes."""
 
 
-@dataclass(slots=True)
-class Source:
+class Source(Struct):
     """A text.
 
     Attributes:
@@ -52,8 +51,8 @@ class Source:
     path: Path | None = None
     encoding: str = ""
     joined_line: int = 0
-    written: bytes | None = field(default=None, repr=False)
-    _line_ends: Indices | None = field(default=None, init=False, repr=False)
+    written: bytes | None = None
+    _line_ends: Indices | None = None
     """Number of line ends before each block of the text; counted when the first line is looked up."""
 
     def __post_init__(self) -> None:

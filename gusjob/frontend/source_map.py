@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.model import SET_HERE, Remark, Span
 from gusjob.frontend.parse.statement import Statement
@@ -12,8 +13,7 @@ from gusjob.frontend.parse.statement_parser import parse_statement
 from gusjob.frontend.source import Source
 
 
-@dataclass(slots=True)
-class SourceMap:
+class SourceMap(Struct):
     """Texts whose line numbers continue from one to the next, so that the first text keeps its own.
 
     Attributes:

@@ -144,7 +144,7 @@ def row_of_line(request: RunRequest, line_text: str) -> int | Refusal:
 def fingerprint(stream: Stream) -> str:
     """Return a hash of all calls, which shows whether a journal belongs to a stream."""
     digest = hashlib.sha256()
-    for name in BufferedCalls.__slots__:
+    for name in BufferedCalls.__struct_fields__:
         digest.update(np.ascontiguousarray(stream.buffered.column(name)).tobytes())
     digest.update(repr([(c.name, c.args, c.at) for c in stream.calls]).encode())
     return digest.hexdigest()

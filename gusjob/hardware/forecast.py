@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Stream
@@ -14,8 +14,7 @@ from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.simulate import ChannelTrace, Trace
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ChannelForecast:
+class ChannelForecast(Struct, frozen=True, kw_only=True, eq=False):
     """One laser in one unit of power.
 
     For each timed call, (m,): `power`, the highest, NaN without emission; `watts`, the same; `emission_ms`.
@@ -40,8 +39,7 @@ class ChannelForecast:
         return float(self.emission_ms[number:].sum()), float(power.max()), float(watts.max())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Forecast:
+class Forecast(Struct, frozen=True, kw_only=True, eq=False):
     """What a run of n rows will do.
 
     `row_ms` (n+1,): planned start of each row, and the end; `timed` (n,): number of the timed call that the row comes

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import orjson
+from msgspec.structs import replace
 
 from gusjob.controllers.gus.calls import HOST_CALLS, Buffered, BufferedCalls, Stream
 from gusjob.controllers.gus.path_position import PathPosition

@@ -14,10 +14,11 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import orjson
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import ControllerSettings
 from gusjob.controllers.gus.driver.library import Library
@@ -48,8 +49,7 @@ def _shared_folder() -> Path:
 LOCK_FOLDER = _shared_folder()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunLock:
+class RunLock(Struct, frozen=True, kw_only=True):
     """A lock that a run takes. `name`: equal for all who need the same; `what`: a phrase for what it protects."""
 
     name: str
@@ -127,8 +127,7 @@ class RunLock:
         return Phrase("another process")
 
 
-@dataclass(slots=True, kw_only=True)
-class HeldLock:
+class HeldLock(Struct, kw_only=True):
     """A lock that this process has."""
 
     lock: RunLock

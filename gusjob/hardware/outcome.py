@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+
+from msgspec import Struct
 
 from gusjob.controllers.gus.driver.session import Session
 from gusjob.controllers.journal.writer import Journal
@@ -50,8 +51,7 @@ class MachineState(StrEnum):
     """The laser may be on, or the axes may move."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunOutcome:
+class RunOutcome(Struct, frozen=True, kw_only=True):
     """How a run ended.
 
     `diagnostics`: at the job's spans; `location`: file:line that was reached by a run that failed, '' if it did not

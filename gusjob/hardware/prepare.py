@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.controllers.gus.calls import Stream
 from gusjob.controllers.gus.driver.library import Library, abi_titles, load_library
@@ -18,8 +20,7 @@ from gusjob.i18n.phrases import Phrase, any_of
 from gusjob.inputs import exists
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PreparedRun:
+class PreparedRun(Struct, frozen=True, kw_only=True):
     """All that a run needs before the controller is opened. `request` has the calls that are run."""
 
     request: RunRequest

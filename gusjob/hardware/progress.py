@@ -9,11 +9,11 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.control import Control, Phase, RunStatus
@@ -25,8 +25,7 @@ MAY_EMIT = (Phase.FILLING, Phase.RUNNING)
 """Phases in which a laser can be on."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlannedPower:
+class PlannedPower(Struct, frozen=True, kw_only=True):
     """The power of a laser that is planned for now. `power`: NaN without emission."""
 
     channel: int
@@ -34,8 +33,7 @@ class PlannedPower:
     power: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class Progress(Struct, frozen=True, kw_only=True):
     """The progress of a run.
 
     `location`: file:line, '' if there is none; `elapsed_s`: without pauses; `done_ms`, `total_ms`: planned time;
@@ -73,8 +71,7 @@ class Progress:
         return int(number) if number.isdecimal() else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ProgressMeter:
+class ProgressMeter(Struct, frozen=True, kw_only=True, eq=False):
     """Computes the progress from the status of a run. `timed_before` (n+1,): number of timed calls before each row."""
 
     control: Control
@@ -145,8 +142,7 @@ Watch = Callable[[ProgressMeter], AbstractContextManager[ProgressDisplay]]
 """Opens the display of a run."""
 
 
-@dataclass(slots=True, kw_only=True)
-class ProgressTicker:
+class ProgressTicker(Struct, kw_only=True):
     """Shows the progress at intervals, and with `phases_at_once` at each change of phase.
 
     `on_tick` is called first in every tick, for keys.

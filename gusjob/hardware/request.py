@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.gus.calls import Stream
@@ -31,8 +33,7 @@ class RunMode(StrEnum):
         return "" if self is RunMode.JOB else f"--{self.value}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
+class RunOptions(Struct, frozen=True, kw_only=True):
     """Options of a run on hardware.
 
     Attributes:
@@ -65,8 +66,7 @@ def _same_line(line: int) -> Span:
     return Span(line=line)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunRequest:
+class RunRequest(Struct, frozen=True, kw_only=True):
     """A job to run on a controller.
 
     Attributes:
@@ -104,8 +104,7 @@ class RunRequest:
         return self.location(int(lines[min(row, len(lines) - 1)])) if len(lines) else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Refusal:
+class Refusal(Struct, frozen=True, kw_only=True):
     """Why a request can't be run. `reason`: a phrase; `subject`: the option or file that it is about, or ''."""
 
     reason: str

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Control
@@ -36,8 +38,7 @@ from gusjob.ir.overrides import NO_OVERRIDES, Overrides
 from gusjob.version import __version__
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunPlan:
+class RunPlan(Struct, frozen=True, kw_only=True):
     """What a run will do, to be confirmed.
 
     `remaining_ms`: planned time from `begin` on; `doubling_mm`: length of the marks that a resumed run makes twice

@@ -7,7 +7,9 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.controllers.control import Phase, StopKind
 from gusjob.controllers.gus.driver.fifo import Interrupted
@@ -26,8 +28,7 @@ _GRACE_S = 1.0
 """How much longer than a call and the patience with the link an emergency shutdown may take."""
 
 
-@dataclass(slots=True)
-class SessionOutcome:
+class SessionOutcome(Struct):
     """How a session ended. Without faults the whole job was done.
 
     `is_off`: calls confirmed that every laser is off and nothing moves; `is_untouched`: no call was made that could
@@ -41,8 +42,7 @@ class SessionOutcome:
     off_tried: str = ""
 
 
-@dataclass(slots=True)
-class Supervisor:
+class Supervisor(Struct):
     """Runs a session. `tick` is called repeatedly in the caller's thread during the run."""
 
     session: Session

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -17,8 +18,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import CLOSES_MM, Arcs, Ends, arcs_by_either
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class DrawnArcs:
+class DrawnArcs(Struct, frozen=True, kw_only=True, eq=False):
     """Arcs as the circles that were written, (k,) each: in mm, or in pulses where the axes differ and these were used.
 
     `ends`: their unrounded ends. `by_radius`: given by their radius, which is `written`; the others by their centre.

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.ir.job import Job
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DisplayUnits:
+class DisplayUnits(Struct, frozen=True, kw_only=True):
     """Units of a job's messages: those in which the job is written.
 
     `per_pulse`, `per_pulse_per_ms`, `per_pulse_per_ms2`: factors that convert a value in X's pulses.

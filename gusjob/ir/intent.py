@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Indices
 
@@ -19,8 +19,7 @@ class RunKind(IntEnum):
     RUN_OUT = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Intent:
+class Intent(Struct, frozen=True, kw_only=True, eq=False):
     """Purpose of each buffered call of a job with sky writing, (n,) each; it is not sent to a controller.
 
     `run`: RunKind of each motion. `mark_end`: for a laser-on call the buffered motion at whose start the mark begins,

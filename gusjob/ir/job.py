@@ -1,12 +1,13 @@
-"""The job: setup statements as frozen dataclasses, the path as columns. Positions in pulse, not yet rounded."""
+"""The job: setup statements as records, the path as columns. Positions in pulse, not yet rounded."""
 
 from __future__ import annotations
 
 import pathlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.diagnostics.model import Diagnostic, Remark, Span
 from gusjob.ir.path import Path, Speeds
@@ -15,8 +16,7 @@ from gusjob.ir.setup import Setup, SkyWrite, SkyWriting
 from gusjob.kinematics.arrays import Indices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class Job(Struct, frozen=True, kw_only=True):
     """A whole job.
 
     Lines are numbered through all files of a job. `locate` finds the span of a line and a word in it, `text_of` the

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.ir.effects import StateEffect, is_known
@@ -25,8 +26,7 @@ from gusjob.kinematics.arrays import Bools, Indices
 _T = TypeVar("_T")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModeSpan:
+class ModeSpan(Struct, frozen=True, kw_only=True):
     """A LASER MODE and the rows first..last-1 of the path in which it is in force on its channel."""
 
     setup: Setup
@@ -36,8 +36,7 @@ class ModeSpan:
     last: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Switches:
+class Switches(Struct, frozen=True, kw_only=True, eq=False):
     """Everything that switches the laser of a channel, (k,) each, ascending: instant, on or off, line."""
 
     instant: Indices
@@ -69,8 +68,7 @@ class Switches:
         return np.where(last >= 0, self.on[last], False) if len(self) else np.zeros(len(instants), dtype=np.bool_)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class LaserCommand:
+class LaserCommand(Struct, frozen=True, kw_only=True, eq=False):
     """Commanded state of a channel's laser along the path.
 
     `on` (n,): on in each row; not where a switch that can't be read may have changed it. `on_line` (n,): line of the ON
@@ -84,8 +82,7 @@ class LaserCommand:
     last_on_line: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModalState:
+class ModalState(Struct, frozen=True, kw_only=True):
     """The modal state of a job, by channel. Switches and laser commands are computed when they are first needed."""
 
     job: Job

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, follow_each_other
 from gusjob.kinematics.geometry import Ends
@@ -32,8 +32,7 @@ class Op(IntEnum):
         return ("LINE", "JUMP", "ARC", "ARC", "DWELL", "LASER POWER", "LASER FOLLOW", "LASER ON", "LASER OFF")[self]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Path:
+class Path(Struct, frozen=True, kw_only=True, eq=False):
     """The path, one row a statement: all columns (n,), NaN (0 for whole numbers) where a row does not use one.
 
     A column with one value for all rows is a broadcast array (stride 0) and takes no memory. The columns of dwells and
@@ -91,7 +90,7 @@ class Path:
 
     def without_rows(self) -> Path:
         """Return a path that has no rows."""
-        return Path(**{f.name: getattr(self, f.name)[:0].copy() for f in fields(Path)})
+        return Path(**{name: getattr(self, name)[:0].copy() for name in Path.__struct_fields__})
 
     @property
     def takes_time(self) -> Bools:
@@ -132,8 +131,7 @@ OF_DWELLS_AND_POWERS = ("dwell_ms", "power", "low", "high", "ratio")
 SPEED_WORDS = ("VEL", "ACC", "JUMPVEL", "JUMPACC")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Speeds:
+class Speeds(Struct, frozen=True, kw_only=True, eq=False):
     """Every velocity and acceleration that was written, used or not, (k,) each.
 
     `word`: index in SPEED_WORDS. `value`: pulse/ms or pulse/ms2 with X's pulses per mm. `in_mm`: it was written in mm.
@@ -165,7 +163,7 @@ def with_chords(path: Path, rows: Indices, counts: Indices, x: Floats, y: Floats
     repeats = np.ones(len(path), dtype=np.intp)
     repeats[rows] = counts
     origin = np.repeat(np.arange(len(path)), repeats)
-    columns: dict[str, npt.NDArray[Any]] = {f.name: getattr(path, f.name)[origin] for f in fields(Path)}
+    columns: dict[str, npt.NDArray[Any]] = {name: getattr(path, name)[origin] for name in Path.__struct_fields__}
     is_replaced = np.zeros(len(path), dtype=np.bool_)
     is_replaced[rows] = True
     new = np.flatnonzero(is_replaced[origin])

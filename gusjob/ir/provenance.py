@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.diagnostics.model import CALLED, IN_ITERATION, INCLUDED, ITERATION_NUMBER, Remark, Span
 from gusjob.i18n.phrases import Phrase, number
@@ -19,8 +19,7 @@ Locate = Callable[[int, str], Span]
 """Line and a word in it ('VEL', or '' for the whole statement) to its span."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProvenanceStep:
+class ProvenanceStep(Struct, frozen=True, kw_only=True):
     """One call, iteration or inclusion, with the values of its names.
 
     `kind`: 'call', 'round' (an iteration), 'nth' (an iteration without a name) or 'include'.
@@ -45,8 +44,7 @@ class ProvenanceStep:
         return Remark(text=text, span=locate(self.line, ""), fields=fields)
 
 
-@dataclass(slots=True)
-class Provenance:
+class Provenance(Struct):
     """A tree of steps: each node is a step and the node around it. Node 0 is the job's own text.
 
     Nodes are kept in batches, since a loop of a million iterations makes a million of them.

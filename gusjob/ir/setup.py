@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import AUTO_SHARE, RUN_STEP_US, TIMELAG_OFF_US, TIMELAG_ZERO_US, PowerMode
 from gusjob.kinematics.float_noise import settled_one
 from gusjob.kinematics.units import PowerUnit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserMode:
+class LaserMode(Struct, frozen=True, kw_only=True):
     """LASER MODE: power limits in the mode's unit, carrier in the duty modes, laser pulse width in frequency mode."""
 
     mode: PowerMode
@@ -21,38 +21,33 @@ class LaserMode:
     pulse_width_us: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserDelay:
+class LaserDelay(Struct, frozen=True, kw_only=True):
     """LASER DELAY: delay of laser-on and of laser-off, whatever the level of the switch line."""
 
     on_delay_us: float
     off_delay_us: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserStandby:
+class LaserStandby(Struct, frozen=True, kw_only=True):
     """LASER STANDBY: output while the laser is off in the PWM modes; None: OFF."""
 
     pulse: tuple[float, float] | None
     """(kHz, %)"""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserPrevolt:
+class LaserPrevolt(Struct, frozen=True, kw_only=True):
     """LASER PREVOLT: output while the laser is off in analog mode; None: OFF."""
 
     prevoltage_v: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserFpk:
+class LaserFpk(Struct, frozen=True, kw_only=True):
     """LASER FPK, the first pulse killer: (width, gap, off delay) in us; None: OFF."""
 
     times_us: tuple[float, float, float] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DistanceFollow:
+class DistanceFollow(Struct, frozen=True, kw_only=True):
     """Settings of LASER DISTANCE: reference in pulse, ratio in power units per mm, both for the axes X, Y, Z, A."""
 
     reference_pulse: tuple[float, float, float, float]
@@ -64,42 +59,36 @@ class DistanceFollow:
     actual: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserDistance:
+class LaserDistance(Struct, frozen=True, kw_only=True):
     """LASER DISTANCE; None: OFF."""
 
     settings: DistanceFollow | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchNow:
+class SwitchNow(Struct, frozen=True, kw_only=True):
     """LASER ON NOW, LASER OFF NOW."""
 
     on: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PowerNow:
+class PowerNow(Struct, frozen=True, kw_only=True):
     """LASER POWER p NOW."""
 
     power: float
     unit: PowerUnit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wait:
+class Wait(Struct, frozen=True, kw_only=True):
     """WAIT: the motion ends before the next statement."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LookAhead:
+class LookAhead(Struct, frozen=True, kw_only=True):
     """LOOKAHEAD: (ms, pulse/ms2), NaN where the machine profile's value is in force; None: OFF."""
 
     corner: tuple[float, float] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SkyWriting:
+class SkyWriting(Struct, frozen=True, kw_only=True):
     """Settings of SKYWRITE: `nprev` and `npost` in 10 us, `limit` a cosine. AUTO is replaced by its value already."""
 
     mode: float
@@ -141,8 +130,7 @@ def auto_steps(word: str, timelag_us: float) -> float:
     return math.floor(settled_one(AUTO_SHARE[word] * timelag_us) + 0.5)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SkyWrite:
+class SkyWrite(Struct, frozen=True, kw_only=True):
     """SKYWRITE; None: OFF."""
 
     settings: SkyWriting | None
@@ -153,8 +141,7 @@ class SkyWrite:
         return self.settings is not None and self.settings.is_on
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Crd:
+class Crd(Struct, frozen=True, kw_only=True):
     """CRD: coordinate system and FIFO."""
 
     crd: float
@@ -177,8 +164,7 @@ SetupStatement = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setup:
+class Setup(Struct, frozen=True, kw_only=True):
     """A setup statement in its job: it acts before row `row` of the path.
 
     `order`: its number among the setup statements. `word`: the statement as a user calls it. `provenance`: as in Path.

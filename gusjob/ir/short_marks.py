@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.ranges import CHANNELS
@@ -22,8 +22,7 @@ _MARK, _PART = Phrase("this mark"), Phrase("this part of the mark")
 _EDGES = Phrase("between its corners this mark")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PlannedSpeeds:
+class PlannedSpeeds(Struct, frozen=True, kw_only=True, eq=False):
     """Motions and dwells with their velocities, (m,) each; lengths and velocities in pulses of X.
 
     `row`: row of the job's path that each comes from, ascending. `op`: Op of each. `asked`: velocity as it was set;
@@ -43,8 +42,7 @@ class PlannedSpeeds:
     is_sky: Bools
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ShortMarks:
+class ShortMarks(Struct, frozen=True, kw_only=True, eq=False):
     """Parts of marks that are too short for their velocity, (q,).
 
     `at`, `last`: number of the first and the last motion of each. `is_part`: the mark has other velocities, too.

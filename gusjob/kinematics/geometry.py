@@ -5,9 +5,9 @@ Pure functions on arrays; any length unit, angles in radians.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 
@@ -36,8 +36,7 @@ def sin_cos_deg(degrees: Floats) -> tuple[Floats, Floats]:
     return np.where(back, -sine, sine) + 0.0, np.where(back, -cosine, cosine) + 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Arcs:
+class Arcs(Struct, frozen=True, kw_only=True, eq=False):
     """Circle arcs, (n,) each: centre, radius, angle at the start, signed sweep (> 0 counter-clockwise)."""
 
     cx: Floats
@@ -53,7 +52,7 @@ class Arcs:
 
     def pick(self, at: Indices) -> Arcs:
         """Select some of the arcs."""
-        return Arcs(**{f.name: getattr(self, f.name)[at] for f in fields(Arcs)})
+        return Arcs(**{name: getattr(self, name)[at] for name in Arcs.__struct_fields__})
 
     def at(self, share: Floats) -> tuple[Floats, Floats]:
         """Compute the points at a share 0..1 of each arc: x and y, (n,)."""
@@ -133,11 +132,12 @@ Ends = tuple[Floats, Floats, Floats, Floats]
 def arcs_by_either(ends: Ends, cx: Floats, cy: Floats, radius: Floats, ccw: Bools, by_radius: Bools) -> Arcs:
     """Make arcs of which some (`by_radius`) are given by their radius, the others by their centre."""
     first, second = arcs_by_radius(*ends, radius, ccw), arcs_by_centre(*ends, cx, cy, ccw)
-    return Arcs(**{f.name: np.where(by_radius, getattr(first, f.name), getattr(second, f.name)) for f in fields(Arcs)})
+    return Arcs(
+        **{name: np.where(by_radius, getattr(first, name), getattr(second, name)) for name in Arcs.__struct_fields__}
+    )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Segments:
+class Segments(Struct, frozen=True, kw_only=True, eq=False):
     """Lines and arcs that follow each other, (n,) each.
 
     `x0`, `y0`, `x1`, `y1`: start and end point. `length`: along the segment. `arc_at` (k,): numbers of the segments
@@ -268,8 +268,7 @@ class Segments:
         return x, y
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Unrounded:
+class Unrounded(Struct, frozen=True, kw_only=True, eq=False):
     """Directions before rounding: of each segment as a line from its start to its end, (n,), and of the arcs, (k,)."""
 
     dx: Floats

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks, hashed, repeated
 from gusjob.kinematics.geometry import TURN, Arcs, Ends
@@ -33,8 +33,7 @@ _GROUP_MM = 1e8
 """More than any span reaches along its carrier."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Overlaps:
+class Overlaps(Struct, frozen=True, kw_only=True, eq=False):
     """Overlaps, (k,) each, `later` ascending: the segment in which each begins, an earlier one on the same part, mm."""
 
     later: Indices
@@ -42,8 +41,7 @@ class Overlaps:
     length_mm: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _CarrierSpans:
+class _CarrierSpans(Struct, frozen=True, kw_only=True, eq=False):
     """Parts of carriers, (n,) each: the carrier, begin and end along it in mm, the first of the segments, how many."""
 
     carrier: npt.NDArray[np.uint64]

@@ -9,16 +9,14 @@ it stops at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, running_sum
 from gusjob.kinematics.trapezoids import Trapezoids, even_velocity, reached_ends, trapezoids
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Schedule:
+class Schedule(Struct, frozen=True, kw_only=True, eq=False):
     """Time and velocity of each segment or dwell, (m,); stages follow each other on one time axis.
 
     `times_ms` (m+1,): the start of each and the end of the last. `stage` (m,): the stage of each. `stage_first` (s+1,):

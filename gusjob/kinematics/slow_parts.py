@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 
@@ -14,8 +14,7 @@ REACHES = 0.9
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SlowParts:
+class SlowParts(Struct, frozen=True, kw_only=True, eq=False):
     """Parts that stay below their velocity, (q,), each with its fastest run from one corner to the next.
 
     `first`, `last`: indices of the first and the last segment of the part. `aim`, `reached`: the intended and the
@@ -36,7 +35,7 @@ class SlowParts:
 
     def pick(self, which: Bools) -> SlowParts:
         """Select some of the parts."""
-        return SlowParts(**{name: getattr(self, name)[which] for name in SlowParts.__slots__})
+        return SlowParts(**{name: getattr(self, name)[which] for name in SlowParts.__struct_fields__})
 
     @staticmethod
     def joined(several: Sequence[SlowParts]) -> SlowParts:
@@ -47,7 +46,7 @@ class SlowParts:
                 name: np.concatenate(
                     [np.empty(0, dtype=kinds.get(name, np.float64)), *(getattr(s, name) for s in several)]
                 )
-                for name in SlowParts.__slots__
+                for name in SlowParts.__struct_fields__
             }
         )
 

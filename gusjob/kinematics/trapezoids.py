@@ -11,9 +11,8 @@ r"""Velocity trapezoids and look-ahead: pure functions on arrays. Units: pulse, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 
@@ -27,8 +26,7 @@ _CACHED = 1 << 14
 """Segments whose profiles are computed at a time: they fit in the processor's cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Trapezoids:
+class Trapezoids(Struct, frozen=True, kw_only=True, eq=False):
     """Velocity profile of each segment, (n,): velocities in pulse/ms, `acc` in pulse/ms2, times in ms."""
 
     start: Floats

@@ -5,9 +5,10 @@ Canonical: mm, mm/s, mm/s2, us, ms, kHz, %, V, deg, and the controller's pulses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, TypeVar
+
+from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase
 
@@ -72,8 +73,7 @@ class PowerUnit(IntEnum):
         return ("", "%", "kHz", "V")[self]
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
+class Unit(Struct, frozen=True):
     """A unit: canonical value = value * times / over. Two exact factors, so 35mV is 35/1000 V to the last bit."""
 
     kind: QuantityKind

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import model as d
@@ -35,8 +35,7 @@ def same_remarks(remarks: tuple[Remark, ...]) -> Remarks:
     return lambda index: remarks
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LintContext:
+class LintContext(Struct, frozen=True, kw_only=True):
     """A job, the machine that it is checked for, its modal state, and the units of its messages."""
 
     job: Job

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import rules
@@ -76,8 +76,7 @@ def _report_jumps(report: Reporter, delays: DelaysInForce, rows: Indices, force:
         report.rows(rule, rows[at], "", **fields)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class DelaysInForce:
+class DelaysInForce(Struct, frozen=True, kw_only=True, eq=False):
     """Delays of the switch, and with the first pulse killer of emission after it, (k,) each: from an instant on.
 
     `instant`: ascending. `lines`: (k, 2), those of LASER DELAY and LASER FPK in force, 0 without one.

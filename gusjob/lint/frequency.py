@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import CHANNELS, DISTANCE_LIMIT, FOLLOW, POWER, PULSE_DUTY_PCT, Membership, PowerMode
 from gusjob.diagnostics import rules
@@ -33,8 +33,7 @@ FOLLOW_ENDS = {"MIN": Phrase("follow MIN"), "MAX": Phrase("follow MAX")}
 DISTANCE_ENDS = {"MIN": Phrase("distance MIN"), "MAX": Phrase("distance MAX")}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Limits:
+class _Limits(Struct, frozen=True, kw_only=True):
     """The limits in force in rows first..last-1 of a channel in frequency mode: of its mode, of distance follow.
 
     `kept_from`: first row since when the channel is in frequency mode. A LASER MODE that repeats the mode keeps the
@@ -217,8 +216,7 @@ def _check_rows(context: LintContext, report: Reporter, rows: Indices, limits: _
     return np.unique(np.concatenate(found))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _RowCheck:
+class _RowCheck(Struct, frozen=True, kw_only=True):
     """Checks frequencies of rows under some limits."""
 
     context: LintContext

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.diagnostics import model as d
@@ -61,8 +60,7 @@ def _report_repeated(context: LintContext, report: Reporter, found: RepeatedMark
         report.rows(rules.PARTLY_MARKED_TWICE, found.rows, "", remarks=remarks, length=np.round(found.length_mm, 3))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class RepeatedMarks:
+class RepeatedMarks(Struct, frozen=True, kw_only=True, eq=False):
     """Marked segments that were marked before with the same power and velocity, (k,) in order.
 
     `first`: the row that marked the segment first. `in_pass`: several segments are repeated in their order and
@@ -110,8 +108,7 @@ def _wholly_repeated(path: Path, rows: Indices, dose: npt.NDArray[np.uint64]) ->
     return RepeatedMarks(rows=rows[again], first=rows[first], in_pass=in_pass), once
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _RepeatedShapes:
+class _RepeatedShapes(Struct, frozen=True, kw_only=True, eq=False):
     """Segments whose shape occurs several times, by shape, (k,) each.
 
     `order`: the segments, those of one shape in order. `begins`: where in it a new shape begins.
@@ -209,8 +206,7 @@ def _in_passes(path: Path, rows: Indices, keys: _SegmentKeys, shapes: _RepeatedS
     return found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _SegmentKeys:
+class _SegmentKeys(Struct, frozen=True, kw_only=True, eq=False):
     """Keys of some motions, (k,) each.
 
     `shape`: equal where shape (in whole pulses, either direction) and power are equal. `has_length`: the motion has a

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
 
 from gusjob.controllers.gus.ranges import Membership, PowerMode, Range
 from gusjob.diagnostics import rules
@@ -31,8 +31,7 @@ _KIND_OF_UNIT = {
 }
 
 
-@dataclass(slots=True)
-class Reporter:
+class Reporter(Struct):
     """Diagnostics of one lint run."""
 
     context: LintContext

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from lsprotocol.types import (
@@ -16,6 +15,7 @@ from lsprotocol.types import (
     Location,
     PositionEncodingKind,
 )
+from msgspec import Struct, field
 
 from gusjob.config.profile import Profile
 from gusjob.diagnostics import rules
@@ -40,8 +40,7 @@ _SEVERITIES = {
 _UNUSED = {rules.UNUSED_NAME.code, rules.UNUSED_ROUTINE.code}
 
 
-@dataclass(slots=True)
-class Diagnosis:
+class Diagnosis(Struct):
     """All diagnostics of a text.
 
     Attributes:
@@ -87,8 +86,7 @@ def _check_unsaved(name: str, data: bytes) -> list[Diagnostic]:
     return list((examine(check(parsed)) if isinstance(parsed, Parsed) else parsed).diagnostics)
 
 
-@dataclass(slots=True)
-class SourceLocations:
+class SourceLocations(Struct):
     """Locations of diagnostics for the editor. `uris`: URIs of open files by resolved path."""
 
     diagnosis: Diagnosis

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 from lsprotocol import types as lsp
+from msgspec import Struct
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes import FIXES, apply_fixes, key_of
@@ -100,8 +100,7 @@ MAX_FIXES = 8
 """Maximum number of fixes that are tried for a range: each is verified, which takes as long as checking the text."""
 
 
-@dataclass(slots=True)
-class _FixFinder:
+class _FixFinder(Struct):
     """The fixes of one text. The text is checked when the first diagnostic that has a fix is met."""
 
     query: Query

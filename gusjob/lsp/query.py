@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from lsprotocol import types as lsp
+from msgspec import Struct
 
 from gusjob.frontend import check_text, is_listing
 from gusjob.frontend.parse.statement_parser import strip_comment
@@ -21,8 +21,7 @@ BARE_NAME_STATEMENTS = {"LET", "REPEAT", "FOR", "IF", "CALL", "DEF"}
 """Statements in which names need no parentheses."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Query:
+class Query(Struct, frozen=True, kw_only=True):
     """The text that a request is about.
 
     Attributes:
@@ -60,8 +59,7 @@ class Query:
         return self.top.uris.get(str(file.path.resolve())) or uri_of(file.path)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cursor:
+class Cursor(Struct, frozen=True, kw_only=True):
     """A position in a line.
 
     Attributes:

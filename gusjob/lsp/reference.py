@@ -7,8 +7,9 @@ here.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cache
+
+from msgspec import Struct
 
 from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.calls import SIGNATURES
@@ -78,8 +79,7 @@ _CELL = re.compile(r"(?<!\\)\|")
 _WORD = re.compile(r"[A-Za-z_]+")
 
 
-@dataclass(frozen=True, slots=True)
-class StatementReference:
+class StatementReference(Struct, frozen=True):
     """A row of the reference's tables of statements. `cells`: by the column's head."""
 
     spellings: tuple[str, ...]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 from lsprotocol import types as lsp
+from msgspec import Struct
 from pygls.lsp.server import LanguageServer
 from pygls.protocol import JsonRPCNotification, LanguageServerProtocol, default_converter, lsp_method
 
@@ -25,8 +25,7 @@ T = TypeVar("T")
 _INVALID_PARAMS = -32602
 
 
-@dataclass(slots=True)
-class OpenDocument:
+class OpenDocument(Struct):
     """An open file.
 
     Attributes:

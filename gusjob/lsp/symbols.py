@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.diagnostics.model import Span
 from gusjob.frontend import Source, check_text, is_listing
@@ -22,8 +22,7 @@ MODES = {"DUTY", "DUTY2", "FREQUENCY", "ANALOG"}
 """Forms of LASER MODE."""
 
 
-@dataclass(slots=True, eq=False)
-class Symbol:
+class Symbol(Struct, eq=False):
     """A statement that defines a name, begins a block, includes a file or selects a laser mode.
 
     Attributes:
@@ -57,8 +56,7 @@ class Symbol:
         return self.line < line <= self.end_line
 
 
-@dataclass(slots=True, eq=False)
-class FileSymbols:
+class FileSymbols(Struct, eq=False):
     """The symbols of one file of a job, in their order.
 
     `path`: None for a text that was never saved. `source`: None if the file can't be read as text.

@@ -7,11 +7,11 @@ is agreed; gusjob counts characters. Both convert to an offset in bytes.
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from lsprotocol.types import Position, PositionEncodingKind, Range, TextDocumentContentChangeEvent
+from msgspec import Struct
 
 from gusjob.diagnostics.model import Span
 from gusjob.kinematics.arrays import Ints
@@ -27,8 +27,7 @@ def utf8(text: str) -> bytes:
     return text.encode("utf-8", "replace")
 
 
-@dataclass(frozen=True)
-class Text:
+class Text(Struct, frozen=True, dict=True):
     """One version of a text, immutable, so that threads can share it.
 
     Attributes:
@@ -38,7 +37,7 @@ class Text:
 
     data: bytes
     unit: PositionEncodingKind | str = PositionEncodingKind.Utf16
-    known: Ints | None = field(default=None, repr=False)
+    known: Ints | None = None
 
     @cached_property
     def starts(self) -> Ints:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from lsprotocol.types import Diagnostic, PositionEncodingKind
+from msgspec import Struct
 
 from gusjob.lsp.diagnostics import Diagnosis, SourceLocations, diagnose, lsp_diagnostics
 from gusjob.lsp.text import Text
@@ -17,8 +17,7 @@ POLL_S = 1.0
 """Interval in which files on the disk (profile, includes) are checked for changes: not every editor reports them."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class Task(Struct, frozen=True, kw_only=True):
     """A text to check, with the state of all open texts.
 
     Attributes:
@@ -37,8 +36,7 @@ class Task:
     unit: PositionEncodingKind | str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TaskResult:
+class TaskResult(Struct, frozen=True, kw_only=True):
     """The result of a task. `published`: the diagnostics for the editor, by URI."""
 
     task: Task

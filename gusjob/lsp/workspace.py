@@ -6,10 +6,11 @@ import io
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 from urllib.parse import unquote, urlsplit
+
+from msgspec import Struct, field
 
 from gusjob.config.profile import PROFILE_NAME
 from gusjob.frontend.source import read_limited
@@ -52,8 +53,7 @@ def file_stamp(path: Path) -> Stamp:
     return found.st_mtime_ns, found.st_size
 
 
-@dataclass(slots=True)
-class Workspace:
+class Workspace(Struct):
     """The files that one analysis of a job reads. `open_texts`: the editor's open texts by resolved path."""
 
     open_texts: Mapping[str, bytes]

@@ -7,9 +7,9 @@ rounded to the other side of its start becomes a whole circle, or none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.ranges import RADIUS_PULSE
@@ -82,8 +82,7 @@ def lost_arcs(drawn: Arcs, ends: Ends) -> Bools:
     return np.asarray((_chord(ends) <= CLOSE_ENDS_PULSE) & (np.abs(drawn.sweep) <= np.pi))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Forms:
+class _Forms(Struct, frozen=True, kw_only=True, eq=False):
     """Arcs to be sent, (k,): as drawn, their rounded ends, and by how much each misses its unrounded end."""
 
     drawn: Arcs

@@ -8,11 +8,12 @@ Plan            + laser switches at their final positions
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Diagnostic
@@ -24,8 +25,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of
 from gusjob.kinematics.geometry import Segments
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stage:
+class Stage(Struct, frozen=True, kw_only=True):
     """Setup statements that run at rest, then the rows first..last-1 of the path."""
 
     first: int
@@ -33,8 +33,7 @@ class Stage:
     setups: tuple[Setup, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StagedPath:
+class StagedPath(Struct, frozen=True, kw_only=True, eq=False):
     """The path of a job, cut into stages.
 
     `path`: n rows, perhaps more than the job has. `origin` (n,): row of the job's path from which each comes.
@@ -64,8 +63,7 @@ class StagedPath:
         return np.searchsorted([stage.first for stage in self.stages], self.timed, side="right") - 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class MarkEvents:
+class MarkEvents(Struct, frozen=True, kw_only=True, eq=False):
     """Rows of the path that take effect at the start or the end of a mark, (g,) each.
 
     `row`: the switch or power. `mark_row`: the mark's row; of a laser-on that is `placed`, the first motion of the
@@ -83,8 +81,7 @@ class MarkEvents:
         return len(self.row)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SkyRows:
+class SkyRows(Struct, frozen=True, kw_only=True, eq=False):
     """Sky-writing facts about the rows of a path.
 
     `run` (n,): RunKind of a motion while the laser is off. `smooth` (n,): motions that continue into the next one
@@ -119,8 +116,7 @@ NO_SKY_WRITING = SkyRows(
 """Of a job without sky writing."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class QuantizedPath(StagedPath):
+class QuantizedPath(StagedPath, frozen=True, kw_only=True, eq=False):
     """A path in whole pulses; all (m,) for the timed rows.
 
     `segments`: a dwell has no length. `vel`, `acc`: pulse/ms and pulse/ms2 along the segment. `forced_end`: END,
@@ -134,16 +130,14 @@ class QuantizedPath(StagedPath):
     sky: SkyRows
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PlannedPath(QuantizedPath):
+class PlannedPath(QuantizedPath, frozen=True, kw_only=True, eq=False):
     """A path with end velocities: `vel_end` (m,) pulse/ms. `vel` is slower on arcs, and 0 in a dwell."""
 
     vel_end: Floats
     diagnostics: tuple[Diagnostic, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan(PlannedPath):
+class Plan(PlannedPath, frozen=True, kw_only=True):
     """A job that is ready for a controller. `intent`: None without sky writing."""
 
     intent: Intent | None
@@ -154,7 +148,7 @@ _P = TypeVar("_P", bound=StagedPath)
 
 def next_phase(kind: type[_P], phase: StagedPath, **added: Any) -> _P:
     """Make the next phase from all fields of a phase and what a pass adds."""
-    return kind(**{f.name: getattr(phase, f.name) for f in fields(phase)}, **added)
+    return kind(**{name: getattr(phase, name) for name in phase.__struct_fields__}, **added)
 
 
 def _picked_few(column: Floats, source: Indices, few: Indices) -> Floats:
@@ -175,7 +169,7 @@ def rearranged(staged: StagedPath, source: Indices, columns: dict[str, npt.NDArr
         columns: Columns with new values, (k,) each.
     """
     path = staged.path
-    kept = [f.name for f in fields(Path) if f.name not in columns]
+    kept = [name for name in Path.__struct_fields__ if name not in columns]
     few = np.flatnonzero((path.op >= Op.DWELL)[source])
     given = columns | {
         name: _picked_few(getattr(path, name), source, few)

@@ -7,10 +7,10 @@ the velocity on a fine polyline is that on the curve which it approximates.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules

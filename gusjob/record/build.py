@@ -15,10 +15,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
+
+from msgspec import Struct
 
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
@@ -72,8 +73,7 @@ class BuildError(Exception):
         self.message = message
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Compiler:
+class Compiler(Struct, frozen=True, kw_only=True):
     """A C compiler. `identity`: changes when the compiler changes; `is_zig`: builds for every target."""
 
     command: tuple[str, ...]

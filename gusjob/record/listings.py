@@ -13,8 +13,9 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 if sys.platform == "win32":
     import msvcrt
@@ -39,8 +40,7 @@ _HEADER_BYTES = 1000
 _PIECE_BYTES = 1 << 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ListingEnd:
+class ListingEnd(Struct, frozen=True, kw_only=True):
     """What a listing has. `calls`: lines of calls and rests; `is_cut`: some are missing; `has_wide`: see _UNSIGNED."""
 
     calls: int

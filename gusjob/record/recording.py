@@ -12,9 +12,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Abi
 from gusjob.i18n.phrases import Phrase, reason_of
@@ -55,8 +57,7 @@ _NOT_LINKED = {127, 0xC0000139, 0xC0000135}
 """Exit codes of programs whose loader found a symbol or library missing: POSIX; Windows, as unsigned numbers."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class Fault(Struct, frozen=True, kw_only=True):
     """The nth call of a name returns a code and has no effect; with `lasts` all from then on, too."""
 
     name: str
@@ -68,8 +69,7 @@ class Fault:
         return f"{self.name}:{self.nth}{'+' if self.lasts else ''}:{self.code}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordOptions:
+class RecordOptions(Struct, frozen=True, kw_only=True):
     """What to run, and how.
 
     Attributes:
@@ -97,8 +97,7 @@ class RecordOptions:
     target: Target | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
+class Recording(Struct, frozen=True, kw_only=True):
     """What was recorded.
 
     Attributes:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, assert_never
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import DEFAULT_NAME
 from gusjob.diagnostics.model import Diagnostic, Severity
@@ -31,8 +31,7 @@ _LEAST_SHARE = 0.005
 """A kind of segments that takes less of the time is not named."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class Finding(Struct, frozen=True, kw_only=True):
     """Something that stands out.
 
     Attributes:
@@ -59,8 +58,7 @@ class Finding:
         return f"{printable(self.file)}:{self.line}" if self.file else Phrase("line {line}", line=self.line)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class Answer(Struct, frozen=True, kw_only=True):
     """The answer to a run. `headline`: its parts, in order. `setting`: profile, scanner and period, in order.
 
     `worst`: the highest severity of its diagnostics; None without errors and warnings.

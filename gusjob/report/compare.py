@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.ir.overrides import Overrides
 from gusjob.kinematics.arrays import Floats, Indices
@@ -23,8 +23,7 @@ _SMALLEST_CHANGE = 1e-6
 """Smaller absolute differences are ignored: 1 ns, 1 nm, a millionth of a unit of power, 1 nJ."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TotalChange:
+class TotalChange(Struct, frozen=True, kw_only=True):
     """A total that changed. Null values are None; they and texts have no percentage."""
 
     what: str
@@ -35,8 +34,7 @@ class TotalChange:
     change_pct: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OverrideChange:
+class OverrideChange(Struct, frozen=True, kw_only=True):
     """A value of -D that changed. `old`, `new`: None where the name was not set by -D."""
 
     name: str
@@ -44,8 +42,7 @@ class OverrideChange:
     new: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ColumnChange:
+class ColumnChange(Struct, frozen=True, kw_only=True, eq=False):
     """The changes of one column, (k,) each. `pair`: indices of the matched segments, ascending. Null values are NaN."""
 
     pair: Indices
@@ -54,8 +51,7 @@ class ColumnChange:
     change_pct: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SegmentComparison:
+class SegmentComparison(Struct, frozen=True, kw_only=True, eq=False):
     """The segments of two reports.
 
     Attributes:
@@ -87,8 +83,7 @@ class SegmentComparison:
         return np.flatnonzero(changed)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class Comparison(Struct, frozen=True, kw_only=True):
     """The changes since an earlier report.
 
     `segments`: None if the earlier report has totals only. `overrides`: the changed values of -D; they alone are no

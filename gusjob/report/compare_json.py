@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import orjson
+from msgspec.structs import asdict
 
 from gusjob.report.compare import Comparison, SegmentComparison
 from gusjob.simulate.kinds import SegmentKind
@@ -36,6 +37,7 @@ def against_json(comparison: Comparison) -> orjson.Fragment:
                 "totals": comparison.totals,
                 "segments": None if comparison.segments is None else _segments_object(comparison.segments),
             },
+            default=asdict,
             option=orjson.OPT_SERIALIZE_NUMPY,
         )
     )

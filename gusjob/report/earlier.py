@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import orjson
+from msgspec import Struct, field
 
 from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.i18n.phrases import Phrase, all_of, printable, reason_of
@@ -38,8 +38,7 @@ _REQUIRED = {"segments", *_LENGTHS, "emission_ms", "joules", "power_ms", "power_
 _OFF_OUTPUT = ("standby_khz", "standby_pct", "prevoltage_v")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EarlierReport:
+class EarlierReport(Struct, frozen=True, kw_only=True):
     """An earlier report, validated.
 
     `columns`: as in a Report, NaN for null; None if it has totals only. `overrides`: the values of LETs that its job

@@ -12,10 +12,10 @@ Transients of two filters in series: y decays as y*exp(-t/T), x as (x + y*t/T)*e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Scanner, ScannerModel
 from gusjob.kinematics.arrays import Floats, Indices, counted
@@ -37,8 +37,7 @@ _BLOCK = 1 << 14
 """Polynomials that are summed up at once: they fit in the processor's cache."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Beam:
+class Beam(Struct, frozen=True, kw_only=True, dict=True):
     """Beam position of a motion. Without a scanner, or with one that does not lag, it is the commanded position.
 
     The polynomials are made when a lagging position is first computed.
@@ -87,8 +86,7 @@ def _commanded(motion: Motion, stage: Indices, time: Floats) -> tuple[Floats, Fl
     return np.where(segment < 0, 0.0, x), np.where(segment < 0, 0.0, y)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Polynomials:
+class _Polynomials(Struct, frozen=True, kw_only=True, eq=False):
     """The command as polynomials of time, and the beam's transients.
 
     `first` (s+1,): number of each stage's first polynomial; its last one is the rest after its end. `start` (p,): ms.
@@ -181,8 +179,7 @@ def _decayed(transient: Floats, past: Floats) -> Floats:
     return np.asarray(left)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Phases:
+class _Phases(Struct, frozen=True, kw_only=True, eq=False):
     """Acceleration, cruise and deceleration of segments, those of arcs cut further; none is empty. (q,) each.
 
     `start`, `length` in ms; `run`, `vel`: path length since the segment's start and velocity, at the phase's start.

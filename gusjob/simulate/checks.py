@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -17,8 +16,7 @@ from gusjob.simulate.motion import Motion
 from gusjob.simulate.trace import ChannelTrace
 
 
-@dataclass(slots=True, kw_only=True)
-class SegmentReporter:
+class SegmentReporter(Struct, kw_only=True):
     """Collects diagnostics of segments."""
 
     motion: MotionEvents

@@ -7,9 +7,9 @@ number. Where a limit is met in between, the piece is left to a sum by ticks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.trapezoids import distance_run, time_of_run
@@ -63,16 +63,14 @@ def _slack(limit: Floats, relative: float) -> Floats:
     return np.asarray(relative * (1 + np.abs(limit)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _TickVelocity:
+class _TickVelocity(Struct, frozen=True, kw_only=True, eq=False):
     """Velocity at the first tick of pieces and its change, (p,): pulse/ms, pulse/ms2."""
 
     velocity: Floats
     acc: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Quadratic:
+class _Quadratic(Struct, frozen=True, kw_only=True, eq=False):
     """Quadratics c0 + c1*k + c2*k^2 of the number k of a tick, (p,)."""
 
     c0: Floats

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
@@ -14,8 +15,7 @@ from gusjob.simulate.events import ChannelEvents, Events, ImmediateAction
 from gusjob.simulate.intervals import Intervals
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Emission:
+class Emission(Struct, frozen=True, kw_only=True, eq=False):
     """Emission intervals of one channel in time order, (k,): stage, start and end on the schedule's time axis, ms.
 
     An end may be after its stage's end (off delay): the laser then emits at rest, before the next stage starts.
@@ -44,8 +44,7 @@ class Emission:
         return Intervals(stage=self.stage, start_ms=self.start_ms, end_ms=self.end_ms)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _SwitchChanges:
+class _SwitchChanges(Struct, frozen=True, kw_only=True, eq=False):
     """Changes of the switch in order, (c,). `time` -inf: on when the stage starts. `event` -1: an immediate action."""
 
     stage: Indices
@@ -54,11 +53,10 @@ class _SwitchChanges:
     event: Indices
 
     def pick(self, at: Indices | Bools) -> _SwitchChanges:
-        return _SwitchChanges(**{name: getattr(self, name)[at] for name in self.__slots__})
+        return _SwitchChanges(**{name: getattr(self, name)[at] for name in self.__struct_fields__})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Emitting:
+class _Emitting(Struct, frozen=True, kw_only=True, eq=False):
     """Intervals under construction, (k,). `carried`: on before the stage. `has_off`: a change of the switch ends it."""
 
     stage: Indices
@@ -70,7 +68,7 @@ class _Emitting:
     off_event: Indices
 
     def pick(self, at: Indices | Bools) -> _Emitting:
-        return _Emitting(**{name: getattr(self, name)[at] for name in self.__slots__})
+        return _Emitting(**{name: getattr(self, name)[at] for name in self.__struct_fields__})
 
     def merged(self) -> _Emitting:
         """Drop empty intervals; join those of a stage that meet or overlap."""
@@ -184,8 +182,7 @@ def _changes(channel: ChannelEvents, events: Events, schedule: Schedule) -> tupl
     return changes, found
 
 
-@dataclass(slots=True, kw_only=True)
-class _ImmediateSwitches:
+class _ImmediateSwitches(Struct, kw_only=True):
     """Switches that are not buffered, and those still on when a stage starts: (stage, ms, on, rank).
 
     The rank orders what acts at one moment: before (0) or after (2) the buffered switches. `readings`: (line, on).

@@ -10,18 +10,17 @@ segment before which it acts (m: after the last one). Segments, dwells included,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import MODE_LIMIT, PowerMode
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import Segments
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaserState:
+class LaserState(Struct, frozen=True, kw_only=True):
     """State of a laser channel except its switch and its power.
 
     `mode` None: never set, the controller runs in duty mode with limits 0 to 100 %. `fpk_us`: width, gap, off delay.
@@ -58,8 +57,7 @@ class LaserState:
         return self.distance and self.distance_limits is not None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImmediateAction:
+class ImmediateAction(Struct, frozen=True, kw_only=True):
     """An immediate switch, power, or reading of the switch.
 
     `on`: of a switch. `power`: NaN: no power is set any more. `time_ms`: time since the start of the stage that moves;
@@ -88,8 +86,7 @@ class ImmediateAction:
         return self.on is None and self.power is None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StageEvents:
+class StageEvents(Struct, frozen=True, kw_only=True):
     """One stage: its source line, the laser state of each channel, immediate actions before it and while it moves.
 
     An action while the stage moves acts at its time, or if that is not known at the stage's start, after what is
@@ -106,8 +103,7 @@ class StageEvents:
     rest_ms: float = math.nan
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class MotionEvents:
+class MotionEvents(Struct, frozen=True, kw_only=True, eq=False):
     """Segments and dwells of all stages in order, (m,).
 
     Positions are of the machine, whatever the origin of a coordinate system. A dwell has a segment of no length, and
@@ -131,8 +127,7 @@ class MotionEvents:
         return len(self.dwell)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class LaserSwitchEvents:
+class LaserSwitchEvents(Struct, frozen=True, kw_only=True, eq=False):
     """Buffered switches of one channel in order, (e,).
 
     `mark_segment`: number of the segment before which the intended start or end of the mark is: `segment`, or where the
@@ -145,8 +140,7 @@ class LaserSwitchEvents:
     mark_segment: Indices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PowerEvents:
+class PowerEvents(Struct, frozen=True, kw_only=True, eq=False):
     """Settings of one channel's power in order, (e,).
 
     `low`: direct power, or the lowest power of a follow; NaN: no power is set. `ratio`: power per pulse/ms of a follow,
@@ -160,8 +154,7 @@ class PowerEvents:
     high: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelEvents:
+class ChannelEvents(Struct, frozen=True, kw_only=True):
     """Buffered events of one laser channel, and its state after the last stage."""
 
     channel: int
@@ -170,8 +163,7 @@ class ChannelEvents:
     laser_at_end: LaserState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Events:
+class Events(Struct, frozen=True, kw_only=True, eq=False):
     """Everything that a controller does with a stream.
 
     `stage_first` (s+1,): number of each stage's first segment, and m. `channels`: those that any call names.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Floats, Indices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Intervals:
+class Intervals(Struct, frozen=True, kw_only=True, eq=False):
     """Intervals of time, (k,): stage number of each, start and end on the schedule's time axis, ms."""
 
     stage: Indices

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Floats, Indices, rows_of
 from gusjob.kinematics.geometry import Segments
@@ -13,8 +12,7 @@ from gusjob.kinematics.trapezoids import distance_run
 from gusjob.simulate.events import Events, MotionEvents
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Motion:
+class Motion(Struct, frozen=True, kw_only=True, eq=False):
     """The planned motion of all stages.
 
     Moments are in ms on the schedule's time axis; `segment` (k,) is the number of the segment that runs at each moment.

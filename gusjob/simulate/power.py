@@ -7,11 +7,11 @@ summed over the controller's ticks (ticks.py).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted, rows_of, where_true
 from gusjob.kinematics.schedule import Schedule
@@ -28,8 +28,7 @@ _BLOCK_PARTS = 1 << 15
 """Parts that are integrated at once: their columns fit in the processor's cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SegmentEmission:
+class SegmentEmission(Struct, frozen=True, kw_only=True, eq=False):
     """Emission of one channel in each segment, (m,).
 
     Emission time in ms, integral of power (unit * ms), lowest and highest power while emitting (NaN if none), time in
@@ -44,8 +43,7 @@ class SegmentEmission:
     unpowered: Bools
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Parts:
+class _Parts(Struct, frozen=True, kw_only=True, eq=False):
     """Parts of intervals in order, (p,): the segment of each, start and end in ms, and the interval that it is of.
 
     None reaches over the end of its segment, or over a power that is set within it.
@@ -60,8 +58,7 @@ class _Parts:
         return _Parts(segment=self.segment[at], start=self.start[at], end=self.end[at], which=self.which[at])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Integrals:
+class _Integrals(Struct, frozen=True, kw_only=True, eq=False):
     """Integrals over parts of segments, (p,) each."""
 
     time: Floats
@@ -78,11 +75,10 @@ class _Integrals:
         return cls(time=time, energy=energy, lowest=lowest, highest=highest, clamped=clamped, unpowered=unpowered)
 
     def pick(self, at: Bools) -> _Integrals:
-        return _Integrals(**{name: getattr(self, name)[at] for name in self.__slots__})
+        return _Integrals(**{name: getattr(self, name)[at] for name in self.__struct_fields__})
 
 
-@dataclass(frozen=True, kw_only=True)
-class HeldPower:
+class HeldPower(Struct, frozen=True, kw_only=True, dict=True):
     """Held power of one channel: the power that it emits with while it emits.
 
     `timeline`: all power settings in order. `lasers`: state in each stage.
@@ -323,8 +319,7 @@ def _duration(schedule: Schedule, parts: _Parts) -> Floats:
     return np.where(whole, schedule.duration_ms[segment], end - start)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _SegmentTotals:
+class _SegmentTotals(Struct, frozen=True, kw_only=True, eq=False):
     """Integrals summed up by segment, (m,)."""
 
     time: Floats

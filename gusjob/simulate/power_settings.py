@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
@@ -20,8 +20,7 @@ CLAMPED = 1e-9
 """Relative distance beyond a limit from which a power counts as clamped: less is rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PowerSettings:
+class PowerSettings(Struct, frozen=True, kw_only=True, eq=False):
     """Power settings of parts of segments, (p,) each: as in PowerEvents, and the limits of the mode in force."""
 
     low: Floats
@@ -34,11 +33,10 @@ class PowerSettings:
 
     def pick(self, at: Indices | Bools | slice) -> PowerSettings:
         """Pick the settings at indices, at a mask or of a slice."""
-        return PowerSettings(**{name: getattr(self, name)[at] for name in self.__slots__})
+        return PowerSettings(**{name: getattr(self, name)[at] for name in self.__struct_fields__})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StageLasers:
+class StageLasers(Struct, frozen=True, kw_only=True, eq=False):
     """What the power of a channel depends on in each stage, (s,): limits of the mode, and distance follow.
 
     The distance term is `constant` + `per_x` * |x - `reference_x`| + `per_y` * |y - `reference_y`|: power per pulse,
@@ -67,7 +65,7 @@ def stage_lasers(lasers: Sequence[LaserState], axes: Sequence[tuple[int, int]]) 
         axes: Of each stage, the axes (from 0) that X and Y drive.
     """
     rows = [_stage_laser(laser, *driven) for laser, driven in zip(lasers, axes, strict=True)]
-    columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(StageLasers.__slots__)).T
+    columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(StageLasers.__struct_fields__)).T
     low, high, by_distance, actual, *distance = columns
     per_x, per_y, reference_x, reference_y, constant, lowest, highest = distance
     return StageLasers(
@@ -108,8 +106,7 @@ def _stage_laser(laser: LaserState, x_axis: int, y_axis: int) -> tuple[float, ..
     return laser.low, laser.high, 1.0, actual, per_x, per_y, x, y, constant, *laser.distance_limits
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class BaseLimits:
+class BaseLimits(Struct, frozen=True, kw_only=True, eq=False):
     """What all limits make of a base power without distance follow, (p,).
 
     It is kept within `lowest` and `highest`. A limit clamps it if it is less than `below` or more than `above`.
@@ -121,8 +118,7 @@ class BaseLimits:
     above: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PowerTimeline:
+class PowerTimeline(Struct, frozen=True, kw_only=True, eq=False):
     """All settings of one channel's power, buffered and immediate, in the order in which they act.
 
     The first entry, of stage -1, is a power that was never set (NaN). `time_ms` (e,): when each takes effect. `inside`:
@@ -173,8 +169,7 @@ def power_timeline(channel: ChannelEvents, events: Events, schedule: Schedule) -
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ImmediatePower:
+class _ImmediatePower(Struct, frozen=True, kw_only=True):
     """An immediate power. `rank`: before (0) or after (2) what is buffered at the same moment (1)."""
 
     stage: int = -1

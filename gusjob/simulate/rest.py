@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.simulate.events import Events, ImmediateAction, LaserState
 from gusjob.simulate.trace import ChannelTrace, Trace
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OnAtRest:
+class OnAtRest(Struct, frozen=True, kw_only=True):
     """A laser that is switched on at rest, or left on by a stage, until it is switched off or the next stage starts.
 
     `line`: of the call that switched it on, or that started the stage. `time_ms`: NaN if it is not known, or has no
@@ -31,8 +30,7 @@ class OnAtRest:
     by_calls: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Rest:
+class _Rest(Struct, frozen=True, kw_only=True):
     """The time between two stages: the actions in it, and what is in force before them.
 
     `line`: of the start of the stage before. `begin_ms`, `end_ms`: on the clock of the calls, NaN if not known.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.simulate.motion import Motion
@@ -22,8 +21,7 @@ def ticks_before(time: Floats, period: float) -> Floats:
     return np.asarray(np.ceil(ticks - ON_TICK - ticks * 1e-15))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class TickRuns:
+class TickRuns(Struct, frozen=True, kw_only=True, eq=False):
     """Ticks that follow each other within one segment and under one setting, (r,); no run is empty.
 
     `count`: number of ticks. `since_ms`: from the segment's start to the first tick. `left_ms`: from the last tick to
@@ -42,7 +40,7 @@ class TickRuns:
 
     def pick(self, at: Indices | slice) -> TickRuns:
         """Pick some of the runs."""
-        columns = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _NOT_COLUMNS}
+        columns = {name: getattr(self, name) for name in self.__struct_fields__ if name not in _NOT_COLUMNS}
         picked = {name: column[at] for name, column in columns.items()}
         return TickRuns(settings=self.settings.pick(at), period_ms=self.period_ms, **picked)
 
@@ -71,8 +69,7 @@ class TickRuns:
         return np.where(self.still, 0.0, np.clip(fall, 0.0, self.count - rising))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class RunSums:
+class RunSums(Struct, frozen=True, kw_only=True, eq=False):
     """Power at the ticks of runs, (r,): its sum, the lowest and the highest, and that of the last tick.
 
     `held`: number of ticks at which a limit clamps the power. `last_held`: whether the last is one of these.
@@ -88,12 +85,14 @@ class RunSums:
     @classmethod
     def empty(cls, count: int) -> RunSums:
         """Make room for runs."""
-        return cls(**{f.name: np.empty(count, np.bool_ if f.name == "last_held" else np.float64) for f in fields(cls)})
+        return cls(
+            **{name: np.empty(count, np.bool_ if name == "last_held" else np.float64) for name in cls.__struct_fields__}
+        )
 
     def put(self, at: Indices | slice, sums: RunSums) -> None:
         """Set the sums of some of the runs."""
-        for field in fields(self):
-            getattr(self, field.name)[at] = getattr(sums, field.name)
+        for name in self.__struct_fields__:
+            getattr(self, name)[at] = getattr(sums, name)
 
     def joined(self, run: Indices) -> RunSums:
         """Join runs of the same number, which follow each other; the numbers have no gap."""

@@ -7,9 +7,8 @@ every tick is computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, counted, rows_of, where_true
 from gusjob.simulate.beam import Beam
@@ -23,8 +22,7 @@ _CHUNK_TICKS = 1 << 15
 """Ticks that are computed at once: they fit in the processor's cache."""
 
 
-@dataclass(slots=True, kw_only=True)
-class SampledPower:
+class SampledPower(Struct, kw_only=True):
     """Parts of segments whose power is sampled, (p,): at `set_at` (ms), when it is set, then at every tick.
 
     `origin`: start of each part's stage, ms.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Duty2Switch, Machine
 from gusjob.kinematics.arrays import Floats, Indices, picked
@@ -19,8 +18,7 @@ from gusjob.simulate.motion import Motion
 from gusjob.simulate.power import HeldPower, SegmentEmission
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelTrace:
+class ChannelTrace(Struct, frozen=True, kw_only=True):
     """One laser channel: its state in each stage and after the last, its emission and its power.
 
     `emitted`: emission of each segment. `before_motion_power_ms`: power * ms emitted before the first segment, which
@@ -74,8 +72,7 @@ class ChannelTrace:
         return self.lasers[int(self.power.motion.schedule.stage[segment])]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Trace:
+class Trace(Struct, frozen=True, kw_only=True, eq=False):
     """Result of a simulation. Times in ms, positions in pulse; columns have one entry a segment or dwell, (m,).
 
     `line`: source line of each. `call`: index of its call in the stream. `stage_line` (s,): source line of each stage's

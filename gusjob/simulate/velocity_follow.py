@@ -6,9 +6,8 @@ is an arithmetic series, and a limit cuts its lower or its upper end off.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, rows_of
 from gusjob.simulate.motion import Motion
@@ -16,8 +15,7 @@ from gusjob.simulate.power_settings import BaseLimits, PowerSettings, base_limit
 from gusjob.simulate.tick_runs import RunSums, TickRuns
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Series:
+class _Series(Struct, frozen=True, kw_only=True, eq=False):
     """Arithmetic series, (r,): lowest value, step > 0, number of values. Where values fall, they count backwards."""
 
     bottom: Floats
@@ -51,8 +49,7 @@ class _Series:
         return np.asarray(low * lowest + inside + (self.count - low - count) * highest)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _BaseSeries:
+class _BaseSeries(Struct, frozen=True, kw_only=True, eq=False):
     """Base power at the ticks of runs: the first phase, the last one, and `level` at `level_count` ticks between."""
 
     first: _Series

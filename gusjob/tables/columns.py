@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class CategoryColumn:
+class CategoryColumn(Struct, frozen=True, kw_only=True, eq=False):
     """A column of categories: the index among `categories` of each entry, (n,)."""
 
     codes: npt.NDArray[np.integer[Any]]

@@ -7,9 +7,8 @@ for laser on and the first for laser off, so that the laser does not dwell on a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.kinematics.arrays import Floats, Indices
@@ -25,8 +24,7 @@ _LAGS = 12
 _COARSE = 128
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
+class Band(Struct, frozen=True, kw_only=True):
     """The first and last of the delays, in whole us, that are nearest within a slack.
 
     `miss_mm`: distance of the beam from the intended points with the nearest delay, RMS over the marks.
@@ -84,8 +82,7 @@ def longest_us(machine: Machine, most_us: float) -> int:
     return int(min(_LAGS * lag_us, most_us))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _TargetPoints:
+class _TargetPoints(Struct, frozen=True, kw_only=True, eq=False):
     """The begins or ends of marks: intended points, and the times at which the command reaches them."""
 
     trace: Trace

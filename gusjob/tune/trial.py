@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.lower import compile_job
@@ -26,8 +27,7 @@ CLOSED_FORM, SEARCH = Phrase("closed form"), Phrase("search in the simulator")
 """Method by which a statement was found."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EndMeasure:
+class EndMeasure(Struct, frozen=True, kw_only=True):
     """Ends of the marks of a channel that calls switch.
 
     `rms_um`: distance of the beam from the intended start when the emission starts, and from the intended end when it
@@ -44,8 +44,7 @@ NO_ENDS = EndMeasure(marks=0, rms_um=0.0, emission_ms=0.0, duration_ms=0.0)
 """Of a channel without marks."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TuneRun:
+class TuneRun(Struct, frozen=True, kw_only=True):
     """A job, checked and simulated.
 
     `trace`: None if the job has errors. `marking`: as in a report's totals. `ends`: by channel.
@@ -59,8 +58,7 @@ class TuneRun:
     ends: dict[int, EndMeasure] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TuneResult:
+class TuneResult(Struct, frozen=True, kw_only=True):
     """A statement, how it was found and in which range, and the job with it."""
 
     statement: str

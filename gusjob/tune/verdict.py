@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from enum import Enum
 from itertools import product
 from typing import Any
 
 import orjson
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics.model import Severity
@@ -36,8 +37,7 @@ _OUTWEIGHED = Phrase("but over all ends the distance is smaller")
 _ENDS = ("on_error_um", "off_error_um", "on_miss_um", "off_miss_um")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Objective:
+class Objective(Struct, frozen=True, kw_only=True):
     """What is minimized, for the marks of some channels. SKYWRITE holds for all of them, LASER DELAY for one.
 
     `replaces`: the job has a value of its own that this one would replace. `tolerance_um`: difference of the distances
@@ -95,8 +95,7 @@ class Reason(Enum):
 _GAINS = (Reason.MORE_MARKS, Reason.NEARER, Reason.CHEAPER, Reason.NEW)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorseEnd:
+class WorseEnd(Struct, frozen=True, kw_only=True):
     """An error or miss of an end that is larger than before. `which`: "worst" or "typical"; um.
 
     `unit`: of the power of these marks.
@@ -110,8 +109,7 @@ class WorseEnd:
     after: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Verdict(Struct, frozen=True, kw_only=True):
     """The comparison of a job with the statement found with the job as it is.
 
     `worse`: where it makes an end worse. `new_warnings`: codes of the warnings that the job has only with it.

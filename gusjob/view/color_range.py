@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.i18n.phrases import figure
 from gusjob.kinematics.arrays import Floats
@@ -21,8 +21,7 @@ _FAITHFUL = 0.01
 """A label may be off by this share of the range."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ColorRange:
+class ColorRange(Struct, frozen=True, kw_only=True):
     """Range of a colour scale: its ends, and the smallest and the largest value. NaN if there is no value."""
 
     low: float

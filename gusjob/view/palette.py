@@ -8,7 +8,7 @@ contrast, and greys.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 BINS = 64
 """Number of colours of a scale."""
@@ -21,8 +21,7 @@ _VIRIDIS = (
 """33 of its 256 colours, equally spaced."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Palette:
+class Palette(Struct, frozen=True, kw_only=True):
     """Colours on one ground, as #rrggbb.
 
     Attributes:

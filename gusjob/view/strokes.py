@@ -9,10 +9,10 @@ cut into chords.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase, figure
@@ -43,8 +43,7 @@ _SAME_MS = 1e-9
 """Times that differ by less are equal but for rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Line:
+class Line(Struct, frozen=True, kw_only=True, eq=False):
     """End points of strokes, (n,) each, mm."""
 
     x0: Floats
@@ -58,8 +57,7 @@ class Line:
         return np.hypot(self.x1 - self.x0, self.y1 - self.y0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class EmissionStrokes:
+class EmissionStrokes(Struct, frozen=True, kw_only=True, eq=False):
     """The emission of one channel, per stroke.
 
     Attributes:
@@ -84,8 +82,7 @@ class EmissionStrokes:
     joules_per_unit_ms: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Strokes:
+class Strokes(Struct, frozen=True, kw_only=True, eq=False):
     """Strokes in order, (n,) each.
 
     Attributes:
@@ -157,8 +154,7 @@ def strokes_of(trace: Trace, machine: Machine, fine_strokes: int = FINE_STROKES,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Cuts:
+class _Cuts(Struct, frozen=True, kw_only=True, eq=False):
     """Cuts after each segment's start as (timed call, ms). `exact`: whether they are fine."""
 
     times: list[tuple[Indices, Floats]]

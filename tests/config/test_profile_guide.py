@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import MISSING, fields, is_dataclass
 from enum import StrEnum
 from typing import Any
 
+from msgspec import Struct
 from support.tools import ROOT
 
 from gusjob.config.entry import Entry, entries_of
@@ -35,8 +35,8 @@ def toml(value: Any) -> str:
 
 
 def default_of(table: type, name: str) -> Any:
-    default = next(field.default for field in fields(table) if field.name == name)
-    return None if default is MISSING or default == "" else default
+    default = getattr(table(), name)
+    return None if default == "" else default
 
 
 def allowed(entry: Entry) -> str:
@@ -55,7 +55,7 @@ def entries(table: type = Machine, name: str = "") -> Iterator[tuple[str, str, E
     """(table, key, entry, default) of every entry of a profile, table by table."""
     inner: list[tuple[type, str]] = []
     for key, (field_name, entry) in entries_of(table).items():
-        if isinstance(entry.kind, type) and is_dataclass(entry.kind) and entry.kind is not Scanner:
+        if isinstance(entry.kind, type) and issubclass(entry.kind, Struct) and entry.kind is not Scanner:
             full = f"{name}.{key}" if name else key
             inner.append((entry.kind, f"[{full}]" if entry.repeated else full))
             continue

@@ -13,10 +13,10 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import atheris  # type: ignore[import-untyped,import-not-found,unused-ignore]  # installed by hand
+from msgspec.structs import replace
 
 with atheris.instrument_imports(include=["gusjob"]):
     from gusjob.config.machine import Machine

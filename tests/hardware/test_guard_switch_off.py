@@ -8,11 +8,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import asdict, replace
 from support.controller import Fault, needs_controller
 from support.guarded import request_in
 from support.hardware import EVERYTHING, Bench, fresh, journal_head

@@ -7,12 +7,12 @@ import shutil
 import stat
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import orjson
 import pytest
+from msgspec.structs import replace
 from support.controller import GTS, GTS_MULTI, Fault, needs_controller
 from support.hardware import ABIS, EVERYTHING, LONG, Bench, fresh
 from support.tools import MARK, stream_of

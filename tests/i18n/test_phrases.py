@@ -12,7 +12,6 @@ import os
 import re
 import string
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -191,7 +190,7 @@ def words_of(*texts: str) -> set[str]:
 def entries_of_the_profile() -> set[str]:
     """Keys, tables and choices of the machine profile."""
     tables = (Machine, Laser, ControllerSettings, Interlock, Budget)
-    names = {entry.name for table in tables for entry in fields(table)}
+    names = {name for table in tables for name in table.__struct_fields__}
     inner = {name.removeprefix(head) for name in names for head in ("lookahead_", "expansion_")}
     return names | inner | {"laser", "interlock", "expansion", "lookahead"} | words_of(*Abi)
 

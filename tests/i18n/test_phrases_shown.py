@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -17,6 +16,7 @@ from types import SimpleNamespace
 import click
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 from rich.cells import cell_len
 from rich.console import Console
 from support.controller import build, needs_controller

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 from support.tools import MACHINE, MARK, calls_of, diagnostics_in, run_listing
 
 from gusjob.config.machine import Laser

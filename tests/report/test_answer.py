@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from support.tools import MACHINE, MARK, Ran, run_job, run_listing
 
 from gusjob.config.machine import Laser

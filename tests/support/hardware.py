@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 from support.controller import GTS, GTS_MULTI, GUS, Edge, Floats, Row, VirtualController, build
 from support.tools import MARK
 

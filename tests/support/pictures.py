@@ -14,6 +14,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import structs
 from support.tools import MACHINE, stream_of
 
 from gusjob.config.machine import Machine, parse_scanner
@@ -439,7 +440,7 @@ def beam_machine() -> Machine:
     """The default machine with a scanner that lags."""
     scanner = parse_scanner(f"first-order:{LAG_US:g}us")
     assert not isinstance(scanner, str)
-    return replace(MACHINE, scanner=scanner)
+    return structs.replace(MACHINE, scanner=scanner)
 
 
 DOT_US = 100

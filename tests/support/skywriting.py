@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from random import Random
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from oracles import skywriting as ref
 from oracles.skywriting import Leg, Planned, Point, Sky, Step
 from support.tools import MACHINE, job_of

@@ -12,13 +12,13 @@ import random
 import re
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from msgspec.structs import replace
 from support.tools import MACHINE, ROOT
 
 from gusjob.cli import cli

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from support.tools import ROOT, stream_of
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.calls import (
     BUFFERED,
@@ -89,8 +89,7 @@ def range_has(allowed: Range, value: float) -> bool:
     return allowed.classify_one(value) is not Membership.OUTSIDE and bool(allowed.carries(value))
 
 
-@dataclass(slots=True, kw_only=True)
-class ArgumentChecker:
+class ArgumentChecker(Struct, kw_only=True):
     """Checks arguments of buffered calls. `modes`: power modes of both channels when the calls are made."""
 
     calls: BufferedCalls

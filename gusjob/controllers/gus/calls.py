@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.controllers.gus import ranges
 from gusjob.controllers.gus.ranges import Range
@@ -83,8 +83,7 @@ C_TYPE_WORDS: dict[CType, str] = {
 """Whole types as messages name them, if not by their name alone."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Arg:
+class Arg(Struct, frozen=True, kw_only=True):
     """An argument: its kind, its range (None if that depends on the power mode), its column if buffered.
 
     `c`: its type; `count`: number of elements of an array or pointer.
@@ -104,8 +103,7 @@ class Arg:
         return f"{self.c}{'' if self.c.endswith('*') else ' '}{star}{self.name}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Signature:
+class Signature(Struct, frozen=True, kw_only=True):
     """Signature of a GT_ call.
 
     `buffered`: its number among the buffered calls, None for the others. `section`: of M, or 'sister'.
@@ -359,8 +357,7 @@ Value = float | str | tuple["Value", ...]
 """An argument of a call that is not buffered: a number, a pointer's name, an array or a struct."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Call:
+class Call(Struct, frozen=True, kw_only=True):
     """One call that is not buffered. `at`: number of buffered calls before it; `line`: source line.
 
     `time_ms`: time of the call on the recorder's clock; NaN in a listing without times.
@@ -383,8 +380,7 @@ def crd_start(crd: int, fifo: int, *, at: int, line: int) -> Call:
     return Call(name="GT_CrdStart", args=(float(1 << (crd - 1)), float(fifo << (crd - 1))), at=at, line=line)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class BufferedCalls:
+class BufferedCalls(Struct, frozen=True, kw_only=True, eq=False):
     """Buffered calls, (n,) each; unused entries are 0.
 
     x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and
@@ -415,11 +411,10 @@ class BufferedCalls:
 
     def pick(self, where: npt.NDArray[Any]) -> BufferedCalls:
         """Pick the calls at a mask or at indices."""
-        return BufferedCalls(**{name: self.column(name)[where] for name in self.__slots__})
+        return BufferedCalls(**{name: self.column(name)[where] for name in self.__struct_fields__})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ArgumentConversion:
+class ArgumentConversion(Struct, frozen=True, kw_only=True, eq=False):
     """Numbers of one argument that do not arrive as they are written, (k,): source line, number, what arrives.
 
     `arrives`: NaN where C does not define it: the call is not in the stream. `c`: type of the argument.
@@ -433,8 +428,7 @@ class ArgumentConversion:
     arrives: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stream:
+class Stream(Struct, frozen=True, kw_only=True):
     """A sequence of GT_ calls. `intent`: of a planned job with sky writing; a listing has none.
 
     `conversions`: arguments that a listing writes otherwise, since C converts them to the types of the calls.
@@ -442,7 +436,7 @@ class Stream:
 
     name: str
     buffered: BufferedCalls
-    calls: tuple[Call, ...] = field(default=())
+    calls: tuple[Call, ...] = ()
     intent: Intent | None = None
     conversions: tuple[ArgumentConversion, ...] = ()
 

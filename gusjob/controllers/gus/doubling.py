@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Stream, Value
@@ -34,8 +34,7 @@ def before_laser_on(stream: Stream, position: PathPosition) -> PathPosition:
     return min((_before_on(stream, one, found) for one in switches), key=lambda one: one.key)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _ChannelSwitches:
+class _ChannelSwitches(Struct, frozen=True, kw_only=True, eq=False):
     """The switches of one channel: the rows from which each one acts, ascending, and whether it switches on, (k,)."""
 
     channel: int

@@ -43,7 +43,7 @@ def frame(stream: Stream, trace: Trace) -> Stream | None:
     x_low, x_high, y_low, y_high = box
     corners = np.rint([(x_low, y_low), (x_high, y_low), (x_high, y_high), (x_low, y_high), (x_low, y_low)])
     rows = calls.pick(np.full(len(corners), first))
-    fields = {name: rows.column(name) for name in BufferedCalls.__slots__}
+    fields = {name: rows.column(name) for name in BufferedCalls.__struct_fields__}
     zeros = {name: np.zeros(len(corners)) for name in ("p", "q", "r", "vel_end")}
     kind = np.full(len(corners), Buffered.LINE, dtype=np.uint8)
     framed = BufferedCalls(**(fields | zeros | {"kind": kind, "x": corners[:, 0], "y": corners[:, 1]}))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.controllers.gus.calls import BufferedCalls, Call
 from gusjob.diagnostics.model import Diagnostic
@@ -13,8 +13,7 @@ from gusjob.kinematics.arrays import Bools, Indices
 from gusjob.simulate.events import ImmediateAction, LaserState
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CrdSettings:
+class CrdSettings(Struct, frozen=True, kw_only=True):
     """What GT_SetCrdPrm sets (sister).
 
     `axes`: the axes (from 0) that X and Y drive. `vel_max`, `acc_max`: limits of all segments. `even_time_ms`: least
@@ -28,8 +27,7 @@ class CrdSettings:
     origin_pulse: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class RunCalls:
+class RunCalls(Struct, frozen=True, kw_only=True, eq=False):
     """The buffered calls that run: those of a stream, then (k,) what became of those in which a stop came.
 
     `made_from` (k,): the row of the stream. `made_piece` (k,): it runs exactly as it is, whatever the limits.
@@ -63,7 +61,7 @@ class RunCalls:
 
     def with_made(self, made: BufferedCalls, made_from: Indices, made_piece: Bools) -> RunCalls:
         """Add rows that are made from rows of these calls."""
-        names = BufferedCalls.__slots__
+        names = BufferedCalls.__struct_fields__
         both = {name: np.concatenate([self.calls.column(name), made.column(name)]) for name in names}
         return RunCalls(
             calls=BufferedCalls(**both),
@@ -72,8 +70,7 @@ class RunCalls:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class FirstStop:
+class FirstStop(Struct, frozen=True, kw_only=True, eq=False):
     """The first stop of a stage: time since its start, deceleration as of stop_stage, and what would run without it."""
 
     time_ms: float
@@ -82,8 +79,7 @@ class FirstStop:
     parts: list[Indices]
 
 
-@dataclass(slots=True, kw_only=True)
-class StageRun:
+class StageRun(Struct, kw_only=True):
     """One start of a coordinate system: its buffered rows in order, lasers in force, immediate actions.
 
     `waiting`: how many of the first parts are in the FIFO before the start. `settings`: of its coordinate system.
@@ -114,8 +110,7 @@ class StageRun:
         return np.concatenate(self.parts) if self.parts else np.empty(0, dtype=np.intp)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AcceptedCall:
+class AcceptedCall(Struct, frozen=True, kw_only=True):
     """A call that is not buffered and that the controller accepts.
 
     `moving`: a stage runs after the call. `stage`: number of this stage, or of the next one.
@@ -126,8 +121,7 @@ class AcceptedCall:
     moving: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Execution:
+class Execution(Struct, frozen=True, kw_only=True):
     """Everything that the controller does with a stream. Rows are those of `run`.
 
     `at_end`: immediate actions after the last stage. `lasers`: state after it. `channels`: those that any call names.

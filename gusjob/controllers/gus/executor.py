@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.controllers.gus.arguments import (
     EXECUTION_ERROR,
@@ -64,8 +65,7 @@ def execute(stream: Stream, *, has_scanner: bool = False) -> Execution:
     return executor.finish()
 
 
-@dataclass(slots=True)
-class _CallExecutor:
+class _CallExecutor(Struct):
     """State of the controller between two calls. `queues`: buffered rows by coordinate system and FIFO."""
 
     stream: Stream
@@ -174,7 +174,7 @@ class _CallExecutor:
 
     def set(self, call: Call, channel: int, **changes: object) -> None:
         before = self.lasers[channel]
-        self.lasers[channel] = replace(before, **changes)  # type: ignore[arg-type]  # fields by name
+        self.lasers[channel] = replace(before, **changes)
         if self.running is not None and self.lasers[channel] != before:
             self.running.lasers = (self.lasers[0], self.lasers[1])
             reason = Phrase("the coordinate system is moving; the simulation uses the setting for the whole stage")

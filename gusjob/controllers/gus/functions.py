@@ -7,10 +7,11 @@ holds the calls that gusjob models.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
+
+from msgspec import Struct
 
 _TABLE = Path(__file__).with_suffix(".txt")
 _LINE = re.compile(r"(?P<effect>\w+) +(?P<name>GT_\w+)\((?P<args>[^()]*)\)(?:  # M (?P<section>\S+))?")
@@ -28,8 +29,7 @@ class Effect(StrEnum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FunctionArg:
+class FunctionArg(Struct, frozen=True, kw_only=True):
     """An argument; `c_type` as in C, with a pointer's stars. `default`: None if it must be given, 0 for NULL."""
 
     c_type: str
@@ -37,8 +37,7 @@ class FunctionArg:
     default: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LibraryFunction:
+class LibraryFunction(Struct, frozen=True, kw_only=True):
     """A function of the library. `section`: of M, or 'sister'."""
 
     name: str

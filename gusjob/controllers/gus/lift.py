@@ -8,11 +8,12 @@ calls that somebody else wrote.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream
 from gusjob.controllers.gus.execution import AcceptedCall, Execution
@@ -189,8 +190,7 @@ def _speeds(path: Path) -> Speeds:
     )
 
 
-@dataclass(slots=True)
-class _ModeInForce:
+class _ModeInForce(Struct):
     """Mode of a channel: the statement, its number among the setup statements, and its stage."""
 
     statement: LaserMode
@@ -198,8 +198,7 @@ class _ModeInForce:
     stage: int
 
 
-@dataclass(slots=True)
-class _Setups:
+class _Setups(Struct):
     """Setup statements under construction. `firsts`: the first row of each stage, and the number of rows.
 
     `places`: lines of words that another call sets than the one of their statement, by the statement's line and word.

@@ -87,7 +87,7 @@ def _calls_json(stream: Stream) -> Iterator[bytes]:
     names = [BUFFERED[Buffered(kind)].name.encode() for kind in Buffered]
     yield b', "buffered": {"call": ['
     yield b",".join([b'"' + names[kind] + b'"' for kind in stream.buffered.kind.tolist()]) + b"]"
-    for name in stream.buffered.__slots__[1:]:
+    for name in stream.buffered.__struct_fields__[1:]:
         column = np.ascontiguousarray(stream.buffered.column(name))
         yield b", " + orjson.dumps(name) + b": " + orjson.dumps(column, option=orjson.OPT_SERIALIZE_NUMPY)
     yield b"}"

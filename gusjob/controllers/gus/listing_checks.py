@@ -6,7 +6,6 @@ With them what only calls can do: settings in the middle of a motion, coordinate
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -194,7 +193,6 @@ def _missing_axis(parameters: Value) -> str:
     return Phrase("no axis of its profile is {axes}: GT_LnXY and arcs need X and Y", axes=all_of(axes)) if axes else ""
 
 
-@dataclass(slots=True)
 class _CallReporter(Reporter):
     """Reports only rules that hold for calls, in the words of calls."""
 

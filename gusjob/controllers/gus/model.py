@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import FOLLOW_KINDS, POWER_KINDS, Buffered, BufferedCalls, Stream
@@ -95,8 +96,7 @@ def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagno
     return events, [*execution.diagnostics, *diagnostics]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _RunRows:
+class _RunRows(Struct, frozen=True, kw_only=True, eq=False):
     """The rows of the buffered calls that run, in order, (n,): those of all stages.
 
     `untimed` (k,): numbers of those that take no time. `row_first`, `stage_first` (s+1,): number of each stage's first

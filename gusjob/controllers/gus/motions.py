@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.calls import Buffered
 from gusjob.controllers.gus.execution import CrdSettings, RunCalls
@@ -14,8 +14,7 @@ from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of
 from gusjob.simulate.events import MotionEvents
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class LimitedMotions:
+class LimitedMotions(Struct, frozen=True, kw_only=True, eq=False):
     """Motions and dwells, (m,), and which of them ask for more than the limits of their coordinate system."""
 
     events: MotionEvents

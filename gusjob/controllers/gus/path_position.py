@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
 from gusjob.controllers.gus.geometry import call_segments
@@ -22,8 +22,7 @@ _ROUNDED_PULSE = 2.0
 is run next."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PathPosition:
+class PathPosition(Struct, frozen=True, kw_only=True):
     """A position in a stream: the first buffered row that is not completely done, and the distance along it, pulse."""
 
     row: int
@@ -38,8 +37,7 @@ class PathPosition:
 JOB_START = PathPosition(row=0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionRange:
+class PositionRange(Struct, frozen=True, kw_only=True):
     """Where something happened: at `earliest`, at `latest`, or between them."""
 
     earliest: PathPosition
@@ -65,8 +63,7 @@ def _key(position: PathPosition) -> tuple[int, float]:
     return position.key
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class TimedPath:
+class TimedPath(Struct, frozen=True, kw_only=True, eq=False):
     """The path of buffered calls.
 
     `timed` (m,): the rows that take time (motions and dwells); `start_pulse`: where the first one begins.

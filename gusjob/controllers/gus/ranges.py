@@ -7,9 +7,11 @@ vendor's sister series (GTS), where M has no value. This module imports nothing 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct
+from msgspec.structs import force_setattr
 
 if TYPE_CHECKING:  # Help texts and profiles need the ranges, but no arrays: start-up time is part of the tool.
     import numpy as np
@@ -46,8 +48,7 @@ class Membership(IntEnum):
     OUTSIDE = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Range:
+class Range(Struct, frozen=True, kw_only=True):
     """One documented range.
 
     `low_open`, `high_open`: the end itself is excluded. `ends_tolerated`: M excludes the ends in words but uses them
@@ -67,8 +68,8 @@ class Range:
 
     def __post_init__(self) -> None:
         # The table reads better with 0 than with 0.0; what is computed with is a float.
-        object.__setattr__(self, "low", float(self.low))
-        object.__setattr__(self, "high", float(self.high))
+        force_setattr(self, "low", float(self.low))
+        force_setattr(self, "high", float(self.high))
 
     def classify(self, value: npt.ArrayLike) -> npt.NDArray[np.int8]:
         """Classify values: the Membership of each, in the shape of `value`; NaN is outside."""

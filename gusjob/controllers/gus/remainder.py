@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.controllers.gus.calls import POWER_KINDS, SIGNATURES, Buffered, BufferedCalls, Call, Stream, crd_start
 from gusjob.controllers.gus.geometry import call_segments
@@ -28,8 +29,7 @@ _REVOKED_BY = {
 """The earlier settings that a setting revokes. The others are in force, in the order of the manual's examples."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Remainder:
+class Remainder(Struct, frozen=True, kw_only=True):
     """A stream to run: after its first `lead_rows` rows it is the whole job from `begin` on.
 
     `start_pulse`: where its first motion begins; after a jump to the position that is where the jump ends.
@@ -148,8 +148,7 @@ def at_next_motion(calls: BufferedCalls, position: PathPosition) -> PathPosition
     return PathPosition(row=row, along_pulse=along)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _LeadIn:
+class _LeadIn(Struct, frozen=True, kw_only=True):
     """The rows before the rest of the job."""
 
     calls: BufferedCalls
@@ -159,14 +158,13 @@ class _LeadIn:
     rows: list[BufferedCalls] = field(default_factory=list)
 
     def add(self, kind: Buffered, **columns: float) -> None:
-        made = {name: np.zeros(1, dtype=self.calls.column(name).dtype) for name in self.calls.__slots__}
+        made = {name: np.zeros(1, dtype=self.calls.column(name).dtype) for name in self.calls.__struct_fields__}
         for name, value in {"kind": kind, "line": self.line, "crd": self.crd, "fifo": self.fifo, **columns}.items():
             made[name][0] = value
         self.rows.append(BufferedCalls(**made))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _SwitchState:
+class _SwitchState(Struct, frozen=True, kw_only=True):
     """A channel's state before a row. `power`: the row that set it, a power that was set immediately, or None.
 
     `source`: the row that set the source of a follow, or None.
@@ -289,7 +287,7 @@ def _segment(calls: BufferedCalls, row: int) -> Segments:
 
 
 def _concatenated(pieces: list[BufferedCalls]) -> BufferedCalls:
-    names = BufferedCalls.__slots__
+    names = BufferedCalls.__struct_fields__
     return BufferedCalls(**{name: np.concatenate([piece.column(name) for piece in pieces]) for name in names})
 
 

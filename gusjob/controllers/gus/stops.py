@@ -7,9 +7,9 @@ like this; what is left of the last one runs after the next GT_CrdStart.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
 from gusjob.controllers.gus.execution import RunCalls, StageRun
@@ -22,8 +22,7 @@ _NOTHING_PULSE = 1e-9
 """A piece no longer than this is none."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StoppedStage:
+class StoppedStage(Struct, frozen=True, kw_only=True, eq=False):
     """A stage that a stop ends: its rows, the rows that are left in the FIFO, and the time from its start to rest."""
 
     run: RunCalls
@@ -32,8 +31,7 @@ class StoppedStage:
     end_ms: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Pieces:
+class _Pieces(Struct, frozen=True, kw_only=True, eq=False):
     """Pieces of segments on the way to rest, (k,): from and to a length along the segment, pulse, and their motion."""
 
     segment: Indices
@@ -53,7 +51,7 @@ class _Pieces:
         last = int(np.searchsorted(times, since_ms))
         if last == len(times):
             return self
-        cut = _Pieces(**{name: getattr(self, name)[: last + 1].copy() for name in self.__slots__})
+        cut = _Pieces(**{name: getattr(self, name)[: last + 1].copy() for name in self.__struct_fields__})
         if last:
             vel, acc, past_ms = self.vel_end[last - 1], self.acc[last], since_ms - times[last - 1]
             cut.end[last] = self.begin[last] + (vel - acc * past_ms / 2) * past_ms

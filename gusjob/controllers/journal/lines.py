@@ -6,19 +6,18 @@ import math
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote_to_bytes
 from zlib import crc32
 
 import orjson
+from msgspec import Struct
 
 _CHECKSUM = b',"crc":'
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SoundPart:
+class SoundPart(Struct, frozen=True, kw_only=True):
     """The lines of a journal from its start whose checksums are right.
 
     `size`: their bytes; `crc`: the last checksum; `count`: number of lines; `torn`: only the last line is wrong or

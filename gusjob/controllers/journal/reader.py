@@ -6,9 +6,10 @@ the journals of both. They are read as one, from the journal of the last part on
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import FIFO_SLOTS
 from gusjob.controllers.journal import JOURNAL_SCHEMA, JOURNAL_START, is_current
@@ -24,8 +25,7 @@ _HEAD_BYTES = 65536
 """The first line of a journal is not longer."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedPoll:
+class RecordedPoll(Struct, frozen=True, kw_only=True):
     """What a poll found: rows of the part sent until then, motion in progress, free slots, position in pulse."""
 
     sent: int
@@ -35,8 +35,7 @@ class RecordedPoll:
     y: float
 
 
-@dataclass(slots=True, kw_only=True)
-class RecordedPart:
+class RecordedPart(Struct, kw_only=True):
     """A part of a run as its journal recorded it, up to where it was interrupted.
 
     It began at `begin` (row, pulse along it; of the whole job) after `lead` rows of its own; what was marked before it
@@ -78,8 +77,7 @@ class RecordedPart:
         return (self.slots or FIFO_SLOTS) - self.space + self.sent - self.sent_at_space
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedRun:
+class RecordedRun(Struct, frozen=True, kw_only=True):
     """A run as its journals recorded it.
 
     `path`: the journal to continue, with its first line `head`. `part`: the last one that began, None if none did.
@@ -134,8 +132,7 @@ def read_journal(path: Path) -> RecordedRun | str:
     return _as_one(chain)
 
 
-@dataclass(slots=True, kw_only=True)
-class _OneJournal:
+class _OneJournal(Struct, kw_only=True):
     """One journal: what happened since its last part began, or since its start."""
 
     path: Path

@@ -7,7 +7,9 @@ problems are left out and the text is checked again. Only if that does not help 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.diagnostics.fixes.edits import Edit, Fix, FixContext, apply_edits, without_overlaps
 from gusjob.diagnostics.fixes.proof import Key, key_of, prove
@@ -27,8 +29,7 @@ Checker = Callable[[bytes], FileResult]
 """Read and check a text in place of the file's content (pipeline.load, without examine)."""
 
 
-@dataclass(frozen=True, slots=True)
-class FixResult:
+class FixResult(Struct, frozen=True):
     """A job after fixes: its text, its diagnostics, and the number of fixes made."""
 
     data: bytes
@@ -56,16 +57,14 @@ def apply_fixes(loaded: Checked, check: Checker, selected: Callable[[Diagnostic]
     return state
 
 
-@dataclass(frozen=True, slots=True)
-class _ProvedFixes:
+class _ProvedFixes(Struct, frozen=True):
     """Fixes whose common proof holds, and the text with them."""
 
     fixes: tuple[Fix, ...]
     state: FixResult
 
 
-@dataclass(slots=True)
-class _FixSearch:
+class _FixSearch(Struct):
     check: Checker
     selected: Callable[[Diagnostic], bool]
     rejected: set[Key] = field(default_factory=set)

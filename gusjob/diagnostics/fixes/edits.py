@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Indices
 from gusjob.pipeline import Checked
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Edit:
+class Edit(Struct, frozen=True, order=True):
     """Replace the bytes from `start` up to `end` of a text by `new`."""
 
     start: int
@@ -24,16 +23,14 @@ class Edit:
 Edits = tuple[Edit, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fix:
+class Fix(Struct, frozen=True, kw_only=True):
     """Edits that together remove a diagnostic."""
 
     diagnostic: Diagnostic
     edits: Edits
 
 
-@dataclass(slots=True)
-class FixContext:
+class FixContext(Struct):
     """A checked job with its text, in which fixes look up lines and positions.
 
     `correct_line`: returns a line that can't be read without its slips, None if that is not enough.
@@ -42,7 +39,7 @@ class FixContext:
     loaded: Checked
     data: bytes
     correct_line: Callable[[str], str | None]
-    _starts: Indices | None = field(default=None, repr=False)
+    _starts: Indices | None = None
 
     def start(self, line: int) -> int:
         """Return the byte offset at which a line (from 1) begins."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.fixes.edits import Fix
@@ -21,8 +22,7 @@ def key_of(diagnostic: Diagnostic) -> Key:
     return diagnostic.rule.code, diagnostic.span.path, diagnostic.span.line
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
+class Proof(Struct, frozen=True, kw_only=True):
     """The result of checking a text with fixes.
 
     `remaining`: the fixes whose diagnostic is still there. `new_problems`: the lines with a new problem, 0 for a

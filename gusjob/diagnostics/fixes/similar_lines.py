@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.fixes.syntax import corrected
 
@@ -19,15 +20,13 @@ _COMMENT = re.compile(r"[;；]|[/／]{2}")
 _MAX_KNOWN = 10_000
 
 
-@dataclass(frozen=True, slots=True)
-class _Correction:
+class _Correction(Struct, frozen=True):
     """A corrected line without its comment, its digits left out. None: a line of this form can't be corrected."""
 
     pattern: str | None
 
 
-@dataclass(slots=True)
-class SimilarLines:
+class SimilarLines(Struct):
     """Corrects lines. `known`: corrections by the form of the line."""
 
     known: dict[str, _Correction] = field(default_factory=dict)

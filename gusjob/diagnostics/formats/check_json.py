@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import orjson
+from msgspec import Struct, field
 
 from gusjob.diagnostics.formats.text import TextOf
 from gusjob.diagnostics.model import Diagnostic, Remark, Span
@@ -16,8 +16,7 @@ from gusjob.diagnostics.model import Diagnostic, Remark, Span
 CHECK_SCHEMA = "gusjob-check/1"
 
 
-@dataclass(slots=True, kw_only=True)
-class CheckJson:
+class CheckJson(Struct, kw_only=True):
     """The diagnostics of all files.
 
     `by_rule`: the number of diagnostics of each rule, if it is to be written. `overrides`: values in place of those of

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
 from hashlib import sha256
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.formats.text import TextOf
 from gusjob.diagnostics.model import Diagnostic
 
 
-@dataclass(slots=True, kw_only=True)
-class Fingerprints:
+class Fingerprints(Struct, kw_only=True):
     """Makes the fingerprints of a report; no two are equal."""
 
     equal: Counter[tuple[str, str, str]] = field(default_factory=Counter)

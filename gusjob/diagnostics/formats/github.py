@@ -7,8 +7,9 @@ are equal; `%`, CR and LF escaped in the message, in properties also `:` and `,`
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.formats.repository import Seen, repository_path
 from gusjob.diagnostics.formats.text import TextOf
@@ -21,8 +22,7 @@ _IN_MESSAGE = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A"})
 _IN_PROPERTY = _IN_MESSAGE | str.maketrans({":": "%3A", ",": "%2C"})
 
 
-@dataclass(slots=True, kw_only=True)
-class GitHubAnnotations:
+class GitHubAnnotations(Struct, kw_only=True):
     """A line for each diagnostic."""
 
     lines: list[str] = field(default_factory=list)

@@ -6,11 +6,11 @@ GitLab requires `description`, `fingerprint`, `severity` and `location`, and sho
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import orjson
+from msgspec import Struct, field
 
 from gusjob.diagnostics.formats.fingerprints import Fingerprints
 from gusjob.diagnostics.formats.repository import Seen, repository_path
@@ -24,8 +24,7 @@ _UNREADABLE = "blocker"
 """Severity of a file that can't be read, and so was not checked."""
 
 
-@dataclass(slots=True, kw_only=True)
-class GitLabReport:
+class GitLabReport(Struct, kw_only=True):
     """An object for each diagnostic."""
 
     findings: list[dict[str, Any]] = field(default_factory=list)

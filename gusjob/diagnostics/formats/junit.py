@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.formats.text import TextOf, diagnostic_text
 from gusjob.diagnostics.model import Diagnostic, Severity
@@ -21,8 +22,7 @@ CLEAN = "no problems"
 """The name of the case of a file without diagnostics."""
 
 
-@dataclass(slots=True, kw_only=True)
-class JUnitReport:
+class JUnitReport(Struct, kw_only=True):
     """Suites, file by file. `strict`: warnings fail, too; otherwise they are in the output of a case that passes."""
 
     strict: bool = False

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.formats.text import TextOf, diagnostic_text
 from gusjob.diagnostics.model import Diagnostic
 
 
-@dataclass(slots=True, kw_only=True)
-class PlainText:
+class PlainText(Struct, kw_only=True):
     """The diagnostics of all files, without colour."""
 
     lines: list[str] = field(default_factory=list)

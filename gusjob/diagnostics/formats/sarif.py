@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import orjson
+from msgspec import Struct, field
 
 from gusjob.diagnostics.formats.fingerprints import Fingerprints
 from gusjob.diagnostics.formats.text import TextOf
@@ -31,8 +31,7 @@ _FULL_STOP, _BAD, _GOOD = Phrase("."), Phrase("Bad"), Phrase("Good")
 _LINK = re.compile(r"\[(?=[^\[\]]*\]\()")
 
 
-@dataclass(slots=True, kw_only=True)
-class SarifLog:
+class SarifLog(Struct, kw_only=True):
     """One run of the tool, file by file; no source text is kept.
 
     A diagnostic that several jobs share (in a file that they include, or in their profile) is one result, since it has

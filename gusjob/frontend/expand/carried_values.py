@@ -6,9 +6,8 @@ its statements run at once, with the values that each name had in each of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.frontend.expand.lanes import Named, Scope
 from gusjob.frontend.expand.program import Let, Loop, StatementRun
@@ -17,8 +16,7 @@ from gusjob.frontend.parse.operators import TRUTH, Number, NumberType
 from gusjob.kinematics.arrays import Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CarriedValues:
+class CarriedValues(Struct, frozen=True, kw_only=True):
     """Values of the names that a loop sets, one for each iteration.
 
     Attributes:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Rule
@@ -29,8 +29,7 @@ _NO_KIND: NumberType = PLAIN
 """The kind of a number that has none: what is wrong is already reported."""
 
 
-@dataclass(frozen=True, slots=True)
-class Site:
+class Site(Struct, frozen=True):
     """A word of a line whose number is computed, in some lanes."""
 
     lanes: Lanes
@@ -38,8 +37,7 @@ class Site:
     word: str
 
 
-@dataclass(slots=True)
-class Evaluator:
+class Evaluator(Struct):
     """Computes numbers for all lanes at once."""
 
     ledger: Ledger

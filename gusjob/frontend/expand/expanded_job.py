@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.frontend.parse.job_reader import JobText
 from gusjob.frontend.parse.statement import Statement
@@ -18,8 +18,7 @@ if TYPE_CHECKING:  # Start-up time is part of the tool: a plain job has none.
     from gusjob.frontend.expand.override_notes import OverrideNotes
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ExpandedJob:
+class ExpandedJob(Struct, frozen=True, kw_only=True, eq=False):
     """All statements of a job in the order in which they run.
 
     Attributes:

@@ -8,10 +8,11 @@ iteration to the next run one by one; what they make is noted and turned into ro
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -89,8 +90,7 @@ def expand(program: Program, name: str, machine: Machine) -> tuple[ExpandedJob, 
     return expanded, ledger.diagnostics()
 
 
-@dataclass(slots=True)
-class _Expander:
+class _Expander(Struct):
     program: Program
     ledger: Ledger
     evaluator: Evaluator

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.frontend.parse.operators import Number, NumberType
 from gusjob.kinematics.arrays import Ints
@@ -14,8 +14,7 @@ Named = tuple[Number, NumberType]
 """The value of a name (one for all lanes, or one for each) and its kind."""
 
 
-@dataclass(slots=True)
-class Scope:
+class Scope(Struct):
     """Names, and those around them in other lanes, which are taken over when they are first read.
 
     Attributes:
@@ -51,8 +50,7 @@ class Scope:
         return sorted({*self.own, *(self.around.names() if self.around else ())})
 
 
-@dataclass(slots=True)
-class Lanes:
+class Lanes(Struct):
     """Iterations that run together. With one lane every value is a number, with more it may be an array.
 
     Attributes:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -28,8 +28,7 @@ class LimitReached(Exception):  # noqa: N818  (not an error: ends the expansion 
     """A limit is reached; the last diagnostic says which."""
 
 
-@dataclass(slots=True)
-class Ledger:
+class Ledger(Struct):
     """Diagnostics, one for each statement; statements, iterations and steps, counted against their limits."""
 
     sources: SourceMap

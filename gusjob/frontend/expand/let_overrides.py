@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
@@ -19,8 +20,7 @@ _LISTED = 12
 """So many names that can be set are listed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NameScope:
+class NameScope(Struct, frozen=True, kw_only=True):
     """Lines in which names hide others: a routine with its parameters, or a loop with its variable."""
 
     first_line: int
@@ -29,8 +29,7 @@ class NameScope:
     is_routine: bool
 
 
-@dataclass(slots=True)
-class LetOverrides:
+class LetOverrides(Struct):
     """The overrides of a job, and which of its LETs they take the place of."""
 
     values: Overrides = field(default_factory=lambda: NO_OVERRIDES)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.diagnostics import rules
 from gusjob.frontend.expand.evaluator import Evaluator, Site, kind_words
@@ -19,8 +19,7 @@ from gusjob.kinematics.float_noise import settled
 _NO_ITERATION = np.float64(0)
 
 
-@dataclass(frozen=True, slots=True)
-class LoopRange:
+class LoopRange(Struct, frozen=True):
     """Start, step and number of iterations, each for all lanes or for each; the kind of the loop's variable.
 
     `is_faulty`: some lane has no iterations because of an error.

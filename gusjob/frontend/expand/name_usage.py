@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from gusjob.frontend.expand.program import Block, Branch, Frame, IncludedFile, Item, Let, Loop, Routine, StatementRun
 
 
-@dataclass(slots=True)
-class _Usage:
+class _Usage(Struct):
     """How a block uses names.
 
     Attributes:
@@ -40,8 +40,7 @@ class _Usage:
         self.reads += other.reads
 
 
-@dataclass(slots=True)
-class NameUsage:
+class NameUsage(Struct):
     """Finds the loops in which an iteration reads what another one has set; they run iteration by iteration.
 
     All others run at once, with one value of each name for each iteration.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.diagnostics.model import (
     CALLED,
@@ -24,8 +26,7 @@ _STEPS = (CALLED, IN_ITERATION, ITERATION_NUMBER)
 """Remarks at statements that give names their values."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NameSetter:
+class NameSetter(Struct, frozen=True, kw_only=True):
     """A LET: its name, its line, and the names that its value reads."""
 
     name: str
@@ -33,8 +34,7 @@ class NameSetter:
     reads: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OverrideNotes:
+class OverrideNotes(Struct, frozen=True, kw_only=True):
     """Finds the overrides that a diagnostic depends on.
 
     Attributes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from gusjob.frontend.expand.override_notes import OverrideNotes
 from gusjob.frontend.parse.expressions import Expression
@@ -19,8 +20,7 @@ MAX_NESTING = 32
 """Blocks within blocks in the text of a file."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExpressionSlot:
+class ExpressionSlot(Struct, frozen=True, kw_only=True):
     """A number of a statement that an expression gives.
 
     Attributes:
@@ -38,8 +38,7 @@ class ExpressionSlot:
     constants: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ComputedStatements:
+class ComputedStatements(Struct, frozen=True, kw_only=True, eq=False):
     """Statements of one shape in a run whose numbers are computed when the run is expanded.
 
     Attributes:
@@ -57,8 +56,7 @@ class ComputedStatements:
     line: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StatementRun:
+class StatementRun(Struct, frozen=True, kw_only=True, eq=False):
     """Consecutive statements without control statements: rows of a file.
 
     Attributes:
@@ -85,8 +83,7 @@ def unread_run(line: int, effects: StateEffect) -> StatementRun:
     return StatementRun(rows=rows_of([(line, Row(op=RowOp.UNREAD, values=values))]))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Let:
+class Let(Struct, frozen=True, kw_only=True, eq=False):
     """LET. `constants` as in ComputedStatements."""
 
     name: str
@@ -95,8 +92,7 @@ class Let:
     line: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Loop:
+class Loop(Struct, frozen=True, kw_only=True, eq=False):
     """REPEAT (start 0, step 1) and FOR. `bounds`: [count], or [from, to] or [from, to, step]."""
 
     statement: Statement
@@ -116,8 +112,7 @@ class Loop:
         return self.statement.names[0] if self.statement.names else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Branch:
+class Branch(Struct, frozen=True, kw_only=True, eq=False):
     """IF."""
 
     condition: Expression
@@ -127,8 +122,7 @@ class Branch:
     line: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class Frame(Struct, frozen=True, kw_only=True, eq=False):
     """FRAME: `head` is its own row."""
 
     head: StatementRun
@@ -136,8 +130,7 @@ class Frame:
     line: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class IncludedFile:
+class IncludedFile(Struct, frozen=True, kw_only=True, eq=False):
     """INCLUDE."""
 
     body: Block
@@ -148,8 +141,7 @@ Item = StatementRun | Let | Loop | Branch | Frame | IncludedFile
 Block = tuple[Item, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Routine:
+class Routine(Struct, frozen=True, kw_only=True):
     """DEF."""
 
     name: str
@@ -158,8 +150,7 @@ class Routine:
     line: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
+class Program(Struct, frozen=True, kw_only=True):
     """A job with all that it includes.
 
     Attributes:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
@@ -76,8 +77,7 @@ def build_program(
     return program, [*builder.diagnostics, *builder.collector.finish(rules.NOT_LISTED), *found]
 
 
-@dataclass(slots=True)
-class _ProgramBuilder:
+class _ProgramBuilder(Struct):
     machine: Machine
     top: Source
     sources: SourceMap = field(default_factory=SourceMap)
@@ -201,8 +201,7 @@ class _ProgramBuilder:
                 self.report(rules.ROUTINE_VALUES, call.line, name=name, wanted=count, takes=takes, found=given)
 
 
-@dataclass(slots=True)
-class _OpenBlock:
+class _OpenBlock(Struct):
     """A block that has begun and not yet ended."""
 
     form: str
@@ -216,8 +215,7 @@ class _OpenBlock:
         return self.items if self.otherwise is None else self.otherwise
 
 
-@dataclass(slots=True, kw_only=True)
-class _FileBuilder:
+class _FileBuilder(Struct, kw_only=True):
     job: _ProgramBuilder
     text: JobText
     base: int

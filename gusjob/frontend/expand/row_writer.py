@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.frontend.expand.program import ComputedStatements, StatementRun
 from gusjob.frontend.parse.forms import Column
@@ -17,16 +18,14 @@ from gusjob.frontend.scan.rows import Rows, groups_of, join_rows
 from gusjob.kinematics.arrays import Floats, Ints, distinct
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LaneRows:
+class LaneRows(Struct, frozen=True, eq=False):
     """Rows, each with its lane, (n,)."""
 
     rows: Rows
     lane: Ints
 
 
-@dataclass(frozen=True, slots=True)
-class ExpandedRun:
+class ExpandedRun(Struct, frozen=True):
     """A run of statements with its numbers, expanded in one lane or in several.
 
     Attributes:
@@ -48,8 +47,7 @@ Output = list[LaneRows | ExpandedRun]
 """Output of a block so far. An ExpandedRun in it is that of one lane."""
 
 
-@dataclass(slots=True)
-class RowWriter:
+class RowWriter(Struct):
     """Makes rows. `setups`: statements that SETUP rows point to; those with expressions are added when they run."""
 
     setups: list[Statement]

@@ -7,9 +7,11 @@ other lines are put in. Numbers are not computed with, so they stay as they were
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.expand.program import MAX_NESTING
@@ -60,8 +62,7 @@ def format_source(source: Source) -> tuple[bytes | None, list[Diagnostic]]:
     return (end.join([*lines, b""]) if lines else b""), []
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _LineFormat:
+class _LineFormat(Struct, frozen=True, kw_only=True):
     """How the lines of a shape are written.
 
     Attributes:
@@ -84,8 +85,7 @@ class _LineFormat:
 _NO_STATEMENT = _LineFormat(pattern=b"")
 
 
-@dataclass(slots=True)
-class _JobFormatter:
+class _JobFormatter(Struct):
     lines: list[bytes] = field(default_factory=list)
     trailing_comments: list[tuple[int, int, bytes]] = field(default_factory=list)
     """Comments after statements: index of the line, the column where it was, the comment."""

@@ -7,10 +7,9 @@ call is left out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
 
 from gusjob.controllers.gus.calls import (
     BUFFERED,
@@ -48,8 +47,7 @@ def arriving(values: Floats, is_real: Bools, c: CType) -> Floats:
     return np.where(fits, cut, np.where(defined, wrapped, np.nan)) + 0.0
 
 
-@dataclass(slots=True)
-class ArgumentConverter:
+class ArgumentConverter(Struct):
     """Converts the arguments of calls to their types.
 
     `found`: the numbers that do not arrive as they are written, by argument.

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 from lark import Token, Tree
+from msgspec import Struct, field
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Rule
@@ -60,8 +60,7 @@ _NUMBERED = re.compile(r"(profile|originPos)([1-8])")
 """Fields of TCrdPrm in C#, which has one for each element."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CMacro:
+class CMacro(Struct, frozen=True, kw_only=True):
     """A macro without arguments. `tree` None: its text is no expression. `is_operand`: it needs no parentheses."""
 
     text: str
@@ -73,8 +72,7 @@ def _no_library(token: Token, name: str, owner: str, args: Sequence[Tree[Token]]
     """Make no call."""
 
 
-@dataclass(slots=True)
-class CEvaluator:
+class CEvaluator(Struct):
     """Evaluates trees of listing.lark.
 
     Attributes:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 
 class NumberKind(IntEnum):
@@ -28,8 +29,7 @@ class NumberKind(IntEnum):
     DOUBLE = 4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CNumber:
+class CNumber(Struct, frozen=True, kw_only=True):
     """A number of a C program. `is_code`: it is made of return codes, each taken as 0, as of a call that worked."""
 
     value: float
@@ -45,8 +45,7 @@ class CNumber:
 INT_MIN, INT_MAX, UINT_MAX = -(2**31), 2**31 - 1, 2**32 - 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NumberType:
+class NumberType(Struct, frozen=True, kw_only=True):
     """A C type of numbers: a whole type with its range, or a floating one.
 
     `c`: its name where the library takes arrays of it, else ''.

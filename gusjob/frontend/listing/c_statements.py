@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from lark import Token, Tree
+from msgspec import Struct
 
 from gusjob.diagnostics import rules
 from gusjob.frontend.listing.c_evaluator import CEvaluator
@@ -39,8 +38,7 @@ from gusjob.frontend.parse.grammar import subtrees, tokens
 from gusjob.i18n.phrases import Phrase
 
 
-@dataclass(slots=True)
-class CStatements:
+class CStatements(Struct):
     """Runs items of listing.lark. `checks`: checks of return codes that were passed over."""
 
     evaluator: CEvaluator

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from lark import Token, Tree
+from msgspec import Struct
 
 from gusjob.frontend.parse.grammar import subtrees, tokens
 
@@ -143,8 +143,7 @@ def only_leaves(reactions: Sequence[Tree[Token]]) -> bool:
     return bool(left) and all(is_harmless(subtrees(r)[0]) for r in left)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoggedCall:
+class LoggedCall(Struct, frozen=True, kw_only=True):
     """A call that stands alone in its line. `set_name`: the variable that gets its code; `time`: a log's time."""
 
     name: Token

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from gusjob.controllers.gus.calls import CRD_FIELDS, CType, Value
 from gusjob.frontend.listing.c_numbers import CNumber, NumberKind, NumberType, number_type
@@ -19,16 +20,14 @@ _FIELD_TYPES: dict[str, tuple[CType, int]] = {name: (c, count) for name, c, coun
 STRUCT_TYPE = "TCrdPrm"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnknownValue:
+class UnknownValue(Struct, frozen=True, kw_only=True):
     """A value that the text does not tell. `is_reported`: a diagnostic says why already."""
 
     reason: str
     is_reported: bool = False
 
 
-@dataclass(slots=True, kw_only=True)
-class CArray:
+class CArray(Struct, kw_only=True):
     """An array. `element`: type of its elements, None if it is declared elsewhere."""
 
     values: list[CValue]
@@ -39,8 +38,7 @@ class CArray:
         return CArray(values=list(self.values), element=self.element)
 
 
-@dataclass(slots=True, kw_only=True)
-class CStruct:
+class CStruct(Struct, kw_only=True):
     """A struct. `is_crd`: it is declared as a TCrdPrm."""
 
     fields: dict[str, CValue]
@@ -82,8 +80,7 @@ def crd_field_type(name: str) -> NumberType | None:
     return None if found is None else number_type([found[0].value])
 
 
-@dataclass(slots=True)
-class CVariables:
+class CVariables(Struct):
     """Variables and constants by name.
 
     Attributes:

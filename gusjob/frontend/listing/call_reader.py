@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from functools import cached_property
 
 import numpy as np
 from lark import Token, Tree
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus import ranges
@@ -68,16 +70,14 @@ _REAL = re.compile("[.eE]")
 """A mark of a floating number among plain numbers."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Argument:
+class _Argument(Struct, frozen=True, kw_only=True):
     """An argument that is read. `in_c`: what C makes of its expression."""
 
     value: Value | None
     in_c: CValue | None = None
 
 
-@dataclass(slots=True)
-class CallReader:
+class CallReader(Struct, dict=True):
     """Reads calls, with or without a leading card number.
 
     Attributes:
@@ -93,7 +93,6 @@ class CallReader:
         passed_over: Names of calls that are passed over, in the order in which templates number them.
         refused_when_recorded: Number of calls that a log gives another code than 0.
         code, time_ms: What a log says of the call that is read now.
-        converter: Converts arguments to the types of the calls.
     """
 
     text: Source
@@ -112,10 +111,11 @@ class CallReader:
     refused_when_recorded: int = 0
     code: float = 0.0
     time_ms: float = math.nan
-    converter: ArgumentConverter = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.converter = ArgumentConverter(wide_pulse_width=self.abi in (Abi.GTS, Abi.GTS_MULTI))
+    @cached_property
+    def converter(self) -> ArgumentConverter:
+        """Converts arguments to the types of the calls."""
+        return ArgumentConverter(wide_pulse_width=self.abi in (Abi.GTS, Abi.GTS_MULTI))
 
     def library_call(self, text: str) -> LibraryCall:
         """Find a call by its name."""

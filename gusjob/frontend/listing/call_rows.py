@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.calls import ArgumentConversion, Buffered, BufferedCalls, Call, Signature, Stream, Value
 from gusjob.frontend.scan.rows import Row, Rows
@@ -21,8 +21,7 @@ CALL_OP, PASSED_OVER_OP = 100, 101
 """Row ops of a call that is not buffered (column 0 is its index), and of one that is passed over."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImmediateCall:
+class ImmediateCall(Struct, frozen=True, kw_only=True):
     """A call that is not buffered, before it has its place in a Stream."""
 
     name: str

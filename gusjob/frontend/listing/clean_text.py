@@ -6,9 +6,9 @@ All replacements keep the length, so lines and columns stay those of the source.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase
 
@@ -33,8 +33,7 @@ OCTAL_MARK = "⓪"
 """Stands for the leading zero of an octal number, so that no line with one has the shape of a line without."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CleanText:
+class CleanText(Struct, frozen=True, kw_only=True):
     """A text in UTF-8 without comments that end before their line does; those that begin with // are left.
 
     `problems`: places where compilers differ, or that nobody expects: a line from 1, and what it has.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.calls import SIGNATURES, Signature
@@ -52,8 +53,7 @@ class Reading(Enum):
     """No library has it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LibraryCall:
+class LibraryCall(Struct, frozen=True, kw_only=True):
     """A call by its name. `leading`: how many numbers precede the manual's arguments (a card, a core).
 
     `reason`: why there is no model; `is_essential`: without it the report would show another path or other emission.

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from lark import Token
+from msgspec import Struct, field
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase
 
 
-@dataclass(slots=True)
-class ListingDiagnostics:
+class ListingDiagnostics(Struct):
     """Collects diagnostics.
 
     Attributes:

@@ -10,9 +10,9 @@ import math
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
+from msgspec import Struct, field
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.calls import Stream
@@ -155,8 +155,7 @@ def _read(source: Source, abi: Abi | None, *, several_cards: bool) -> _ListingRe
     return reader
 
 
-@dataclass(slots=True)
-class _ListingReader:
+class _ListingReader(Struct):
     """Reads the lines of a text.
 
     Attributes:
@@ -177,7 +176,7 @@ class _ListingReader:
     evaluator: CEvaluator
     statements: CStatements
     calls: CallReader
-    rows: Rows = field(init=False)
+    rows: Rows = field(default_factory=lambda: join_rows([]))
     comment_lines: set[int] = field(default_factory=set)
     pending_from: int = 0
     joined: list[tuple[int, int]] = field(default_factory=list)

@@ -7,10 +7,10 @@ result depends on the kinds alone, so it is found once for all iterations of a l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from lark import Token, Tree
+from msgspec import Struct, field
 
 from gusjob.frontend.parse.operators import (
     NAMED_NUMBERS,
@@ -24,15 +24,13 @@ from gusjob.frontend.parse.operators import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Constant:
+class Constant(Struct, frozen=True):
     """A number in an expression, by its index in the expression's constants."""
 
     index: int
 
 
-@dataclass(frozen=True, slots=True)
-class Apply:
+class Apply(Struct, frozen=True):
     """An operator or function on the `count` values on top of the stack."""
 
     function: Function
@@ -43,8 +41,7 @@ PostfixStep = Constant | str | Apply
 """One step of postfix code; a string is a name."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Literal:
+class Literal(Struct, frozen=True, kw_only=True):
     """A number in an expression, in canonical units of its kind.
 
     A template reads it as the number at `column` (from 1), times `times` / `over`.
@@ -57,16 +54,14 @@ class Literal:
     column: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mismatch:
+class Mismatch(Struct, frozen=True, kw_only=True):
     """Why an expression has no kind: an operator, and operands of kinds that it does not take."""
 
     function: Function
     given: tuple[NumberType, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Expression:
+class Expression(Struct, frozen=True, kw_only=True, eq=False):
     """Postfix code.
 
     Attributes:
@@ -82,8 +77,8 @@ class Expression:
     names: tuple[str, ...]
     column: int
     end_column: int
-    _types: dict[tuple[NumberType, ...], NumberType | Mismatch] = field(default_factory=dict, repr=False, compare=False)
-    _work: dict[int, int] = field(default_factory=dict, repr=False, compare=False)
+    _types: dict[tuple[NumberType, ...], NumberType | Mismatch] = field(default_factory=dict)
+    _work: dict[int, int] = field(default_factory=dict)
 
     @property
     def work(self) -> int:
@@ -135,8 +130,7 @@ class Expression:
         return result
 
 
-@dataclass(frozen=True, slots=True)
-class NamedFunction:
+class NamedFunction(Struct, frozen=True):
     """A function that was written by name, not yet looked up, on the `count` values on top of the stack."""
 
     token: Token

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase, number
 
@@ -26,8 +27,7 @@ _QUANTITY = re.compile(rf"\s*=?\s*({_VALUE})\s*([a-zA-Z%][a-zA-Z/%0-9]*)?\s*$", 
 _ASSIGNMENT = re.compile(r"(?:(?:SET|VAR|CONST|DIM)\s+)?([A-Za-z_]\w*)\s*=\s*([^=].*)", re.IGNORECASE | re.ASCII)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Foreign:
+class Foreign(Struct, frozen=True, kw_only=True):
     """A statement of another language. `forms`: of the statements that it was meant to be; `meant`: what to write."""
 
     forms: tuple[str, ...]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import IntEnum
+
+from msgspec import Struct, field
 
 from gusjob.i18n.phrases import Phrase, both_of
 from gusjob.kinematics.units import QuantityKind
@@ -37,8 +38,7 @@ class Column(IntEnum):
     """The first number in the expressions of a row; the others follow."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Word:
+class Word(Struct, frozen=True, kw_only=True):
     """The number of a word: its column and kind. `ms`: a time in ms, not us."""
 
     column: Column
@@ -46,8 +46,7 @@ class Word:
     ms: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatementForm:
+class StatementForm(Struct, frozen=True, kw_only=True):
     """The words that a statement takes.
 
     Attributes:

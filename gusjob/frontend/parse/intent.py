@@ -7,9 +7,10 @@ and the names in it may be those that another line reads.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import reduce
 from operator import or_
+
+from msgspec import Struct
 
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.i18n.spelling import nearest
@@ -88,8 +89,7 @@ _MAX_READ = 200
 """Characters of a line that are read to find its statement."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LineIntent:
+class LineIntent(Struct, frozen=True, kw_only=True):
     """The probable statement of a line.
 
     `form`: its form, 'laser' where only LASER is clear, '' where nothing is; `guessed`: the first word is misspelt.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
@@ -33,8 +35,7 @@ _MAX_CONSTANTS = 16
 """So many numbers in the expressions of a line have columns; further ones are looked up in the statement."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobText:
+class JobText(Struct, frozen=True, kw_only=True):
     """A job file as it was parsed.
 
     Attributes:
@@ -90,8 +91,7 @@ def read_job_text(source: Source) -> JobText:
     return replace(text, rows=rows.thinned()) if text.is_plain else text
 
 
-@dataclass(slots=True)
-class _JobReader:
+class _JobReader(Struct):
     setups: list[Statement] = field(default_factory=list)
     nodes: list[Statement] = field(default_factory=list)
     diagnostics: list[Diagnostic] = field(default_factory=list)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Span
@@ -72,8 +73,7 @@ def in_upper_case(data: bytes) -> Iterator[tuple[int, bytes]]:
         yield number, letters.to_upper(code)
 
 
-@dataclass(frozen=True, slots=True)
-class _KeywordRuns:
+class _KeywordRuns(Struct, frozen=True):
     """Which runs of letters in the lines of a shape are keywords to change. `all`: no other run has lower case."""
 
     runs: tuple[int, ...]

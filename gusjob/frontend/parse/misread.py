@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 from lark.parsers.lalr_interactive_parser import InteractiveParser
+from msgspec import Struct
 
 from gusjob.frontend.parse.grammar import parser
 from gusjob.i18n.characters import quoted
@@ -19,8 +19,7 @@ _LOGICAL = {"AND", "OR", "NOT"}
 _WORD = re.compile(r"[A-Za-z_]\w*|\S")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Misread:
+class Misread(Struct, frozen=True, kw_only=True):
     """The found text and the expected words.
 
     Attributes:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.arrays import Floats
@@ -46,8 +46,7 @@ class Typing(Enum):
     TRUTH = Phrase("joins comparisons")
 
 
-@dataclass(frozen=True, slots=True)
-class Function:
+class Function(Struct, frozen=True):
     """An operator or function.
 
     Attributes:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from enum import IntEnum
+
+from msgspec import Struct, field
 
 from gusjob.diagnostics.model import Span
 from gusjob.frontend.parse.expressions import Expression, Literal
@@ -55,8 +56,7 @@ class RowOp(IntEnum):
     """A line that can't be read, or a statement without a value: its VALUE is its effects, bits of ir.effects."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Quantity:
+class Quantity(Struct, frozen=True, kw_only=True):
     """A number in canonical units of its kind.
 
     Attributes:
@@ -78,8 +78,7 @@ class Quantity:
     expression: Expression | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Statement:
+class Statement(Struct, frozen=True, kw_only=True):
     """A line that was parsed.
 
     Attributes:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, replace
 
 from lark import Token, Tree, UnexpectedInput
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic, Rule, Span
@@ -66,8 +67,7 @@ def parse_statement(text: str, line: int) -> tuple[Statement | None, list[Diagno
     return (None, found.diagnostics) if found.diagnostics else (statement, [])
 
 
-@dataclass(slots=True)
-class _StatementParser:
+class _StatementParser(Struct):
     line: int
     text: str
     diagnostics: list[Diagnostic] = field(default_factory=list)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.frontend.parse.forms import Column
@@ -87,8 +88,7 @@ def carried(values: npt.NDArray[_Number], rows: Indices, count: int, start: _Num
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class ResolvedColumns:
+class ResolvedColumns(Struct, frozen=True):
     """Columns of the rows of a job in canonical units, all (n,)."""
 
     rows: Rows

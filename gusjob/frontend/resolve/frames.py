@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import Membership, Range
 from gusjob.frontend.parse.forms import Column
@@ -25,8 +25,7 @@ _GROUPS_AT_ONCE = 32_768
 """As numbers of Python they need much memory."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Frames:
+class Frames(Struct, frozen=True, kw_only=True, eq=False):
     """Maps x' = a x + b y + e, y' = c x + d y + f from a frame to the machine, in pulse.
 
     All columns are (frames + 1,); frame 0 is the machine itself. `scale`: the frame's size in mm. `written_scale`: the

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.diagnostics.model import Rule
 from gusjob.frontend.parse.forms import Column
@@ -29,8 +29,7 @@ if TYPE_CHECKING:  # Start-up time: most jobs have no FRAME.
     from gusjob.frontend.resolve.frames import Frames
 
 
-@dataclass(frozen=True, slots=True)
-class BadArc:
+class BadArc(Struct, frozen=True):
     """An arc in a rotated frame that is none: its row, the rule that it breaks, the word, and the rule's fields."""
 
     row: int
@@ -39,8 +38,7 @@ class BadArc:
     fields: dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ResolvedPath:
+class ResolvedPath(Struct, frozen=True, eq=False):
     """The path, and how it follows from the rows.
 
     Attributes:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
@@ -16,8 +16,7 @@ from gusjob.ir.path import Speeds
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModalSpeed:
+class ModalSpeed(Struct, frozen=True, eq=False):
     """A velocity or acceleration in force at each row, (n,) each.
 
     Attributes:

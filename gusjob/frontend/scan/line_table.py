@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.frontend.scan.numerals import PADDING, Numerals, Words
 from gusjob.frontend.scan.shapes import MAX_LINE
@@ -22,8 +22,7 @@ _MASKS = np.array([(1 << 8 * k) - 1 for k in range(_WORD + 1)], dtype=np.uint64)
 """The first k bytes of a word."""
 
 
-@dataclass(slots=True)
-class Lines:
+class Lines(Struct):
     """The lines of a text, found when the first one is needed."""
 
     text: bytes
@@ -42,8 +41,7 @@ class Lines:
         return self.text[int(ends[i - 1]) + 1 if i else 0 : int(ends[i])]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class LineTable:
+class LineTable(Struct, frozen=True, kw_only=True, eq=False):
     """The lines of a chunk.
 
     Attributes:
@@ -64,7 +62,7 @@ class LineTable:
     shapes: Bytes
     starts: Indices
     lengths: Indices
-    words: list[Words] = field(repr=False)
+    words: list[Words]
 
     def __len__(self) -> int:
         return len(self.starts)

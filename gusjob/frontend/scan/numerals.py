@@ -9,10 +9,9 @@ one division rounds correctly. What is beyond that size is divided with twice th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
 
@@ -44,8 +43,7 @@ _DOUBT = 2.0**-40
 """Relative error of the second half of a quotient, far above the true one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NumberForm:
+class NumberForm(Struct, frozen=True, kw_only=True):
     """How a number is written.
 
     Attributes:
@@ -59,8 +57,7 @@ class NumberForm:
     is_negative: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Numerals:
+class Numerals(Struct, frozen=True, kw_only=True, eq=False):
     """Numerals in a text.
 
     Attributes:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
 
 from gusjob.frontend.scan.numerals import NumberForm
 from gusjob.kinematics.arrays import Floats, Indices
@@ -20,8 +21,7 @@ _MAX_FIXED_DIGITS = 15
 """Digits of a word that are compared as a number."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NumberSlot:
+class NumberSlot(Struct, frozen=True, kw_only=True):
     """The number at numeral `numeral` of a line goes to `column` as value * times / over."""
 
     column: int
@@ -31,8 +31,7 @@ class NumberSlot:
     over: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Template:
+class Template(Struct, frozen=True, kw_only=True):
     """The row that every line of a shape becomes.
 
     Attributes:
@@ -51,18 +50,17 @@ class Template:
     not_zero: tuple[int, ...] = ()
 
 
-@dataclass(slots=True)
-class TemplateBuilder:
+class TemplateBuilder(Struct, dict=True):
     """Matches the numbers that the parser found in a line with the line's numerals."""
 
     line: str
-    unused: dict[int, tuple[int, str]] = field(init=False)
-    """Numerals that are not part of a number, by their start: the index of each, and its text."""
     slots: list[NumberSlot] = field(default_factory=list)
     pointed: list[int] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self.unused = {match.start(): (i, match[0]) for i, match in enumerate(_NUMERAL.finditer(self.line))}
+    @cached_property
+    def unused(self) -> dict[int, tuple[int, str]]:
+        """Numerals that are not part of a number, by their start: the index of each, and its text."""
+        return {match.start(): (i, match[0]) for i, match in enumerate(_NUMERAL.finditer(self.line))}
 
     @classmethod
     def of_line(cls, line: str) -> TemplateBuilder | None:
@@ -105,8 +103,7 @@ class TemplateBuilder:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class Row(Struct, frozen=True, kw_only=True):
     """One row that the parser itself has read."""
 
     op: int
@@ -114,8 +111,7 @@ class Row:
     values: dict[int, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class FewValues:
+class FewValues(Struct, frozen=True, kw_only=True, eq=False):
     """A column that few rows have: these rows, ascending, and their values, (k,)."""
 
     rows: Indices
@@ -126,8 +122,7 @@ _FEW = 8
 """A column that at most one of so many rows has is kept as FewValues."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Rows:
+class Rows(Struct, frozen=True, kw_only=True, eq=False):
     """Rows in file order.
 
     Attributes:

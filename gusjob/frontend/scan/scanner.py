@@ -7,10 +7,11 @@ What a shape means (a Template) is learned from its first line by the real parse
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
 
 from gusjob.frontend.scan.line_table import LineTable, line_table
 from gusjob.frontend.scan.numerals import NumberForm, Numerals
@@ -90,8 +91,7 @@ _BLANK, _BY_PARSER = 0, 1
 _BLANK_OP = 255
 
 
-@dataclass(slots=True)
-class _ShapeScanner:
+class _ShapeScanner(Struct, dict=True):
     """Puts the rows of all chunks together.
 
     Attributes:
@@ -102,13 +102,14 @@ class _ShapeScanner:
 
     learn: Learn
     parse_line: ParseLine
-    shape_ids: ShapeIds = field(init=False)
     templates: list[Template | None] = field(default_factory=lambda: [Template(op=_BLANK_OP), None])
     parts: list[Rows] = field(default_factory=list)
     further: list[tuple[int, Row]] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self.shape_ids = ShapeIds(self._learn)
+    @cached_property
+    def shape_ids(self) -> ShapeIds:
+        """The numbers of the shapes."""
+        return ShapeIds(self._learn)
 
     def _learn(self, code: bytes) -> int:
         """The number of a shape by the code of one of its lines."""
@@ -211,8 +212,7 @@ def _fits(numerals: Numerals, template: Template, first: Indices) -> Bools:
     return fits
 
 
-@dataclass(slots=True, kw_only=True)
-class _LineGroup:
+class _LineGroup(Struct, kw_only=True):
     """Lines of a chunk with one template, and their numbers, one column a slot."""
 
     lines: Indices

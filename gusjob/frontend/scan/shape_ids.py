@@ -6,9 +6,9 @@ A hash of the words of a shape finds it, and the words themselves prove it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from gusjob.frontend.scan.line_table import MAX_WORDS, LineTable, count_numerals
 from gusjob.frontend.scan.numerals import Words
@@ -17,8 +17,7 @@ from gusjob.kinematics.arrays import Bools, Indices, Ints
 _FACTORS = np.array([pow(0x9E3779B97F4A7C15, k + 1, 1 << 64) for k in range(MAX_WORDS)], dtype=np.uint64)
 
 
-@dataclass(slots=True)
-class ShapeIds:
+class ShapeIds(Struct):
     """The numbers of the shapes that are known.
 
     Attributes:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from gusjob.controllers.gus.driver.inspection import VendorLibrary
 from gusjob.controllers.gus.driver.library import BITS
@@ -16,8 +17,7 @@ from gusjob.hardware.devices.libraries import SearchPaths, find_libraries, searc
 from gusjob.hardware.devices.usb import UsbDevice, UsbProblem, find_usb_devices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Survey:
+class Survey(Struct, frozen=True, kw_only=True):
     """All that was found, and where it was searched for."""
 
     search: SearchPaths

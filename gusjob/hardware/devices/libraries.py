@@ -6,8 +6,9 @@ import ctypes.util
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from gusjob.controllers.gus.driver.inspection import VendorLibrary, inspect_library
 from gusjob.inputs import exists
@@ -23,8 +24,7 @@ _PATH_VARIABLE = {"win32": "PATH", "darwin": "DYLD_LIBRARY_PATH"}
 _SYSTEM_FOLDERS = ("/usr/lib", "/usr/local/lib", "/usr/lib64")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SearchPaths:
+class SearchPaths(Struct, frozen=True, kw_only=True):
     """Where libraries are searched for. `system`: also where the system's loader searches."""
 
     names: tuple[str, ...]

@@ -5,16 +5,16 @@ from __future__ import annotations
 import errno
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
 from typing import Any
 
+from msgspec import Struct
+
 from gusjob.i18n.phrases import Phrase, printable
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KnownUsb:
+class KnownUsb(Struct, frozen=True, kw_only=True):
     """A laser controller with its USB ids.
 
     `sure`: False if other products have the same ids; `driven_by`: programs that drive it; `gusjob`: whether gusjob can
@@ -88,8 +88,7 @@ class UsbProblemKind(StrEnum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UsbProblem:
+class UsbProblem(Struct, frozen=True, kw_only=True):
     """Why USB or one device can't be read, and what to do."""
 
     kind: UsbProblemKind
@@ -97,8 +96,7 @@ class UsbProblem:
     next_steps: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UsbDevice:
+class UsbDevice(Struct, frozen=True, kw_only=True):
     """A device with known ids.
 
     `serial`, `product`: '' if it has no such text, or if the text can't be read, which is a `problem` then;

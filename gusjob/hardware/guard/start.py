@@ -10,9 +10,11 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any
+
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from gusjob.controllers.gus.driver.library import Library
 from gusjob.controllers.gus.driver.requirements import outputs_of
@@ -32,8 +34,7 @@ _END_S = 2.0
 """Longest time until it has ended."""
 
 
-@dataclass(slots=True)
-class Guard:
+class Guard(Struct):
     """The guard of a run. `process` is None where none can be started."""
 
     process: subprocess.Popen[bytes] | None = None

@@ -9,9 +9,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, field
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.control import Control
@@ -34,8 +35,7 @@ _UNRECORDED = Phrase("the journal does not have these calls: continue with --fro
 _CONFIRMED = Phrase("the guard switched the controller off: it confirmed that every laser is off and nothing moves")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchOffOrders:
+class SwitchOffOrders(Struct, frozen=True, kw_only=True):
     """What to switch off, in plain values: they come through a pipe.
 
     `lock`: the name of the controller's lock; `start_s`: the start of the journal, as time.perf_counter, which is the
@@ -109,8 +109,7 @@ def _supervised(switching: _Switching) -> list[str]:
     return switching.report
 
 
-@dataclass(slots=True)
-class _Switching:
+class _Switching(Struct):
     """Switches a controller off in a thread."""
 
     orders: SwitchOffOrders

@@ -6,11 +6,11 @@ plus an offset. All offsets lie between -0.5 and 0.5, so an added row stays betw
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct, field
 
 from gusjob.ir.intent import RunKind
 from gusjob.kinematics.arrays import Bools, Floats, Indices
@@ -34,8 +34,7 @@ JUMP_BACK = 0.40
 SWITCH_OFF = 0.45
 
 
-@dataclass(slots=True, kw_only=True)
-class AddedRows:
+class AddedRows(Struct, kw_only=True):
     """Collects rows that are added to a path, and changes of its own rows.
 
     Added rows are numbered after the n rows of the path, in the order in which they are added.

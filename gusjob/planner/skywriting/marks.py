@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.ir.modal import modal_state
@@ -19,8 +19,7 @@ _SAME_CORNER = 1e-9
 """Rounding of the cosine of a corner."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Marks:
+class Marks(Struct, frozen=True, kw_only=True, eq=False):
     """The timed rows of a path as sky writing sees them, (m,) each.
 
     `is_mark`: the row is sky-written. `joined`: the mark before it continues without a break. `is_chord`: so it does,

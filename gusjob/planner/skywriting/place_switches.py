@@ -9,11 +9,12 @@ would be without them: the RTC5 ignores its own delays while sky writing is on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.ir.intent import Intent
@@ -43,8 +44,7 @@ def place_switches(planned: PlannedPath) -> Plan:
     return _split(planned, schedule, events, points)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SwitchPoints:
+class SwitchPoints(Struct, frozen=True, kw_only=True, eq=False):
     """Where events are on the path. A position is the number of a timed row plus the share of it that has run.
 
     `position` (e,): of each event. Where motions are split, (s,) in order: `at`, the timed row; `split`, the position;
@@ -149,8 +149,7 @@ def _reachable(quantized: QuantizedPath, ends: Floats) -> Floats:
     return np.where(np.isfinite(quantized.path.end[quantized.timed]), ends, reached)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SplitMotions:
+class SplitMotions(Struct, frozen=True, kw_only=True, eq=False):
     """Timed rows split into pieces, (p,): the timed row that each is a piece of."""
 
     of: Indices

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.geometry import TURN, Arcs, Segments
@@ -15,8 +14,7 @@ _LONGER_PULSE = (0.0, 0.75, 1.5, 2.25, 3.0, 4.0)
 """Additions that are tried until an arc whose ends and centre are rounded is long enough."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Runs:
+class Runs(Struct, frozen=True, kw_only=True, eq=False):
     """Runs at one end of the marks `at`, (k,) each: along the mark's own line or circle to (x, y), in whole pulses.
 
     A run that is longer than half its circle leaves the circle at (x, y), straight to (far_x, far_y): `leaves`.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.ir.intent import RunKind
 from gusjob.ir.path import SPEED_WORDS, Op
@@ -48,8 +48,7 @@ def add_run_rows(quantized: QuantizedPath, marks: Marks, rows: AddedRows) -> tup
     return x, y
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _RunWriter:
+class _RunWriter(Struct, frozen=True, kw_only=True):
     """Adds the rows of runs. Marks are given by their numbers `at` among the timed rows."""
 
     quantized: QuantizedPath

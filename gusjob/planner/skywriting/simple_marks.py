@@ -7,11 +7,11 @@ are planned (place_switches.py): how a run-out brakes depends on the motion behi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats
 from gusjob.kinematics.units import US_PER_MS
@@ -35,8 +35,7 @@ class SwitchLeg(IntEnum):
     RUN_OUT = 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SwitchPositions:
+class SwitchPositions(Struct, frozen=True, kw_only=True, eq=False):
     """Switch points of one kind, (m,) for the timed rows: SwitchLeg, and the position in whole pulses."""
 
     leg: npt.NDArray[np.int8]
@@ -44,8 +43,7 @@ class SwitchPositions:
     y: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SimpleMarkSwitches:
+class SimpleMarkSwitches(Struct, frozen=True, kw_only=True, eq=False):
     """Laser-on and laser-off of one channel for the timed rows, (m,), where they are `known`."""
 
     known: Bools

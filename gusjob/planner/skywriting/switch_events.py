@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.ir.path import Op
@@ -19,8 +18,7 @@ ON, OFF = 1, 2
 """Index of laser-on and laser-off in delays_us; 0 is a power, which has no delay."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PlannedEvents:
+class PlannedEvents(Struct, frozen=True, kw_only=True, eq=False):
     """Rows that act between motions, (e,) in job order, and those of them that are still to be placed, (g,).
 
     Of all (e,): `row`: row of the path. `boundary`: number of timed rows before it. `time_ms`: time of the call.

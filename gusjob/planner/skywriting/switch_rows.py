@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.ir.intent import RunKind
@@ -35,8 +34,7 @@ def add_switch_rows(
             writer.channel(channel, simple_mark_switches(quantized, marks, run_out_ends, channel))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _SwitchWriter:
+class _SwitchWriter(Struct, frozen=True, kw_only=True):
     """Adds the rows of switches. Marks are given by their numbers `at` among the timed rows."""
 
     quantized: QuantizedPath

@@ -17,10 +17,10 @@ mode without GT_LaserOutFrq, or in frequency mode without GT_SetPulseWidth, the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import PowerMode
 from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, counted
@@ -57,8 +57,7 @@ class Level(IntEnum):
     UNKNOWN = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Edges:
+class Edges(Struct, frozen=True, kw_only=True, eq=False):
     """Edges of a line in a window: its value at the start, then changes, (n,): moment in ns, new value."""
 
     first: float
@@ -66,8 +65,7 @@ class Edges:
     value: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Window:
+class Window(Struct, frozen=True, kw_only=True):
     """Edges of the outputs in an interval (start, end], ns.
 
     `lines`: + lines and analog outputs by name, in order.
@@ -77,8 +75,7 @@ class Window:
     lines: dict[str, Edges]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _Pulses:
+class _Pulses(Struct, frozen=True, kw_only=True, eq=False):
     """Low pulses of a + line, (n,) ms in order, none reaching into the next; `unknown`: the level is unknown there."""
 
     start: Floats
@@ -108,7 +105,6 @@ def windows_of(trace: Trace, start_ms: float = 0.0, end_ms: float | None = None)
         at_ns = end_ns
 
 
-@dataclass(slots=True)
 class _ChannelOutputs:
     """The three outputs of one channel."""
 

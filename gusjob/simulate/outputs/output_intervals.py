@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Duty2Switch
 from gusjob.controllers.gus.ranges import PowerMode
@@ -18,8 +17,7 @@ _BEYOND_MS = 1.0
 """A level that is kept at the end of the outputs lasts longer than they do."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class OutputEmission:
+class OutputEmission(Struct, frozen=True, kw_only=True, eq=False):
     """Emission intervals of a channel, (k,) in order: stage, start and end, ms on the outputs.
 
     Emission that continues over a change of stage lasts through the wait between them. `first`, `last`: the first and
@@ -33,8 +31,7 @@ class OutputEmission:
     last: Indices
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class OutputOff:
+class OutputOff(Struct, frozen=True, kw_only=True, eq=False):
     """Intervals without emission, (k,): start and end, ms on the outputs, standby pulse (0 kHz: none) and volts."""
 
     start: Floats

@@ -6,17 +6,15 @@ stage's setup and motion, so a stage that ends in a delay shifts what follows it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Floats, Indices
 from gusjob.kinematics.units import US_PER_MS
 from gusjob.simulate import Trace
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class OutputTime:
+class OutputTime(Struct, frozen=True, kw_only=True, eq=False):
     """Start and end of stages on the outputs, (s,) ms, and by how much each is later there than in the schedule."""
 
     start_ms: Floats

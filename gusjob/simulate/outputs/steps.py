@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.kinematics.arrays import Floats, Indices, counted
 from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.intervals import Intervals
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PowerSteps:
+class PowerSteps(Struct, frozen=True, kw_only=True, eq=False):
     """Held power in intervals, (n,): the interval of each step, its start and length in ms, and its power."""
 
     which: Indices

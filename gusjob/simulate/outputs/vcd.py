@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 from vcd import VCDWriter
 
 from gusjob.kinematics.arrays import Floats, Ints
@@ -63,8 +63,7 @@ def _running_lines(trace: Trace, lines: npt.NDArray[np.int32]) -> tuple[Ints, Fl
     return to_ns(start_ms), lines.astype(np.float64)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Output:
+class _Output(Struct, frozen=True, kw_only=True):
     """An output in the file. `levels`: the text for each level of a pair of wires, empty for numbers."""
 
     name: str

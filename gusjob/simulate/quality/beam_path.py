@@ -7,9 +7,8 @@ acceleration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine, ScannerModel
 from gusjob.kinematics.arrays import Floats, Indices, counted, distinct
@@ -29,8 +28,7 @@ _SETTLED_PULSE = 0.25
 """A transient below this is over: a parabola through it is off by a hundredth of that."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class BeamPath:
+class BeamPath(Struct, frozen=True, kw_only=True, eq=False):
     """Path of the beam during marks, in parts, (n,).
 
     `first` (k+1,): number of each mark's first part. `start`, `length`: ms. `x`, `y` (3, n): beam at start, middle and

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine, ScannerModel
 from gusjob.kinematics.arrays import Floats, Indices
@@ -20,8 +19,7 @@ _FINER = np.linspace(0.0, 1.0, 9)
 _BLOCK = 1 << 13
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Corners:
+class Corners(Struct, frozen=True, kw_only=True, eq=False):
     """The path's corners in order, (c,): number of the motion that ends there, and of the one that starts there."""
 
     before: Indices

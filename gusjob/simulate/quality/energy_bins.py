@@ -6,9 +6,8 @@ so their values agree.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.kinematics.arrays import Floats, Indices
@@ -22,8 +21,7 @@ BIN_MM = 0.05
 _BLOCK_BINS = 1 << 17
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class EnergyBins:
+class EnergyBins(Struct, frozen=True, kw_only=True, eq=False):
     """Bins of one channel's marks, in order of time, (b,).
 
     Attributes:

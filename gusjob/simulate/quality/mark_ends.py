@@ -6,10 +6,9 @@ was on before its stage, or continues after it, has the start or the end of the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.kinematics.arrays import Floats, Indices
@@ -17,8 +16,7 @@ from gusjob.simulate import ChannelTrace, Trace
 from gusjob.simulate.quality.corners import unit_mm
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class MarkPoints:
+class MarkPoints(Struct, frozen=True, kw_only=True, eq=False):
     """Points, (k,) pulse, and the unit direction of the path there, in mm (0, 0 in a stage without motion)."""
 
     x: Floats
@@ -31,8 +29,7 @@ class MarkPoints:
         return MarkPoints(x=self.x[at], y=self.y[at], along_x=self.along_x[at], along_y=self.along_y[at])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class MarkEnds:
+class MarkEnds(Struct, frozen=True, kw_only=True, eq=False):
     """S and E of marks, (k,).
 
     `start_segment`, `end_segment`: number of the segment before which S and E are. `first_motion`, `last_motion`: the

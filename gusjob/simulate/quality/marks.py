@@ -5,11 +5,11 @@ A mark is one emission interval of one channel. Its intended path is from S to E
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.i18n.phrases import Phrase
@@ -146,8 +146,7 @@ def _outside(machine: Machine, channel: ChannelTrace, path: BeamPath, intervals:
     return outside
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _MarkEntries:
+class _MarkEntries(Struct, frozen=True, kw_only=True, eq=False):
     """Marks that start (or end) outside of [S, E], and the part in which each enters it; `found`: it does."""
 
     mark: Indices

@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, TypedDict
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Floats
 
@@ -71,8 +71,7 @@ class ColumnEntry(TypedDict):
     factor: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Encoded:
+class Encoded(Struct, frozen=True, kw_only=True):
     """Encoded columns. `packed`: the gzip stream in pieces. `digits`: number of correct digits of the values."""
 
     directory: list[ColumnEntry]
@@ -183,8 +182,7 @@ def _all_columns(tables: Tables) -> Iterator[tuple[str, str, Column]]:
                 yield table, name, column
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ComputedColumn:
+class _ComputedColumn(Struct, frozen=True, kw_only=True):
     """A rule that computes a column from others of its table. `factor`: 0 if it is yet to be found."""
 
     how: str

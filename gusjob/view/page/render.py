@@ -8,7 +8,6 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
@@ -16,6 +15,8 @@ import jinja2
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.diagnostics.model import Severity
 from gusjob.i18n.phrases import Phrase, all_of, localized, plural, printable
@@ -50,8 +51,7 @@ Figure = tuple[str, str, str]
 """Name, value and unit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Page:
+class Page(Struct, frozen=True, kw_only=True, eq=False):
     """The content of a page. Its texts are untrusted. Phrases are localized when the page is rendered.
 
     Attributes:
@@ -304,8 +304,7 @@ def _summary(facts: Mapping[str, Any], totals: Mapping[str, Any]) -> list[Figure
     return found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ChannelSummary:
+class _ChannelSummary(Struct, frozen=True, kw_only=True):
     name: str
     figures: list[Figure]
     lit_at_end: bool

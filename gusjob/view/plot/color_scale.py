@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.units import MS_PER_S
@@ -40,8 +40,7 @@ class ColorBy(StrEnum):
     ORDER = "order"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class ColoredPath:
+class ColoredPath(Struct, frozen=True, kw_only=True, eq=False):
     """The colored path of a panel: one channel, values in one unit.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,6 +11,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.i18n.phrases import figure as figure_text
 from gusjob.view.color_range import label, labelled
@@ -37,8 +38,7 @@ _ARROW, _MOST_ARROW = 0.05, 0.2
 """Height of the arrows of a color bar, as a share of it: with a line of text above the tick's, within these limits."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PanelBox:
+class PanelBox(Struct, frozen=True, kw_only=True):
     """Position of a panel's axes, inches from the lower left corner of the picture.
 
     `right_in`: right end of the panel, with its color bar. `fits`: whether the picture is large enough for it.
@@ -52,8 +52,7 @@ class PanelBox:
     fits: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class Layout(Struct, frozen=True, kw_only=True):
     """Positions of all parts of a picture, inches from the lower left corner."""
 
     size_in: tuple[float, float]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
+from msgspec import Struct
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.view.palette import LIGHT
@@ -36,8 +36,7 @@ MARKERS: dict[str, dict[str, Any]] = {
 INK = LIGHT.ink
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Viewport:
+class Viewport(Struct, frozen=True, kw_only=True):
     """The part of the plane that axes show, mm, and their scale. `small`: labels are in um."""
 
     x0: float

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.kinematics.arrays import Bools, Floats
@@ -39,8 +38,7 @@ MAX_DASHED = 100_000
 FIELD_DASHES = (0, (7, 4))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlotPanel:
+class PlotPanel(Struct, frozen=True, kw_only=True):
     """One panel. `colored`: None without emission. `jumps`: whether motion without emission is drawn."""
 
     strokes: Strokes

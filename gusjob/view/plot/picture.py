@@ -7,13 +7,14 @@ picture does not show.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.ir.overrides import overrides_text
@@ -40,8 +41,7 @@ _MARGIN = 0.05
 _SMALL_MM = 1e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlotArea:
+class PlotArea(Struct, frozen=True, kw_only=True):
     """The area to show: the whole path, or a box (x0, y0, x1, y1 in mm), or the machine's whole field.
 
     The picture shows more in the direction in which it is larger than the area.

@@ -8,7 +8,6 @@ import shutil
 import sys
 import unicodedata
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -16,6 +15,7 @@ import pytest
 from click.testing import CliRunner, Result
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from support.faulty import BAD, bad_files
 from support.job_writer import Writer
 from support.tools import MARK, ROOT, stream_in

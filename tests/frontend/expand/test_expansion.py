@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from support.tools import MACHINE, MARK, calls_of, diagnostics_in, path_calls
 
 from gusjob.config.machine import Machine

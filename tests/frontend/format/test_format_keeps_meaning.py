@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from support.formatting import code, comment_of, comments, formatted, letters, numbers
 from support.job_writer import Writer
 from support.tools import ROOT

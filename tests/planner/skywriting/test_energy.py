@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from random import Random
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from oracles.skywriting import Sky, Step
 from support.skywriting import BEAM, FAST, case_of, head, marked, must
 from support.tools import MACHINE, run_job

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 from support.skywriting import HEAD_MM, compiled, moves_of, ran
 from support.tools import MACHINE, run_job
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from oracles import skywriting as ref
 from oracles.skywriting import Sky, Step
 from support.skywriting import BEAM, FAST, HEAD_MM, LATE, compiled, head, marked, ran

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 from support.skywriting import HEAD_MM, SEEDS, compiled, path_at, ran
 from support.tools import MACHINE
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 from oracles import skywriting as ref
 from oracles.skywriting import Point, Sky, Step
 from support.skywriting import HEAD_MM, compiled, diagnostics_of, head, marked

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from msgspec.structs import replace
 from support.tools import MACHINE, MARK, Ran, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine, Scanner, ScannerModel

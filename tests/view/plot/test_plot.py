@@ -10,7 +10,7 @@ import subprocess
 import sys
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -24,6 +24,7 @@ from fontTools.fontBuilder import FontBuilder  # type: ignore[import-untyped]  #
 from fontTools.pens.ttGlyphPen import TTGlyphPen  # type: ignore[import-untyped]  # nor here
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
+from msgspec.structs import replace
 from PIL import Image
 from support.tools import MACHINE, MARK, ROOT, stream_of
 

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import Any
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.calls import CRD_FIELDS, HOST_CALLS, SIGNATURES, Arg, ArgKind, CType, Signature
 from gusjob.i18n.phrases import Phrase
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prototype:
+class Prototype(Struct, frozen=True, kw_only=True):
     """A call of the manual as one library has it.
 
     `symbol`: its name there; `args`: the manual's arguments; `leading`, `trailing`: constants before and after them.
@@ -35,8 +36,7 @@ class Prototype:
         return (ctypes.c_short,) * len(self.leading) + own + (ctypes.c_short,) * len(self.trailing)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AbiProfile:
+class AbiProfile(Struct, frozen=True, kw_only=True):
     """The ABI of one library.
 
     `leading_card`: every call takes the card's number first. `changes`: the calls that differ, by the manual's name.

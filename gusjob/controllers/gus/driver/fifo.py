@@ -9,9 +9,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from gusjob.controllers.control import Control
 from gusjob.controllers.gus.calls import BUFFERED, Buffered, Call, crd_start
@@ -39,8 +39,7 @@ class Interrupted(BaseException):
     """The user requests a pause or stop, as `control` states. It is not an error."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FifoStatus:
+class FifoStatus(Struct, frozen=True, kw_only=True):
     """The controller's state as polled: moving or not, calls done, free slots, position in pulse."""
 
     run: bool
@@ -50,8 +49,7 @@ class FifoStatus:
     y: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GoodPoll:
+class GoodPoll(Struct, frozen=True, kw_only=True):
     """A poll that found no fault. `began_s`: time.perf_counter; `taken`: first row still in the FIFO; pulse."""
 
     began_s: float
@@ -60,8 +58,7 @@ class GoodPoll:
     y: float
 
 
-@dataclass(slots=True, kw_only=True)
-class FifoStage:
+class FifoStage(Struct, kw_only=True):
     """A stage in progress.
 
     `first`: its first row; `sent`: rows sent, counted from the stream's start; `size`: slots of the FIFO; `free`: slots

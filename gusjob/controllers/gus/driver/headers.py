@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import struct
 import sys
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase
 
@@ -23,8 +24,7 @@ _OTHER_BITS = ({"x86", "x86-64"}, {"ARM", "AArch64"}, {"PowerPC", "PowerPC 64"},
 _SYSTEMS = {"ELF": "Linux", "PE": "Windows", "Mach-O": "macOS"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BinaryHeader:
+class BinaryHeader(Struct, frozen=True, kw_only=True):
     """The header of a library or program. `form`: ELF, PE or Mach-O; `machine`: '' if it is not read."""
 
     form: str

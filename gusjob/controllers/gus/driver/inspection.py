@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.driver.abi import ABI_PROFILES, prototypes
@@ -15,8 +16,7 @@ from gusjob.i18n.phrases import Phrase, printable
 _CALLS = (*RUN_CALLS, *LASER_CALLS)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VendorLibrary:
+class VendorLibrary(Struct, frozen=True, kw_only=True):
     """A library that was found or named.
 
     `abis`: those that it fits; `missing`: the symbols that it lacks for another one, if they are few; `reason`: why it

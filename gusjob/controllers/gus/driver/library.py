@@ -8,9 +8,10 @@ import stat
 import struct
 import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.driver.abi import ABI_PROFILES, Prototype, prototypes
@@ -30,8 +31,7 @@ _UNKNOWN = "cannot open shared object file: No such file or directory"
 """glibc's text for the library itself, not for one that it needs."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Library:
+class Library(Struct, frozen=True, kw_only=True):
     """A loaded library: its calls by the manual's name, ready to be called with all of their arguments."""
 
     path: str

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import BUFFERED, Buffered, Stream, Value
@@ -35,8 +34,7 @@ LASER_CALLS = ("GT_LaserPowerMode", "GT_BufLaserOn", "GT_BufLaserOff", "GT_BufLa
 """The calls that every job with a laser needs, in addition to those of every run."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outputs:
+class Outputs(Struct, frozen=True, kw_only=True):
     """The laser channels, coordinate systems and axes that a job uses.
 
     A shutdown turns off all channels and systems, since an earlier program may have left any of them on; for those that

@@ -6,9 +6,11 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from gusjob.config.machine import Abi, Machine
 from gusjob.controllers.control import Control, Phase
@@ -30,8 +32,7 @@ NOT_SUPPORTED = 8
 """The code of a call that the firmware does not have."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InitialSetting:
+class InitialSetting(Struct, frozen=True, kw_only=True):
     """A call that resets a setting; the channel is its last argument. `others`: further calls of the same setting."""
 
     call: str
@@ -56,8 +57,7 @@ _PAUSE_S = 0.05
 """Interval between checks of laser and interlock during a pause."""
 
 
-@dataclass(slots=True)
-class Session:
+class Session(Struct, dict=True):
     """One run. `stream` is the whole job; `reached`: the run's position in it."""
 
     link: Link
@@ -83,12 +83,13 @@ class Session:
     """What earlier parts of the job's run may have marked ends here."""
     broken: PositionRange | None = None
     """Where the laser went off, in the whole job; None if that is not known, or it has not."""
-    shutdown: Shutdown = field(init=False)
     _part: Remainder | None = None
     _fifo: Fifo | None = None
 
-    def __post_init__(self) -> None:
-        self.shutdown = Shutdown(self.link, self.outputs, self.machine.controller.link_patience_s)
+    @cached_property
+    def shutdown(self) -> Shutdown:
+        """What switches everything off."""
+        return Shutdown(self.link, self.outputs, self.machine.controller.link_patience_s)
 
     @property
     def line(self) -> int:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from gusjob.controllers.control import Control, StopKind
 from gusjob.controllers.gus.calls import Value
@@ -38,8 +39,7 @@ _NOT_OPEN = -6
 """The code of a call that did not reach the controller."""
 
 
-@dataclass(slots=True)
-class Shutdown:
+class Shutdown(Struct):
     """Turns a controller off. `patience_s`: how long a link that does not answer is tried.
 
     `off_since_s`: when the first call was made that may have switched the laser off; `rest_s`: when the motion was
