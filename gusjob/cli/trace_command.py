@@ -129,7 +129,8 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
 
         return vcd_pieces(trace, lines, __version__, start_ms, end_ms, comment=_overridden(result.overrides))
     from gusjob.simulate.outputs.tick_table import tick_table
-    from gusjob.tables import export
+    from gusjob.tables.export import csv_bytes, parquet_bytes
+    from gusjob.tables.npz import npz_bytes
 
     table = tick_table(trace, result.machine, lines, start_ms, end_ms)
     if form == "parquet":
@@ -138,8 +139,8 @@ def _written(result: Simulated, form: str, first: _Bound | None, last: _Bound | 
             import orjson
 
             about["overrides"] = orjson.dumps(dict(result.overrides))
-        return export.parquet_bytes(table, about)
-    return export.csv_bytes(table) if form == "csv" else export.npz_bytes(table)
+        return parquet_bytes(table, about)
+    return csv_bytes(table) if form == "csv" else npz_bytes(table)
 
 
 def _overridden(overrides: Overrides) -> str:

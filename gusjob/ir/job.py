@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pathlib
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -55,6 +56,10 @@ class Job(Struct, frozen=True, kw_only=True):
     def provenance_remarks(self, node: int) -> tuple[Remark, ...]:
         """Describe where a statement came from."""
         return self.provenance.remarks(node, self.locate) if self.provenance is not None and node else ()
+
+    def is_own(self, line: Any) -> Any:
+        """Whether a line, or each of an array of lines, is in the job's own file, not in one that it includes."""
+        return line <= (self.files[1][1] if len(self.files) > 1 else np.inf)
 
     @property
     def has_forced_ends(self) -> bool:

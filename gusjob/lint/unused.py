@@ -43,10 +43,16 @@ def _is_never_on(context: LintContext, channel: int) -> bool:
 
 
 def _report_unused(context: LintContext, report: Reporter, channel: int) -> None:
-    """Report the first power of a channel that is never on. A mode alone may be there to put it in a safe state."""
-    path, modal = context.path, context.modal
-    rows = np.flatnonzero(path.sets_power & (path.channel == channel))[:1]
-    now = [setup for setup, _ in modal.statements(PowerNow) if setup.channel == channel][:1]
+    """Report the first power of a channel that is never on. A mode alone may be there to put it in a safe state.
+
+    What an included file sets before the first motion may be defaults for several jobs.
+    """
+    path, job = context.path, context.job
+    first_motion = int(np.argmax(path.moves)) if path.moves.any() else len(path)
+    rows = np.flatnonzero(path.sets_power & (path.channel == channel))
+    rows = rows[job.is_own(path.line[rows]) | (rows > first_motion)][:1]
+    now = [setup for setup, _ in context.modal.statements(PowerNow) if setup.channel == channel]
+    now = [setup for setup in now if job.is_own(setup.line) or setup.row > first_motion][:1]
     if len(rows):
         report.rows(rules.UNUSED_CHANNEL, rows, "", word=Op(int(path.op[rows[0]])).word, channel=channel)
     for setup in now[: not len(rows)]:

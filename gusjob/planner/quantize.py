@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob.ir.intent import RunKind
-from gusjob.ir.path import Op, Path
+from gusjob.ir.path import Op
 from gusjob.kinematics.arrays import Floats, Indices, blocks, picked, rows_of
 from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE, NO_ARCS, Arcs, Ends, Unrounded, arcs_by_either, segments
 from gusjob.kinematics.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
@@ -29,10 +29,11 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     arcs = exact = NO_ARCS
     if len(arc_at):
         before = np.concatenate([[0.0], x[:-1]]), np.concatenate([[0.0], y[:-1]])
-        arc_at, exact = _kept_arcs(path, timed, arc_at, (*before, x, y), (x0, y0, x1, y1))
+        arc_at, exact = _kept_arcs(staged, arc_at, (*before, x, y), (x0, y0, x1, y1))
         ends = (x0[arc_at], y0[arc_at], x1[arc_at], y1[arc_at])
         arc = timed[arc_at]
-        arcs = _arcs(path, arc, ends, np.rint(path.cx[arc]), np.rint(path.cy[arc]))
+        cx, cy, by_radius = np.rint(path.cx[arc]), np.rint(path.cy[arc]), path.op[arc] == Op.ARC_RADIUS
+        arcs = arcs_by_either(ends, cx, cy, path.radius[arc], path.ccw[arc], by_radius)
     dx, dy = np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)
     if len(sky.events):
         _turn_to_marks(staged, sky, dx, dy)
@@ -109,8 +110,8 @@ def direction_scale(dx: Floats, dy: Floats, arc_at: Indices, pulses_per_mm: tupl
     return scale
 
 
-def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, unrounded: Ends, ends: Ends) -> tuple[Indices, Arcs]:
-    """Find the arcs that are still arcs in whole pulses: which timed rows they are, and they before rounding.
+def _kept_arcs(staged: StagedPath, arc_at: Indices, unrounded: Ends, ends: Ends) -> tuple[Indices, Arcs]:
+    """Find the arcs that are still arcs in whole pulses: which timed rows they are, and they as drawn.
 
     The others become lines.
 
@@ -121,9 +122,9 @@ def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, unrounded: Ends, end
         unrounded, ends: Ends of all timed rows before and after rounding, (m,) pulse each. The row before an arc in the
             path may be a switch that has not moved with it.
     """
-    rows = timed[arc_at]
+    path, rows = staged.path, staged.timed[arc_at]
     (a0, b0, a1, b1), (x0, y0, x1, y1) = ([values[arc_at] for values in given] for given in (unrounded, ends))
-    exact = _arcs(path, rows, (a0, b0, a1, b1), path.cx[rows], path.cy[rows])
+    exact = _drawn_arcs(staged, rows, (a0, b0, a1, b1))
     chord, is_short = np.hypot(x1 - x0, y1 - y0), np.abs(exact.sweep) <= np.pi
     no_radius = (path.op[rows] == Op.ARC_CENTRE) & (np.rint(exact.cx) == x0) & (np.rint(exact.cy) == y0)
     like_line = is_short & ((chord == 0) | ((chord <= CLOSE_ENDS_PULSE) & (exact.radius > _SMALL_PULSE)))
@@ -131,6 +132,14 @@ def _kept_arcs(path: Path, timed: Indices, arc_at: Indices, unrounded: Ends, end
     return arc_at[keep], exact.pick(keep)
 
 
-def _arcs(path: Path, rows: Indices, ends: Ends, cx: Floats, cy: Floats) -> Arcs:
-    """The arcs at some rows, by centre or by radius as they were written."""
-    return arcs_by_either(ends, cx, cy, path.radius[rows], path.ccw[rows], path.op[rows] == Op.ARC_RADIUS)
+def _drawn_arcs(staged: StagedPath, rows: Indices, ends: Ends) -> Arcs:
+    """The arcs at some rows as they were drawn, between their unrounded ends.
+
+    The radius of an arc that is sent by its radius fits the rounded ends: near half a turn it is another arc between
+    the unrounded ones.
+    """
+    path, written, origin = staged.path, staged.job.path, staged.origin[rows]
+    fitted = path.op[rows] == Op.ARC_RADIUS
+    cx, cy = (np.where(fitted, w[origin], p[rows]) for w, p in ((written.cx, path.cx), (written.cy, path.cy)))
+    by_radius = fitted & (written.op[origin] == Op.ARC_RADIUS)
+    return arcs_by_either(ends, cx, cy, written.radius[origin], path.ccw[rows], by_radius)

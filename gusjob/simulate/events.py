@@ -71,11 +71,6 @@ class ImmediateAction(Struct, frozen=True, kw_only=True):
     time_ms: float = math.nan
     clock_ms: float = math.nan
 
-    @property
-    def is_switch(self) -> bool:
-        """Whether it sets the switch."""
-        return self.on is not None
-
     def moment(self, start_ms: float, end_ms: float) -> float:
         """Return when it acts, ms, if a stage that moves from `start_ms` to `end_ms` is in progress."""
         return start_ms if math.isnan(self.time_ms) else min(max(start_ms + self.time_ms, start_ms), end_ms)

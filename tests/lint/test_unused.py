@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+from support.cli import write
 from support.tools import MARK, diagnostics_in
+
+from gusjob.pipeline import examine_file
 
 HEAD = MARK + "LASER POWER 30\n"
 DONE = "LASER ON\nLINE X 1\nLASER OFF\n"
@@ -36,3 +41,19 @@ SECOND = "LASER MODE ANALOG CHANNEL 1\n"
 )  # fmt: skip
 def test_what_nothing_uses(text: str, expected: list[tuple[int, str]]) -> None:
     assert diagnostics_in(text) == expected
+
+
+@pytest.mark.parametrize("power", ["LASER POWER 3 CHANNEL 1", "LASER POWER 3 NOW CHANNEL 1"])
+def test_a_channel_that_a_setup_file_prepares_for_other_jobs(tmp_path: Path, power: str) -> None:
+    """What a job sets for a channel that it never uses is a mistake, but not what it shares with other jobs."""
+
+    def channels_never_on(job: str) -> list[tuple[str, int]]:
+        found = examine_file(write(tmp_path, job), None)
+        return [(Path(d.file).name, d.span.line) for d in found.diagnostics if d.rule.code == "GJ410"]
+
+    write(tmp_path, f"{HEAD}{SECOND}{power}\n", "setup.job")
+    write(tmp_path, f"LINE X 2\n{power}\n", "part.job")
+    assert channels_never_on(f'INCLUDE "setup.job"\n{DONE}') == []
+    assert channels_never_on(f"{HEAD}{SECOND}{power}\n{DONE}") == [("x.job", 6)]
+    assert channels_never_on(f'INCLUDE "setup.job"\n{power}\n{DONE}') == [("x.job", 2)]
+    assert channels_never_on(f'{HEAD}{SECOND}{DONE}INCLUDE "part.job"\n') == [("part.job", 2)]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
+from random import Random
 
 import numpy as np
 import pytest
@@ -148,3 +151,64 @@ def test_the_calls_of_a_smooth_path_have_no_corner_too_fast(chord_um: float) -> 
     """What the planner takes for smooth, rounding explains in the listing."""
     found = run_listing("\n".join(calls_of(circle(chord_um))))
     assert "GJ707" not in found.codes()
+
+
+WIDE = Machine(field_x_mm=(-300.0, 300.0), field_y_mm=(-300.0, 300.0), max_velocity_mm_s=10000.0)
+
+
+def bent_path(rng: Random, kinks: Sequence[float]) -> str:
+    """A line, an arc by radius of nearly half a turn, a line; `kinks`: corners before and behind the arc, rad."""
+    x, y, course = rng.uniform(-5, 5), rng.uniform(-5, 5), rng.uniform(0, math.tau)
+    lines = [f"JUMP X {x:.9f} Y {y:.9f}", "LASER ON"]
+
+    def line() -> None:
+        nonlocal x, y
+        length = 10 ** rng.uniform(0.5, 1.3)
+        x, y = x + length * math.cos(course), y + length * math.sin(course)
+        lines.append(f"LINE X {x:.9f} Y {y:.9f}")
+
+    line()
+    course += kinks[0]
+    radius, sweep, sense = 10 ** rng.uniform(0, 2), math.radians(rng.uniform(170, 190)), rng.choice([-1, 1])
+    x, y = x - sense * radius * math.sin(course), y + sense * radius * math.cos(course)
+    course += sense * sweep
+    x, y = x + sense * radius * math.sin(course), y - sense * radius * math.cos(course)
+    turn, written = ("CCW" if sense > 0 else "CW"), math.copysign(radius, math.pi - sweep)
+    lines.append(f"ARC {turn} X {x:.9f} Y {y:.9f} R {written:.9f}")
+    course += kinks[1]
+    line()
+    head = f"LASER MODE DUTY CARRIER 10\nLASER POWER 50\nVEL {10 ** rng.uniform(2, 4):.3f}\nACC 1000000\n"
+    return "\n".join([head, *lines, "LASER OFF\n"])
+
+
+def arc_corners(trace: Trace) -> Floats:
+    """Velocities before and behind the arc of a bent path."""
+    return trace.schedule.profile.end[1:3]
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.1])
+@pytest.mark.parametrize("block", range(4))
+def test_corners_of_arcs_near_half_a_turn(block: int, bend: float) -> None:
+    """Rounding changes their chord, and the radius that is sent with it: neither makes a corner, nor takes one."""
+    for seed in range(block, 120, 4):
+        rng = Random(seed)
+        kinks = [rng.uniform(-bend, bend) for _ in range(2)]
+        text = bent_path(rng, kinks)
+        trace, turns = trace_of(text, WIDE), 2 * np.abs(np.sin(np.array(kinks) / 2))
+        speeds = trace.schedule.profile.peak[1:4]
+        fastest = np.minimum(np.minimum(speeds[:-1], speeds[1:]), JUMP / np.maximum(turns, 1e-9))
+        assert arc_corners(trace) == pytest.approx(fastest, rel=2e-3), (seed, text)
+        assert "GJ707" not in run_listing("\n".join(calls_of(text, WIDE)), WIDE).codes(), (seed, text)
+
+
+def test_corners_of_arcs_that_rounding_does_not_explain() -> None:
+    """As fast as twice the machine's look-ahead allows."""
+    reckless = replace(WIDE, lookahead_time_ms=2 * WIDE.lookahead_time_ms)
+    for seed in range(60):
+        rng = Random(seed)
+        kinks = [rng.choice([-1, 1]) * rng.uniform(0.02, 0.3) for _ in range(2)]
+        text = bent_path(rng, kinks)
+        turns = 2 * np.abs(np.sin(np.array(kinks) / 2))
+        jumps = arc_corners(trace_of(text, reckless)) * turns
+        found = [d.rule.code for d in run_listing("\n".join(calls_of(text, reckless)), WIDE).diagnostics]
+        assert found.count("GJ707") >= np.count_nonzero(jumps > 1.5 * JUMP), (seed, text)

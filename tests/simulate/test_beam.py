@@ -13,13 +13,13 @@ import numpy.typing as npt
 import pytest
 from click.testing import CliRunner, Result
 from oracles.power import Segment, make_segment
-from support.tools import run_listing
+from support.tools import find_diagnostics, run_listing
 
 from gusjob.cli import cli
 from gusjob.config.machine import Machine, Scanner, ScannerModel, parse_scanner
 from gusjob.config.profile import parse_profile
 from gusjob.controllers.gus.calls import Stream
-from gusjob.controllers.gus.model import find_diagnostics, simulate_stream
+from gusjob.controllers.gus.model import simulate_stream
 from gusjob.frontend import check_text, read_listing
 from gusjob.simulate import Trace
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from support.tools import ROOT
+from support.tools import ROOT, find_diagnostics
 
 from gusjob.config.machine import Machine
 from gusjob.config.profile import read_profile
 from gusjob.controllers.gus.lower import compile_job
-from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.diagnostics.model import Diagnostic, Rule, has_errors
 from gusjob.frontend import check_text, is_listing, read_job, read_listing
 from gusjob.lint import check

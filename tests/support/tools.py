@@ -102,6 +102,11 @@ def run_stream(stream: Stream, machine: Machine = MACHINE) -> Ran:
     return Ran(make_report(trace, machine), diagnostics)
 
 
+def find_diagnostics(stream: Stream, machine: Machine = MACHINE) -> list[Diagnostic]:
+    """Everything that `check` reports of calls that are not a planner's."""
+    return simulate_stream(stream, machine, is_listing=True, coarse=True)[1]
+
+
 _RECORDED = re.compile(r"(?:\[([0-9.]+)\] )?(.*)")
 _READING = re.compile(r"GT_CrdStatus\((\d),(\d+),(\d+),(\d)\)")
 

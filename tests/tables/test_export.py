@@ -6,16 +6,23 @@ import csv
 import io
 import json
 import sys
+import tracemalloc
+import zipfile
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import polars
 import pytest
 from support.cli import gusjob, write
 from support.tools import MARK, ROOT
 
 from gusjob.tables.columns import CategoryColumn, Columns, chunks
-from gusjob.tables.export import csv_bytes, npz_bytes, parquet_bytes
+from gusjob.tables.export import csv_bytes, parquet_bytes
+from gusjob.tables.npz import npz_bytes
 
 TABLE: Columns = {
     "line": np.array([3, 4, 7], dtype=np.int32),
@@ -50,6 +57,55 @@ def test_no_rows() -> None:
     assert b"".join(csv_bytes(chunks(empty))) == b"line,kind,power\r\n"
     assert polars.read_parquet(io.BytesIO(b"".join(parquet_bytes(chunks(empty), {})))).shape == (0, 3)
     assert np.load(io.BytesIO(b"".join(npz_bytes(chunks(empty)))))["power"].shape == (0,)
+
+
+def members(archive: bytes) -> dict[str, bytes]:
+    """The files of an npz archive."""
+    with zipfile.ZipFile(io.BytesIO(archive)) as held:
+        return {name: held.read(name) for name in held.namelist()}
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, 70_001])
+@pytest.mark.parametrize("rows", [1000, 40_000, 1_000_000])
+def test_npz_in_pieces_is_that_of_the_whole(count: int, rows: int) -> None:
+    """As numpy writes it at once; the categories may differ from part to part."""
+    rng = np.random.default_rng(count)
+    codes = rng.integers(2, size=count, dtype=np.int8)
+    units = [CategoryColumn(codes=codes, categories=names) for names in (("V", "%"), ("kHz", "%"), ("", "V"))]
+    numbers: dict[str, npt.NDArray[Any]] = {
+        "x": rng.normal(size=count),
+        "n": rng.integers(99, size=count, dtype=np.int32),
+    }
+    whole = {name: np.tile(column, 3) for name, column in numbers.items()}
+    out = io.BytesIO()
+    np.savez_compressed(out, allow_pickle=False, **whole, unit=np.concatenate([unit.texts for unit in units]))
+
+    def written() -> bytes:
+        parts = (chunks({**numbers, "unit": unit}, rows) for unit in units)
+        return b"".join(npz_bytes(chain.from_iterable(parts)))
+
+    assert members(written()) == members(out.getvalue())
+    assert written() == written()
+
+
+def test_memory_of_npz_does_not_grow_with_its_rows() -> None:
+    """5 million rows of 40 bytes."""
+    count, rows = 5_000_000, 1 << 17
+    unit = CategoryColumn(codes=np.zeros(rows, dtype=np.int8), categories=("kHz", "V"))
+
+    def table() -> Iterator[Columns]:
+        for first in range(0, count, rows):
+            number = np.arange(first, min(first + rows, count))
+            yield {"n": number, "whole": number // 1000, "power": np.zeros(len(number)), "unit": unit[: len(number)]}
+
+    tracemalloc.start()
+    try:
+        size = sum(map(len, npz_bytes(table())))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert size > 1_000_000
+    assert peak < 20_000_000
 
 
 def test_report_as_parquet(tmp_path: Path) -> None:

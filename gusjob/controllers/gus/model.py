@@ -52,11 +52,6 @@ def simulate_stream(
     return trace, diagnostics
 
 
-def find_diagnostics(stream: Stream, machine: Machine) -> list[Diagnostic]:
-    """Find everything that the controller would report for a listing."""
-    return simulate_stream(stream, machine, is_listing=True, coarse=True)[1]
-
-
 def events_of(stream: Stream, execution: Execution) -> tuple[Events, list[Diagnostic]]:
     """Turn an executed stream into events.
 

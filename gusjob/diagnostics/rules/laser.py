@@ -99,7 +99,8 @@ UNUSED_CHANNEL = rule(
     WARNING,
     title="channel never on",
     text="the laser of channel {channel} is never switched on: its {word} has no effect",
-    why="A power was set for a channel that nothing uses. Often CHANNEL is missing at LASER ON, or is wrong.",
+    why="A power was set for a channel that nothing uses. Often CHANNEL is missing at LASER ON, or is wrong. Not "
+    "reported: powers that an included file sets before the first motion, for any of several jobs.",
     bad=LASER_ON + "LINE X 1\nLASER OFF\nLASER MODE ANALOG CHANNEL 1\nLASER POWER 3 CHANNEL 1\n",
     good=LASER_ON + "LINE X 1\nLASER OFF\n",
 )

@@ -134,12 +134,15 @@ SKY_NO_EMISSION = rule(
     "GJ810",
     ERROR,
     title="mark without emission",
-    text="the laser of this mark would go off where it comes on, or {late} us before: the mark is shorter than "
-    "SHIFT, or than a pulse",
+    text="the laser of this mark would have to be switched off where it is switched on: {cause}",
     why="The mark is missing, or the delays alone burn a point.",
     bad=HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 5000us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
     good=HEAD + "SKYWRITE MODE 2 TIMELAG 100us SHIFT 50us\nLASER POWER 30\nLASER ON\nLINE X 0.1\nLASER OFF\n",
     section="RTC5",
+)
+SKY_OFF_BEFORE_ON = variant(
+    SKY_NO_EMISSION,
+    text="the laser of this mark would have to be switched off {late} us before it is switched on: {cause}",
 )
 SKY_NOT_AT_SPEED = rule(
     "GJ811",

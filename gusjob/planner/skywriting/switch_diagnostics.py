@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from gusjob.diagnostics.model import Collector, Diagnostic, Rule, has_errors
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.display import display_units
 from gusjob.ir.path import Op
-from gusjob.kinematics.arrays import Bools, Floats
+from gusjob.kinematics.arrays import Bools, Floats, Indices
 from gusjob.kinematics.schedule import Schedule
 from gusjob.kinematics.trapezoids import distance_run
 from gusjob.kinematics.units import US_PER_MS
@@ -32,8 +34,14 @@ _AT_SPEED = 0.02
 """Share by which a mark may miss its speed at its ends: rounding of small circles makes as much."""
 
 _ON, _OFF = Phrase("on"), Phrase("off")
-_BEFORE, _BEHIND = Phrase("before the motion begins"), Phrase("after the end of the motion")
-_INTO, _RAISE_NPOST = Phrase("after the start of a DWELL"), Phrase("raise NPOST")
+_RAISE_NPOST = Phrase("raise NPOST")
+_LONG_SHIFT = Phrase("the mark is shorter than SHIFT")
+_LONG_OFF_DELAY = Phrase(
+    "LASER DELAY OFF, with OFFDELAY of LASER FPK, is too long for this mark: reduce it, or raise LASER DELAY ON"
+)
+_SHIFT_LEAVES_NOTHING = Phrase("SHIFT leaves less than a pulse of the mark")
+_TOO_SLOW_THERE = Phrase("the motion there is too slow for a pulse during the mark: raise NPOST")
+_SHORT_MARK = Phrase("the mark is shorter than a pulse")
 
 
 def switch_diagnostics(
@@ -41,79 +49,127 @@ def switch_diagnostics(
 ) -> list[Diagnostic]:
     """Report switches that can't come in time, marks without emission, and marks that are not at speed.
 
+    A switch is reported for one cause: after that, where it is says nothing.
+
     Args:
         position: Of every event, as in SwitchPoints, (e,).
     """
-    collector = Collector(planned.job.name)
-    at_us = events.time_ms * US_PER_MS
-    waits_us = _waits_us(planned, events, at_us)[events.moved]
-    at_us[events.moved] += events.late_us
-    off_us = np.where(events.op == Op.OFF, _waits_us(planned, events, at_us)[events.moved], 0.0)
-    crosses_us = np.where(off_us > _NO_TIME_US, 0.0, waits_us)
-    _report_outside_motion(planned, schedule, events, waits_us, crosses_us, collector)
-    no_emission = (off_us > _NO_TIME_US) | _at_one_point(planned, events, position)[events.moved]
-    _report(planned, collector, rules.SKY_NO_EMISSION, events, no_emission, late=off_us)
-    _report_slow(planned, schedule, events, collector)
-    if not has_errors(collector.found):
-        _report_coarse(planned, schedule, events, collector)
-    return collector.finish(rules.NOT_LISTED)
+    reporter = _SwitchReporter(
+        planned=planned,
+        events=events,
+        collector=Collector(planned.job.name),
+        own_on=_own_on(planned, events),
+        unreported=np.ones(len(events.op), dtype=np.bool_),
+    )
+    _report_long_shifts(reporter)
+    _report_outside_motion(reporter, schedule)
+    _report_no_emission(reporter, schedule, position)
+    _report_waits(reporter)
+    _report_slow(planned, schedule, events, reporter.collector)
+    if not has_errors(reporter.collector.found):
+        _report_coarse(planned, schedule, events, reporter.collector)
+    return reporter.collector.finish(rules.NOT_LISTED)
 
 
-def _report_outside_motion(
-    planned: PlannedPath,
-    schedule: Schedule,
-    events: PlannedEvents,
-    waits_us: Floats,
-    crosses_us: Floats,
-    collector: Collector,
-) -> None:
-    """Report switches at a time without motion, and those that would come before what they follow.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class _SwitchReporter:
+    """Reports events that are to be placed, (g,), each only once.
 
-    Args:
-        waits_us: How much later than its time each event comes since others come first, (g,).
-        crosses_us: The same for laser-off whose mark has some emission, (g,).
+    `own_on`: number of the laser-on of each laser-off among them; -1 where there is none.
     """
+
+    planned: PlannedPath
+    events: PlannedEvents
+    collector: Collector
+    own_on: Indices
+    unreported: Bools
+
+    def switch(self, op: Op, wrong: Bools, **columns: npt.NDArray[Any] | str) -> None:
+        """Report switches that have no motion."""
+        chosen = (self.events.op == op) & wrong & self.unreported
+        self.unreported[chosen] = False
+        channels = self.planned.path.channel[self.events.row[self.events.moved]]
+        columns |= {"what": _ON if op is Op.ON else _OFF, "channel": channels}
+        _report(self.planned, self.collector, rules.SKY_NO_MOTION, self.events, chosen, **columns)
+
+    def mark(self, rule: Rule, wrong: Bools, **columns: npt.NDArray[Any] | str) -> None:
+        """Report marks by their laser-off; their laser-on is reported with it."""
+        own_on = self.own_on
+        chosen = (self.events.op == Op.OFF) & wrong & self.unreported & ((own_on < 0) | self.unreported[own_on])
+        self.unreported[chosen] = False
+        self.unreported[own_on[chosen & (own_on >= 0)]] = False
+        _report(self.planned, self.collector, rule, self.events, chosen, **columns)
+
+
+def _report_long_shifts(reporter: _SwitchReporter) -> None:
+    """Report marks whose emission would end before it begins."""
+    events = reporter.events
+    effect_us = events.time_ms * US_PER_MS
+    effect_us[events.moved] += events.late_us
+    late_us = _waits_us(reporter.planned, events, effect_us)[events.moved]
+    reporter.mark(rules.SKY_OFF_BEFORE_ON, late_us > _NO_TIME_US, late=late_us, cause=_LONG_SHIFT)
+
+
+def _report_outside_motion(reporter: _SwitchReporter, schedule: Schedule) -> None:
+    """Report switches at a time without motion."""
+    events = reporter.events
     times, time = schedule.times_ms, events.time_ms[events.moved]
     cell = np.minimum(np.searchsorted(times[1:], time, side="left"), len(schedule.stage) - 1)
     before_us = (times[schedule.stage_first[events.stage]] - time) * US_PER_MS
     behind_us = (time - times[schedule.stage_first[events.stage + 1]]) * US_PER_MS
     within_ms = np.minimum(time - times[cell], times[cell + 1] - time)
     into_us = np.where(schedule.dwell[cell], within_ms, 0.0) * US_PER_MS
-    causes: dict[Op, tuple[Phrase, tuple[tuple[Floats, Phrase, Phrase], ...]]] = {
-        Op.ON: (
-            _ON,
-            (
-                (before_us, _BEFORE, Phrase("shorten LASER DELAY ON, or raise NPREV")),
-                (behind_us, _BEHIND, _RAISE_NPOST),
-                (into_us, _INTO, Phrase("raise NPOST, or shorten LASER DELAY ON")),
-                (
-                    waits_us,
-                    Phrase("before the previous switch or change of power"),
-                    Phrase("raise NPREV and NPOST, or SHIFT"),
-                ),
-            ),
-        ),
-        Op.OFF: (
-            _OFF,
-            (
-                (before_us, _BEFORE, Phrase("shorten LASER DELAY OFF, or raise NPREV")),
-                (behind_us, _BEHIND, _RAISE_NPOST),
-                (into_us, _INTO, Phrase("raise NPOST, or shorten LASER DELAY OFF")),
-                (
-                    crosses_us,
-                    Phrase("before it is switched on"),
-                    Phrase("reduce the difference between ON and OFF of LASER DELAY"),
-                ),
-            ),
-        ),
-    }
-    channels = planned.path.channel[events.row[events.moved]]
-    for op, (what, cases) in causes.items():
-        for early_us, where, fix in cases:
-            columns: dict[str, npt.NDArray[Any] | str] = {"what": what, "where": where, "mend": fix}
-            columns |= {"channel": channels, "early": early_us}
-            wrong = (events.op == op) & (early_us > _NO_TIME_US)
-            _report(planned, collector, rules.SKY_NO_MOTION, events, wrong, **columns)
+    before, behind = Phrase("before the motion begins"), Phrase("after the end of the motion")
+    into = Phrase("after the start of a DWELL")
+    for op, early_us, where, mend in (
+        (Op.ON, before_us, before, Phrase("shorten LASER DELAY ON, or raise NPREV")),
+        (Op.ON, behind_us, behind, _RAISE_NPOST),
+        (Op.ON, into_us, into, Phrase("raise NPOST, or shorten LASER DELAY ON")),
+        (Op.OFF, before_us, before, Phrase("shorten LASER DELAY OFF, or raise NPREV")),
+        (Op.OFF, behind_us, behind, _RAISE_NPOST),
+        (Op.OFF, into_us, into, Phrase("raise NPOST, or shorten LASER DELAY OFF")),
+    ):
+        reporter.switch(op, early_us > _NO_TIME_US, early=early_us, where=where, mend=mend)
+
+
+def _report_no_emission(reporter: _SwitchReporter, schedule: Schedule, position: Floats) -> None:
+    """Report marks whose laser-off is called before their laser-on, or at the same point.
+
+    Args:
+        position: Of every event, as in SwitchPoints, (e,).
+    """
+    planned, events, own_on = reporter.planned, reporter.events, reporter.own_on
+    time_us, has_on = events.time_ms[events.moved] * US_PER_MS, own_on >= 0
+    crosses_us = np.where(has_on, time_us[own_on] - time_us, 0.0)
+    longer_us = np.where(has_on, events.late_us - events.late_us[own_on], 0.0)
+    reporter.mark(rules.SKY_OFF_BEFORE_ON, crosses_us > _NO_TIME_US, late=crosses_us, cause=_LONG_OFF_DELAY)
+    empty = _at_one_point(planned, events, position)[events.moved]
+    first = np.where(has_on, events.mark[own_on], events.mark)
+    mark_us = (schedule.times_ms[events.mark + 1] - schedule.times_ms[first]) * US_PER_MS
+    emission_us = longer_us - crosses_us
+    with np.errstate(divide="ignore"):
+        pulse_us = US_PER_MS / planned.vel[events.mark]
+    for wrong, cause in (
+        ((longer_us > _NO_TIME_US) & (emission_us >= pulse_us), _LONG_OFF_DELAY),
+        ((mark_us - emission_us > _NO_TIME_US) & (mark_us >= pulse_us), _SHIFT_LEAVES_NOTHING),
+        (mark_us >= pulse_us, _TOO_SLOW_THERE),
+        (empty, _SHORT_MARK),
+    ):
+        reporter.mark(rules.SKY_NO_EMISSION, empty & wrong, cause=cause)
+
+
+def _report_waits(reporter: _SwitchReporter) -> None:
+    """Report switches that would come before what they follow."""
+    events, own_on = reporter.events, reporter.own_on
+    waits_us = _waits_us(reporter.planned, events, events.time_ms * US_PER_MS)[events.moved]
+    where = Phrase("before the previous switch or change of power")
+    reporter.switch(
+        Op.ON, waits_us > _NO_TIME_US, early=waits_us, where=where, mend=Phrase("raise NPREV and NPOST, or SHIFT")
+    )
+    # A laser-off also waits for what its laser-on waits for.
+    alone = (own_on < 0) | reporter.unreported[own_on]
+    mend = Phrase("shorten LASER DELAY OFF")
+    reporter.switch(Op.OFF, alone & (waits_us > _NO_TIME_US), early=waits_us, where=where, mend=mend)
 
 
 def _waits_us(planned: PlannedPath, events: PlannedEvents, time_us: Floats) -> Floats:
@@ -125,16 +181,34 @@ def _waits_us(planned: PlannedPath, events: PlannedEvents, time_us: Floats) -> F
     return waits
 
 
+def _own_on(planned: PlannedPath, events: PlannedEvents) -> Indices:
+    """Number of the laser-on of each laser-off among the events to be placed, (g,); -1 where there is none."""
+    number = np.full(len(events.row), -1, dtype=np.intp)
+    number[events.moved] = np.arange(len(events.moved))
+    found = np.full(len(events.moved), -1, dtype=np.intp)
+    for on, off in _marks(planned, events):
+        kept = number[off] >= 0
+        found[number[off[kept]]] = number[on[kept]]
+    return found
+
+
 def _at_one_point(planned: PlannedPath, events: PlannedEvents, position: Floats) -> Bools:
     """Events that switch the laser off at the position where it was switched on, (e,)."""
-    op, found = planned.path.op[events.row], np.zeros(len(events.row), dtype=np.bool_)
+    found = np.zeros(len(events.row), dtype=np.bool_)
+    for on, off in _marks(planned, events):
+        found[off] = position[on] == position[off]
+    return found
+
+
+def _marks(planned: PlannedPath, events: PlannedEvents) -> Iterator[tuple[Indices, Indices]]:
+    """Each laser-on and the laser-off that follows it, as numbers of events, channel by channel."""
+    op = planned.path.op[events.row]
     for channel in CHANNELS:
         own = planned.path.channel[events.row] == channel
         switches = np.flatnonzero(own & ((op == Op.ON) | (op == Op.OFF)))
         before, behind = switches[:-1], switches[1:]
-        empty = (op[before] == Op.ON) & (op[behind] == Op.OFF) & (position[before] == position[behind])
-        found[behind[empty]] = True
-    return found
+        is_mark = (op[before] == Op.ON) & (op[behind] == Op.OFF)
+        yield before[is_mark], behind[is_mark]
 
 
 def _report_coarse(planned: PlannedPath, schedule: Schedule, events: PlannedEvents, collector: Collector) -> None:

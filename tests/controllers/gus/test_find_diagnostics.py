@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from support.tools import MACHINE
+from support.tools import MACHINE, find_diagnostics
 
-from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.frontend import check_text, read_listing
 from gusjob.simulate.emission import Emission
 from gusjob.simulate.power import HeldPower, SegmentEmission

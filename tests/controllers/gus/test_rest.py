@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.tools import MARK, ROOT, recorded_stream, run_job, run_stream, stream_in
+from support.tools import MARK, ROOT, find_diagnostics, recorded_stream, run_job, run_stream, stream_in
 
 from gusjob.config.machine import Machine
-from gusjob.controllers.gus.model import find_diagnostics
 from gusjob.diagnostics import rules
 from gusjob.pipeline import examine_file
 

@@ -19,6 +19,50 @@ def test_a_mark_without_emission_is_an_error(shift: str, to: float) -> None:
     assert "GJ810" in {f.rule.code for f in compiled(text)[1]}
 
 
+LAG = "SKYWRITE MODE 2 TIMELAG 400us"
+LONG_DELAY = (
+    "LASER DELAY OFF, with OFFDELAY of LASER FPK, is too long for this mark: reduce it, or raise LASER DELAY ON"
+)
+KILLER = "LASER MODE FREQUENCY WIDTH 5 MAX 100\nLASER POWER 30\nLASER FPK WIDTH 20 GAP 15 OFFDELAY 150\n"
+
+
+@pytest.mark.parametrize(
+    ("settings", "mark", "expected"),
+    [
+        (f"{LAG} SHIFT 150us", "LINE X 5.1", [("GJ810", 50.0, "the mark is shorter than SHIFT")]),
+        (f"{LAG} SHIFT 9000us", "LINE X 5.1", [("GJ810", 8900.0, "the mark is shorter than SHIFT")]),
+        (f"{LAG} SHIFT 99.5us", "LINE X 5.1", [("GJ810", None, "SHIFT leaves less than a pulse of the mark")]),
+        (f"{LAG}\nLASER DELAY ON 0 OFF 300", "LINE X 5.1", [("GJ810", 200.0, LONG_DELAY)]),
+        (f"{LAG}\nLASER DELAY ON 200 OFF 500", "LINE X 5.05\nLINE X 5.1", [("GJ810", 250.0, LONG_DELAY)] * 2),
+        (f"{LAG}\nLASER DELAY ON 0 OFF 100", "LINE X 5.1", [("GJ810", None, LONG_DELAY)]),
+        (f"{KILLER}{LAG}", "LINE X 5.1", [("GJ810", 50.0, LONG_DELAY)]),
+        (f"{LAG} SHIFT 60us\nLASER DELAY ON 0 OFF 60", "LINE X 5.1", [("GJ810", 20.0, LONG_DELAY)]),
+        (
+            f"{LAG.replace('2', '3')}\nLASER DELAY ON 0 OFF 300",
+            "LINE X 15\nLASER POWER 40\nLINE X 15.1",
+            [("GJ809", 200.0, "shorten LASER DELAY OFF")],
+        ),
+        (LAG, "LINE X 5.0004", [("GJ810", None, "the mark is shorter than a pulse")]),
+        (
+            "LASER DELAY ON 50000 OFF 50000\nSKYWRITE MODE 2 TIMELAG 200us",
+            "LINE X 15",
+            [
+                ("GJ809", 44800.0, "shorten LASER DELAY ON, or raise NPREV"),
+                ("GJ809", 34800.0, "shorten LASER DELAY OFF, or raise NPREV"),
+            ],
+        ),
+    ],
+)
+def test_one_cause_and_the_true_one(settings: str, mark: str, expected: list[tuple[str, float | None, str]]) -> None:
+    """A mark of 100 us at 1000 mm/s."""
+    text = HEAD_MM + f"LASER POWER 30\n{settings}\nJUMP X 5\nLASER ON\n{mark}\nLASER OFF\nJUMP X 50\n"
+    found = [f for f in diagnostics_of(text) if f.rule.code in ("GJ809", "GJ810")]
+    values = [f.fields.get("late", f.fields.get("early")) for f in found]
+    causes = [f.fields.get("cause", f.fields.get("mend")) for f in found]
+    assert [(f.rule.code, cause) for f, cause in zip(found, causes, strict=True)] == [e[::2] for e in expected]
+    assert values == [value if value is None else pytest.approx(value, rel=0.02) for _, value, _ in expected]
+
+
 @pytest.mark.parametrize(("length", "slow"), [(0.405, [("ends", 900.0)]), (0.485, [])])
 def test_how_much_slower_a_mark_may_end(length: float, slow: list[tuple[str, float]]) -> None:
     """From rest at a flat corner v^2 = 2*a*s: 900 mm/s behind 405 um, 985 behind 485."""
