@@ -163,8 +163,7 @@ class ModalState:
         instants = np.concatenate([np.array(now, dtype=rows.dtype), rows * 2 + 1])
         follows = np.concatenate([np.zeros(len(now), dtype=np.bool_), path.op[rows] == Op.FOLLOW])
         order = np.argsort(instants, kind="stable")
-        last = np.searchsorted(instants[order], np.arange(len(path)) * 2, side="right") - 1
-        return np.where(last >= 0, follows[order][last], False)
+        return np.repeat(np.append(False, follows[order]), _rows_between(instants[order], len(path)))
 
     def any_on(self) -> Bools:
         """Rows in which the laser of some channel is commanded on, (n,)."""
@@ -192,6 +191,11 @@ def _mode_spans(job: Job, channel: int, firsts: tuple[int, ...]) -> Iterator[Mod
         yield ModeSpan(setup=setup, mode=mode, channel=channel, first=firsts[setup.order], last=last)
 
 
+def _rows_between(instants: Indices, count: int) -> Indices:
+    """Count the rows of `count` before the first of some ascending instants acts, and from each on up to the next."""
+    return np.diff(np.concatenate([[0], np.minimum((instants + 1) // 2, count), [count]]))
+
+
 def _laser_command(switches: Switches, count: int) -> LaserCommand:
     """The commanded state in `count` rows."""
     on, lines = switches.on, switches.line
@@ -199,8 +203,7 @@ def _laser_command(switches: Switches, count: int) -> LaserCommand:
         off: npt.NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
         line = np.broadcast_to(np.intp(0), count)
         return LaserCommand(on=off, on_line=line, on_at_end=False, last_on_line=0)
-    # The last switch that acts before each row: they are ascending, so each holds up to the next.
-    counts = np.diff(np.concatenate([[0], np.minimum((switches.instant + 1) // 2, count), [count]]))
+    counts = _rows_between(switches.instant, count)
     # The line of the ON that began it: later ONs while the laser is on change nothing.
     turns_on = on & ~np.concatenate([[False], on[:-1]])
     begun = np.maximum.accumulate(np.where(turns_on, np.arange(len(on)), 0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import Any
 
@@ -92,6 +92,12 @@ class Path:
     def without_rows(self) -> Path:
         """Return a path that has no rows."""
         return Path(**{f.name: getattr(self, f.name)[:0].copy() for f in fields(Path)})
+
+    def without_numbers(self) -> Path:
+        """Return a path that has only its operations, channels, lines and states: all its numbers are 0."""
+        kept = ("op", "channel", "line", "unknown_before", "unknown")
+        nothing = {f.name: getattr(self, f.name).dtype.type(0) for f in fields(Path) if f.name not in kept}
+        return replace(self, **{name: np.broadcast_to(value, len(self)) for name, value in nothing.items()})
 
     @property
     def takes_time(self) -> Bools:

@@ -109,10 +109,9 @@ def short_marks(modal: ModalState, speeds: PlannedSpeeds) -> ShortMarks:
 
 def _of_channel(modal: ModalState, channel: int, speeds: PlannedSpeeds, moves: Bools) -> ShortMarks:
     """Find the short marks of one channel."""
-    number = modal.mark_numbers(channel, speeds.row)
     follows = modal.follows_velocity(channel)[speeds.row]
-    rows = np.flatnonzero(moves & (number > 0) & ~follows)
-    mark, asked = number[rows], picked(speeds.asked, rows)
+    rows = np.flatnonzero(moves & modal.laser(channel).on[speeds.row] & ~follows)
+    mark, asked = modal.mark_numbers(channel, speeds.row[rows]), picked(speeds.asked, rows)
     # Where a part begins: a mark, a velocity, the power again after it followed the velocity.
     new_mark = np.diff(mark, prepend=-1) != 0
     begins_part = new_mark.copy()

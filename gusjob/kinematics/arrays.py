@@ -90,6 +90,32 @@ def before(column: Floats, rows: Indices | slice, start: float) -> Floats:
     return found
 
 
+def fill_gaps(column: npt.NDArray[_Number], gaps: Indices, start: _Number | float) -> None:
+    """Give each of some rows the value of the row before it, in place; `start` where there is none.
+
+    Args:
+        column: The column, (n,).
+        gaps: The rows, ascending.
+        start: The value of gaps at the beginning.
+    """
+    if not len(gaps):
+        return
+    # Each run of gaps has the value before it.
+    is_first = np.diff(gaps, prepend=-2) != 1
+    before = gaps[is_first] - 1
+    value = np.where(before >= 0, column[before], start)
+    column[gaps] = value[np.cumsum(is_first) - 1]
+
+
+def carried(values: npt.NDArray[_Number], rows: Indices, count: int, start: _Number | float) -> npt.NDArray[_Number]:
+    """Carry values, each set at one of some ascending rows, on to the next row: (count,); `start` before the first."""
+    found = np.empty(count, dtype=values.dtype)
+    first = int(rows[0]) if len(rows) else count
+    found[:first] = start
+    found[first:] = np.repeat(values, np.diff(rows, append=count))
+    return found
+
+
 def rows_of(numbers: Indices) -> Indices | slice:
     """Return row numbers as a slice if they follow each other: it takes rows of columns without a copy.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from collections.abc import Callable
 
 _M_MMAP_THRESHOLD = -3
 """Number of the parameter in glibc's mallopt()."""
@@ -16,8 +17,18 @@ def return_freed_arrays() -> None:
     Otherwise it keeps those of up to 32 MB for later ones: a third of the memory that a job of a million statements
     takes. Other C libraries return them anyway.
     """
-    if sys.platform != "linux":
-        return
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    mallopt = _glibc("mallopt")
     if mallopt is not None:
         mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+
+
+def return_free_memory() -> None:
+    """Make glibc return what many small arrays have taken: it keeps their pages between those still in use."""
+    malloc_trim = _glibc("malloc_trim")
+    if malloc_trim is not None:
+        malloc_trim(0)
+
+
+def _glibc(name: str) -> Callable[..., int] | None:
+    """Find a function of glibc; None with another C library."""
+    return getattr(ctypes.CDLL(None), name, None) if sys.platform == "linux" else None

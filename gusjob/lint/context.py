@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,11 @@ class LintContext:
     def path(self) -> Path:
         """Path of the job."""
         return self.job.path
+
+    def without_numbers(self) -> LintContext:
+        """Return the context of a path without its numbers, which the modal state does not need."""
+        job = replace(self.job, path=self.path.without_numbers())
+        return replace(self, job=job, modal=replace(self.modal, job=job))
 
     def known(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
         """Whether effects are known before rows: no statement that can't be read may have changed them, (k,)."""

@@ -21,7 +21,7 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.characters import report_hidden, without_consequences
 from gusjob.diagnostics.model import Diagnostic, Span, has_errors
-from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro
+from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro, no_library
 from gusjob.frontend.listing.c_numbers import CNumber, literal
 from gusjob.frontend.listing.c_statements import CStatements
 from gusjob.frontend.listing.c_trees import depth_of, first_token, has_effect, is_library_name, logged_call, only_begins
@@ -153,6 +153,7 @@ def _read(source: Source, abi: Abi | None, *, several_cards: bool) -> _ListingRe
         calls=calls,
     )
     reader.read()
+    evaluator.call_library = no_library  # Else they refer to each other, and the text stays in memory.
     return reader
 
 

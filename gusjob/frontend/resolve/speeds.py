@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
-from gusjob.frontend.resolve.columns import ResolvedColumns, carried
+from gusjob.frontend.resolve.columns import ResolvedColumns
 from gusjob.ir.path import Speeds
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, carried
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

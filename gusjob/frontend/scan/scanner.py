@@ -107,13 +107,10 @@ class _ShapeScanner:
 
     learn: Learn
     parse_line: ParseLine
-    shape_ids: ShapeIds = field(init=False)
+    shape_ids: ShapeIds = field(default_factory=ShapeIds)
     templates: list[Template | None] = field(default_factory=lambda: [Template(op=_BLANK_OP), None])
     parts: list[Rows] = field(default_factory=list)
     further: list[tuple[int, Row]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.shape_ids = ShapeIds(self._learn)
 
     def _learn(self, code: bytes) -> int:
         """The number of a shape by the code of one of its lines."""
@@ -130,7 +127,7 @@ class _ShapeScanner:
 
     def add(self, table: LineTable, first_line: int) -> None:
         """Read the lines of a chunk."""
-        ids, first = self.shape_ids.look_up(table, table.long_lines(), _BY_PARSER)
+        ids, first = self.shape_ids.look_up(table, self._learn, table.long_lines(), _BY_PARSER)
         groups: list[_LineGroup] = []
         for number, lines in _lines_by_id(ids):
             template = self.templates[number]
