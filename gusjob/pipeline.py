@@ -239,7 +239,8 @@ def parse(
     source, found = read_source(path) if data is None else check_text(data, shown_name(path), path)
     if source is None:
         return Rejected(path=path, diagnostics=tuple(found), unreadable=True)
-    if len(source.data) > _LARGE_BYTES:
+    is_large = len(source.data) > _LARGE_BYTES
+    if is_large:
         from gusjob.kinematics.freed_arrays import reuse_freed_arrays
 
         reuse_freed_arrays()
@@ -260,7 +261,12 @@ def parse(
         )
     if scanner is not None:
         profile = replace(profile, machine=replace(profile.machine, scanner=scanner))
-    return parse_source(source, path=path, profile=profile, overrides=overrides)
+    parsed = parse_source(source, path=path, profile=profile, overrides=overrides)
+    if is_large:
+        from gusjob.kinematics.freed_arrays import return_free_memory
+
+        return_free_memory()
+    return parsed
 
 
 def parse_source(

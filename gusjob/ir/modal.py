@@ -195,7 +195,7 @@ def _mode_spans(job: Job, channel: int, firsts: tuple[int, ...]) -> Iterator[Mod
 
 
 def _rows_between(instants: Indices, count: int) -> Indices:
-    """Of `count` rows how many are before the first of some ascending instants, and behind each up to the next one."""
+    """Count the rows of `count` before the first of some ascending instants acts, and from each on up to the next."""
     return np.diff(np.concatenate([[0], np.minimum((instants + 1) // 2, count), [count]]))
 
 

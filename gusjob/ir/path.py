@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.kinematics.arrays import Bools, Floats, Indices, follow_each_other
 from gusjob.kinematics.geometry import Ends
@@ -91,6 +92,12 @@ class Path(Struct, frozen=True, kw_only=True, eq=False):
     def without_rows(self) -> Path:
         """Return a path that has no rows."""
         return Path(**{name: getattr(self, name)[:0].copy() for name in Path.__struct_fields__})
+
+    def without_numbers(self) -> Path:
+        """Return a path that has only its operations, channels, lines and states: all its numbers are 0."""
+        kept = ("op", "channel", "line", "unknown_before", "unknown")
+        nothing = {name: getattr(self, name).dtype.type(0) for name in self.__struct_fields__ if name not in kept}
+        return replace(self, **{name: np.broadcast_to(value, len(self)) for name, value in nothing.items()})
 
     @property
     def takes_time(self) -> Bools:

@@ -5,7 +5,7 @@ A column is a one-dimensional array with one entry a row.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -49,6 +49,71 @@ def picked(column: npt.NDArray[_Number], rows: Indices | slice) -> npt.NDArray[_
     if column.strides == (0,):
         return np.broadcast_to(column[:1], len(rows))
     return np.broadcast_to(column[rows[:1]], len(rows)) if rows.strides == (0,) else column[rows]
+
+
+def with_constant(column: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
+    """Return a column with one value for all rows as one that takes no memory (stride 0), any other as it is."""
+    if not len(column) or column[0] != column[-1] or not (column == column[0]).all():
+        return column
+    return np.broadcast_to(column[0], len(column))
+
+
+def unrepeated(column: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
+    """Return the first value of a column with one value for all rows (stride 0), all of any other."""
+    return column[:1] if column.strides == (0,) else column
+
+
+def joined(parts: Sequence[npt.NDArray[_Number]]) -> npt.NDArray[_Number]:
+    """Concatenate one or more parts of a column; if all have the same one value for all rows, the column has it, too.
+
+    Args:
+        parts: The parts, with stride 0 where one value holds for all rows.
+    """
+    filled = [part for part in parts if len(part)]
+    if filled and all(part.strides == (0,) and part[0] == filled[0][0] for part in filled):
+        return np.broadcast_to(filled[0][0], sum(map(len, filled)))
+    return np.concatenate(parts)
+
+
+def before(column: Floats, rows: Indices | slice, start: float) -> Floats:
+    """Return the values in the row before each of some rows that follow each other in a sequence.
+
+    Args:
+        column: The column.
+        rows: The rows, (n,).
+        start: What comes before the first of them. If the row before it has this value, nothing is copied.
+    """
+    if isinstance(rows, slice) and rows.start and column[rows.start - 1] == start:
+        return column[rows.start - 1 : rows.stop - 1]
+    found = np.empty(len(column[rows]))
+    found[:1], found[1:] = start, column[rows][:-1]
+    return found
+
+
+def fill_gaps(column: npt.NDArray[_Number], gaps: Indices, start: _Number | float) -> None:
+    """Give each of some rows the value of the row before it, in place; `start` where there is none.
+
+    Args:
+        column: The column, (n,).
+        gaps: The rows, ascending.
+        start: The value of gaps at the beginning.
+    """
+    if not len(gaps):
+        return
+    # Each run of gaps has the value before it.
+    is_first = np.diff(gaps, prepend=-2) != 1
+    before = gaps[is_first] - 1
+    value = np.where(before >= 0, column[before], start)
+    column[gaps] = value[np.cumsum(is_first) - 1]
+
+
+def carried(values: npt.NDArray[_Number], rows: Indices, count: int, start: _Number | float) -> npt.NDArray[_Number]:
+    """Carry values, each set at one of some ascending rows, on to the next row: (count,); `start` before the first."""
+    found = np.empty(count, dtype=values.dtype)
+    first = int(rows[0]) if len(rows) else count
+    found[:first] = start
+    found[first:] = np.repeat(values, np.diff(rows, append=count))
+    return found
 
 
 def rows_of(numbers: Indices) -> Indices | slice:
@@ -159,7 +224,7 @@ def hashed(columns: list[Floats]) -> npt.NDArray[np.uint64]:
     mixed = np.zeros(len(columns[0]), dtype=np.uint64)
     for column in columns:
         # -0 is 0. A column with one value for all rows is hashed as one value.
-        bits = (column[:1] if column.strides == (0,) else column) + 0.0
+        bits = unrepeated(column) + 0.0
         mixed ^= bits.view(np.uint64)
         mixed *= np.uint64(0x9E3779B97F4A7C15)
         mixed ^= mixed >> np.uint64(29)

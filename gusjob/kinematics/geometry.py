@@ -240,7 +240,9 @@ class Segments(Struct, frozen=True, kw_only=True, eq=False):
     def rounding_turns(self) -> Floats:
         """By how much rounding of the end points to whole pulses turns each segment at most, (n,)."""
         length = self.moving_length
-        turns = np.where(length > 0, _ROUNDING_PULSE / np.maximum(length, 1e-9), 0.0)
+        turns = np.empty(len(length))
+        for part in blocks(len(length)):
+            turns[part] = np.where(length[part] > 0, _ROUNDING_PULSE / np.maximum(length[part], 1e-9), 0.0)
         if len(self.arc_at):
             turns[self.arc_at] += _ROUNDING_OF_ARC_PULSE / np.maximum(self.arcs.radius, 1e-9)
         return turns

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gusjob.config.machine import Machine
 from gusjob.diagnostics import model as d
@@ -47,6 +48,11 @@ class LintContext(Struct, frozen=True, kw_only=True):
     def path(self) -> Path:
         """Path of the job."""
         return self.job.path
+
+    def without_numbers(self) -> LintContext:
+        """Return the context of a path without its numbers, which the modal state does not need."""
+        job = replace(self.job, path=self.path.without_numbers())
+        return replace(self, job=job, modal=replace(self.modal, job=job))
 
     def known(self, rows: Indices, effects: StateEffect, channel: int = 0) -> Bools:
         """Whether effects are known before rows: no statement that can't be read may have changed them, (k,)."""

@@ -9,7 +9,8 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule, Span
 from gusjob.i18n.phrases import Phrase
-from gusjob.kinematics.arrays import Bools, Floats, blocks
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
+from gusjob.kinematics.geometry import Segments
 from gusjob.kinematics.schedule import Schedule, starts_at_rest
 from gusjob.simulate.events import Events, MotionEvents
 from gusjob.simulate.motion import Motion
@@ -25,10 +26,14 @@ class SegmentReporter(Struct, kw_only=True):
     def add(self, rule: Rule, where: Bools, **columns: Floats | str) -> None:
         """Add one diagnostic for each segment in `where`, (m,); its fields come from columns, (m,)."""
         at = np.flatnonzero(where)
+        self.add_at(rule, at, **{k: v if isinstance(v, str) else v[at] for k, v in columns.items()})
+
+    def add_at(self, rule: Rule, at: Indices, **columns: Floats | float | str) -> None:
+        """Add one diagnostic for each of some segments, (k,); its fields come from columns, (k,)."""
         listed = at[: self.collector.remaining(rule)].tolist()
-        for i in listed:
-            fields: dict[str, object] = {k: v if isinstance(v, str) else float(v[i]) for k, v in columns.items()}
-            self.collector.add(rule, Span(line=int(self.motion.line[i])), fields)
+        for i, segment in enumerate(listed):
+            fields: dict[str, object] = {k: float(v[i]) if isinstance(v, np.ndarray) else v for k, v in columns.items()}
+            self.collector.add(rule, Span(line=int(self.motion.line[segment])), fields)
         self.collector.count_unlisted(rule, len(at) - len(listed))
 
     def done(self) -> list[Diagnostic]:
@@ -51,6 +56,14 @@ def misses_end(motion: MotionEvents, schedule: Schedule) -> Bools:
     return found
 
 
+def _starts_too_fast(motion: MotionEvents, schedule: Schedule) -> Bools:
+    """Find the segments that start above their velocity, (m,)."""
+    found = np.empty(len(motion), dtype=np.bool_)
+    for part in blocks(len(motion)):
+        found[part] = ~motion.dwell[part] & (schedule.profile.start[part] > motion.vel[part] * (1 + 1e-9))
+    return found
+
+
 def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
     """Report velocities that the calls ask for and the path cannot reach."""
     motion, profile = events.motion, schedule.profile
@@ -59,9 +72,9 @@ def motion_diagnostics(events: Events, schedule: Schedule) -> list[Diagnostic]:
         return []
     breaks = starts_at_rest(schedule.dwell, schedule.stage_first)
     end, start, given = profile.end, profile.start, motion.vel_end
-    moves = ~motion.dwell
     reporter.add(rules.END_VELOCITY_NOT_REACHED, misses_end(motion, schedule), value=end, wanted=given)
-    reporter.add(rules.START_TOO_FAST, moves & (start > motion.vel * (1 + 1e-9)), value=start, velocity=motion.vel)
+    reporter.add(rules.START_TOO_FAST, _starts_too_fast(motion, schedule), value=start, velocity=motion.vel)
+    moves = ~motion.dwell
     last = np.append(breaks[1:], True)
     before_dwell = np.append(motion.dwell[1:], False)
     stops = (last | before_dwell) & moves & (end > 1e-9)
@@ -75,20 +88,35 @@ def path_diagnostics(events: Events, motion: Motion, machine: Machine) -> list[D
     Corners at which the velocity vector changes by more than the machine's look-ahead allows; segments outside the
     field.
     """
-    schedule, segments = motion.schedule, motion.segments
-    end = schedule.profile.end
     reporter = segment_reporter(events.name, events.motion)
-    if not len(end):
-        return []
-    limit = machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2
-    jump = end[:-1] * segments.turns
-    jump = np.append(np.where(np.diff(schedule.stage) == 0, jump, 0.0), 0.0)
+    if len(motion):
+        _report_corners(motion, machine, reporter)
+        _report_field(motion.segments, machine, reporter)
+    return reporter.done()
+
+
+def _report_corners(motion: Motion, machine: Machine, reporter: SegmentReporter) -> None:
+    """Report corners at which the velocity vector changes by more than the look-ahead allows."""
+    schedule, segments, end = motion.schedule, motion.segments, motion.schedule.profile.end
+    limit = float(machine.lookahead_time_ms * machine.lookahead_acc_pulse_per_ms2)
     # The ends are whole pulses: a straight line through points that are each off by half a pulse turns by so much.
-    turns = segments.rounding_turns
-    rounding = np.append(np.where(jump[:-1] > 0, end[:-1] * (turns[:-1] + turns[1:]), 0.0), 0.0)
-    sharp = jump - rounding > limit * (1 + 1e-6)
-    reporter.add(rules.SHARP_CORNER, sharp, value=end, jump=jump, limit=np.full(len(jump), limit))
-    x_low, x_high, y_low, y_high = segments.extent(np.arange(len(end)))
+    changes, rounding = segments.turns, segments.rounding_turns
+    sharp, jumps = [], []
+    for part in blocks(len(changes)):
+        behind = slice(part.start + 1, part.stop + 1)
+        jump = np.where(schedule.stage[part] == schedule.stage[behind], end[part] * changes[part], 0.0)
+        by_rounding = np.where(jump > 0, end[part] * (rounding[part] + rounding[behind]), 0.0)
+        at = np.flatnonzero(jump - by_rounding > limit * (1 + 1e-6))
+        sharp.append(at + part.start)
+        jumps.append(jump[at])
+    at = np.concatenate([np.empty(0, dtype=np.intp), *sharp])
+    reporter.add_at(rules.SHARP_CORNER, at, value=end[at], jump=np.concatenate([np.empty(0), *jumps]), limit=limit)
+
+
+def _report_field(segments: Segments, machine: Machine, reporter: SegmentReporter) -> None:
+    """Report segments outside the field."""
+    at = _outside(segments, machine)
+    x_low, x_high, y_low, y_high = segments.extent(at)
     for (axis, lowest, highest, (low, high), scale), (first, last) in zip(
         (
             ("X", x_low, x_high, machine.field_x_mm, machine.pulses_per_mm[0]),
@@ -98,10 +126,20 @@ def path_diagnostics(events: Events, motion: Motion, machine: Machine) -> list[D
         strict=True,
     ):
         below, above = np.rint(lowest) < first, np.rint(highest) > last
-        bounds = {"low": np.full(len(end), low), "high": np.full(len(end), high)}
-        reporter.add(rules.LISTING_FIELD, below, axis=axis, value=lowest / scale, **bounds)
-        reporter.add(rules.LISTING_FIELD, above & ~below, axis=axis, value=highest / scale, **bounds)
-    return reporter.done()
+        for where, values in ((below, lowest), (above & ~below, highest)):
+            value = values[where] / scale
+            reporter.add_at(rules.LISTING_FIELD, at[where], axis=axis, value=value, low=float(low), high=float(high))
+
+
+def _outside(segments: Segments, machine: Machine) -> Indices:
+    """Find the segments that leave the field, ascending."""
+    (x_first, x_last), (y_first, y_last) = machine.field_pulse
+    found = [np.empty(0, dtype=np.intp)]
+    for part in blocks(len(segments.length)):
+        x_low, x_high, y_low, y_high = map(np.rint, segments.extent(np.arange(part.start, part.stop)))
+        outside = (x_low < x_first) | (x_high > x_last) | (y_low < y_first) | (y_high > y_last)
+        found.append(np.flatnonzero(outside) + part.start)
+    return np.concatenate(found)
 
 
 def emission_diagnostics(channel: ChannelTrace, events: Events) -> list[Diagnostic]:

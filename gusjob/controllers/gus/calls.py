@@ -409,8 +409,8 @@ class BufferedCalls(Struct, frozen=True, kw_only=True, eq=False):
         found: npt.NDArray[Any] = getattr(self, name)
         return found
 
-    def pick(self, where: npt.NDArray[Any]) -> BufferedCalls:
-        """Pick the calls at a mask or at indices."""
+    def pick(self, where: npt.NDArray[Any] | slice) -> BufferedCalls:
+        """Pick the calls at a mask, at indices or in a slice."""
         return BufferedCalls(**{name: self.column(name)[where] for name in self.__struct_fields__})
 
 

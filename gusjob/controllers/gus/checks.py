@@ -159,9 +159,12 @@ def _full_fifos(calls: BufferedCalls, execution: Execution, path: str) -> list[D
     """Report stages of which more calls are sent before GT_CrdStart than a FIFO holds (sister)."""
     found = []
     for stage in execution.stages:
-        waiting = stage.parts[: stage.waiting]
-        if sum(map(len, waiting)) > FIFO_SLOTS:
-            line = int(calls.line[np.concatenate(waiting)[FIFO_SLOTS]])
-            fields = {"count": FIFO_SLOTS + 1, "slots": FIFO_SLOTS}
-            found.append(Diagnostic(rule=rules.FIFO_FULL, span=Span(line=line), fields=fields, path=path))
+        left = FIFO_SLOTS
+        for rows in stage.parts[: stage.waiting]:
+            if len(rows) > left:
+                fields = {"count": FIFO_SLOTS + 1, "slots": FIFO_SLOTS}
+                span = Span(line=int(calls.line[rows[left]]))
+                found.append(Diagnostic(rule=rules.FIFO_FULL, span=span, fields=fields, path=path))
+                break
+            left -= len(rows)
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls
-from gusjob.kinematics.arrays import Bools, Floats, Indices, rows_of
+from gusjob.kinematics.arrays import Bools, Floats, Indices, before, fill_gaps, rows_of
 from gusjob.kinematics.geometry import Segments, arcs_by_either, segments
 
 _ROUNDING_PULSE = 1e-6
@@ -47,12 +47,12 @@ def _ends(
     values: Floats, rows: Indices | slice, dwell: Bools, start: float, origin: Floats | None
 ) -> tuple[Floats, Floats]:
     """Return where consecutive motions and dwells start and end on an axis. Arguments as those of call_segments."""
+    if origin is None and isinstance(rows, slice) and not dwell.any():
+        return before(values, rows, start), values[rows]
+    # Each starts where the one before it ends: both are parts of one array.
     points = np.empty(len(dwell) + 1)
     points[0], points[1:] = start, values[rows]
-    ends = points[1:]
     if origin is not None:
-        ends += origin
-    if dwell.any():
-        at = np.maximum.accumulate(np.where(dwell, -1, np.arange(len(ends))))
-        ends[:] = np.where(at >= 0, ends[at], start)
-    return points[:-1], ends
+        points[1:] += origin
+    fill_gaps(points[1:], np.flatnonzero(dwell), start)
+    return points[:-1], points[1:]

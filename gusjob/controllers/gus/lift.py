@@ -36,7 +36,8 @@ from gusjob.ir.setup import (
     SwitchNow,
     Wait,
 )
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, carried, fill_gaps, picked, rows_of, unrepeated
+from gusjob.kinematics.schedule import stage_numbers
 from gusjob.kinematics.units import PowerUnit
 from gusjob.lint.reporter import UNIT_OF_MODE
 
@@ -66,17 +67,18 @@ def lift(stream: Stream, execution: Execution) -> Job:
     time is known.
     """
     kinds = execution.run.calls.kind
-    per_stage = [stage.rows[_IS_IN_JOB[kinds[stage.rows]]] for stage in execution.stages]
-    counts = np.array([len(rows) for rows in per_stage], dtype=np.intp)
-    rows = np.concatenate(per_stage) if per_stage else np.empty(0, dtype=np.intp)
-    calls = execution.run.calls.pick(rows)
+    per_stage = [_rows_in_job(kinds, stage.rows) for stage in execution.stages]
+    firsts = np.cumsum([0, *map(len, per_stage)])
+    rows = per_stage[0] if len(per_stage) == 1 else np.concatenate([np.empty(0, dtype=np.intp), *per_stage])
+    calls, of_stage = execution.run.calls.pick(rows_of(rows)), stage_numbers(firsts)
     # Positions of the machine: each GT_SetCrdPrm can move the origin.
     origins = np.array([stage.settings.origin_pulse for stage in execution.stages], dtype=np.float64).reshape(-1, 2)
-    origin = np.repeat(origins, counts, axis=0)
-    calls = replace(calls, x=calls.x + origin[:, 0], y=calls.y + origin[:, 1])
-    vel_max = np.repeat([stage.settings.vel_max_pulse_per_ms for stage in execution.stages], counts)
-    path = _path(calls, vel_max)
-    setups = _Setups(firsts=np.concatenate([[0], np.cumsum(counts)]).tolist())
+    if origins.any():
+        origin_x, origin_y = (picked(origin, of_stage) for origin in origins.T)
+        calls = replace(calls, x=calls.x + origin_x, y=calls.y + origin_y)
+    vel_max = picked(np.array([stage.settings.vel_max_pulse_per_ms for stage in execution.stages]), of_stage)
+    path, speeds = _path(calls, vel_max)
+    setups = _Setups(firsts=firsts.tolist())
     for accepted in execution.accepted:
         # A switch at a known time acts within the stage: here it is in force after the stage.
         timed = accepted.moving and math.isfinite(accepted.call.time_ms - execution.stages[accepted.stage].start_ms)
@@ -90,7 +92,7 @@ def lift(stream: Stream, execution: Execution) -> Job:
     return Job(
         name=stream.name,
         path=path,
-        speeds=_speeds(path),
+        speeds=speeds,
         setups=setups.in_order(),
         locate=locate,
         text_of=lambda span: "",
@@ -100,41 +102,51 @@ def lift(stream: Stream, execution: Execution) -> Job:
     )
 
 
-def _path(calls: BufferedCalls, vel_max: Floats) -> Path:
-    """The path of buffered calls; `vel_max`: the limit of each call's velocity, (n,)."""
+def _rows_in_job(kinds: npt.NDArray[np.uint8], rows: Indices) -> Indices:
+    """Find the rows of a stage that are in the job."""
+    found = _IS_IN_JOB[kinds[rows]]
+    return rows if found.all() else rows[found]
+
+
+def _path(calls: BufferedCalls, vel_max: Floats) -> tuple[Path, Speeds]:
+    """Make the path of buffered calls, and their speeds; `vel_max`: the limit of each call's velocity, (n,)."""
     n = len(calls)
     op = _OP_OF_KIND[calls.kind]
-    moves, dwell, power, follow = op < Op.DWELL, op == Op.DWELL, op == Op.POWER, op == Op.FOLLOW
+    still = np.flatnonzero(op >= Op.DWELL)
     # A call that does not move stays where the motion before it ended.
-    last = np.maximum.accumulate(np.where(moves, np.arange(n), -1))
-    x, y = (np.where(last >= 0, column[last], 0.0) if n else column for column in (calls.x, calls.y))
-    by_centre, by_radius = op == Op.ARC_CENTRE, op == Op.ARC_RADIUS
-    vel = _where(moves, np.minimum(calls.vel, vel_max))
-    acc = _where(moves, calls.acc)
-    return Path(
+    x, y = (_kept(column, still, 0.0) for column in (calls.x, calls.y))
+    is_fast = calls.vel > unrepeated(vel_max)
+    vel, vel_set = _speed(np.where(is_fast, vel_max, calls.vel) if is_fast.any() else calls.vel, still)
+    acc, acc_set = _speed(calls.acc, still)
+    arcs, dwells = np.flatnonzero((op == Op.ARC_CENTRE) | (op == Op.ARC_RADIUS)), np.flatnonzero(op == Op.DWELL)
+    by_centre, by_radius = arcs[op[arcs] == Op.ARC_CENTRE], arcs[op[arcs] == Op.ARC_RADIUS]
+    powers = np.flatnonzero((op == Op.POWER) | (op == Op.FOLLOW))
+    follows = op[powers] == Op.FOLLOW
+    power = np.where(calls.kind[powers] == Buffered.FOLLOW_OFF, 0.0, calls.p[powers])
+    path = Path(
         op=op,
         line=calls.line,
-        channel=calls.channel.astype(np.int8),
-        ccw=(by_centre | by_radius) & (calls.r == 1),
+        channel=calls.channel.astype(np.int8) if calls.channel.any() else _all(n, value=np.int8(0)),
+        ccw=_at_rows(n, arcs, calls.r[arcs] == 1) if len(arcs) else _all(n, value=False),
         arc_in_mm=_all(n, value=False),
         x=x,
         y=y,
-        cx=_where(by_centre, np.concatenate([[0.0], x])[:-1] + calls.p),
-        cy=_where(by_centre, np.concatenate([[0.0], y])[:-1] + calls.q),
-        radius=_where(by_radius, calls.p),
+        cx=_of_arcs(n, by_centre, _before(x, by_centre) + calls.p[by_centre]),
+        cy=_of_arcs(n, by_centre, _before(y, by_centre) + calls.q[by_centre]),
+        radius=_of_arcs(n, by_radius, calls.p[by_radius]),
         vel=vel,
         acc=acc,
         end=_all(n, value=np.nan),
-        vel_line=_set_line(calls, moves, vel),
-        acc_line=_set_line(calls, moves, acc),
+        vel_line=_set_line(calls, vel_set),
+        acc_line=_set_line(calls, acc_set),
         vel_in_mm=_all(n, value=False),
         acc_in_mm=_all(n, value=False),
         end_in_mm=_all(n, value=False),
-        dwell_ms=_where(dwell, calls.p),
-        power=_where(power, np.where(calls.kind == Buffered.FOLLOW_OFF, 0.0, calls.p)),
-        low=_where(follow, calls.q),
-        high=_where(follow, calls.r),
-        ratio=_where(follow, calls.p),
+        dwell_ms=_at_rows(n, dwells, calls.p[dwells]),
+        power=_at_rows(n, powers, np.where(follows, np.nan, power)),
+        low=_at_rows(n, powers, np.where(follows, calls.q[powers], np.nan)),
+        high=_at_rows(n, powers, np.where(follows, calls.r[powers], np.nan)),
+        ratio=_at_rows(n, powers, np.where(follows, calls.p[powers], np.nan)),
         follow_in_mm=_all(n, value=False),
         power_unit=_all(n, value=np.int8(PowerUnit.NONE)),
         low_unit=_all(n, value=np.int8(PowerUnit.NONE)),
@@ -143,38 +155,64 @@ def _path(calls: BufferedCalls, vel_max: Floats) -> Path:
         unknown_before=_all(n, value=np.int32(0)),
         unknown=_all(n, value=np.int32(0)),
     )
+    return path, _speeds(path, vel_set, acc_set)
 
 
-def _all(n: int, *, value: object) -> Any:
-    """A column with one value, which takes no memory."""
+def _all(n: int, *, value: object) -> npt.NDArray[Any]:
+    """Make a column with one value, which takes no memory."""
     return np.broadcast_to(np.asarray(value), n)
 
 
-def _where(used: Bools, values: Floats) -> Floats:
-    """A column with NaN in the rows that do not use it."""
-    return np.where(used, values, np.nan) if used.any() else _all(len(used), value=np.nan)
+def _at_rows(n: int, rows: Indices, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Make a column with values at some rows and 0 elsewhere; NaN if there are none, which takes no memory."""
+    if not len(rows):
+        return _all(n, value=np.nan)
+    column = np.zeros(n, dtype=values.dtype)  # The system gives it memory only where it is written.
+    column[rows] = values
+    return column
 
 
-def _changes(moves: Bools, values: Floats) -> Indices:
-    """Rows of the motions whose value differs from that of the motion before, ascending."""
-    rows: Indices = np.flatnonzero(moves)
-    changed: Indices = rows[np.diff(values[rows], prepend=np.nan) != 0]
-    return changed
+def _of_arcs(n: int, rows: Indices, values: Floats) -> Floats:
+    """Make a column with values at some rows and NaN elsewhere."""
+    if not len(rows):
+        return _all(n, value=np.nan)
+    column = np.full(n, np.nan)
+    column[rows] = values
+    return column
 
 
-def _set_line(calls: BufferedCalls, moves: Bools, values: Floats) -> npt.NDArray[np.int32]:
+def _kept(column: Floats, gaps: Indices, start: float) -> Floats:
+    """Give each of some rows the value of the row before it; `start` where there is none."""
+    if not len(gaps):
+        return column
+    found = column.copy()
+    fill_gaps(found, gaps, start)
+    return found
+
+
+def _before(column: Floats, rows: Indices) -> Floats:
+    """Return the values in the rows before some rows; 0 before the first."""
+    return np.where(rows > 0, column[rows - 1], 0.0)
+
+
+def _speed(values: Floats, still: Indices) -> tuple[Floats, Indices]:
+    """Make a velocity or acceleration, NaN in the rows that do not move, and find the motions at which it changes."""
+    kept = _kept(values, still, np.nan)
+    changed = np.empty(len(kept), dtype=np.bool_)
+    changed[:1], changed[1:] = True, kept[1:] != kept[:-1]
+    changed[still] = False
+    if len(still):
+        kept[still] = np.nan
+    return kept, np.flatnonzero(changed)
+
+
+def _set_line(calls: BufferedCalls, changes: Indices) -> npt.NDArray[np.int32]:
     """For each row the line of the first motion with its value, as where a modal word was set, (n,)."""
-    begins = np.zeros(len(calls), dtype=np.intp)
-    changes = _changes(moves, values)
-    begins[changes] = changes
-    lines: npt.NDArray[np.int32] = calls.line[np.maximum.accumulate(begins)]
-    return lines
+    return carried(calls.line[changes], changes, len(calls), calls.line[0] if len(calls) else 0)
 
 
-def _speeds(path: Path) -> Speeds:
-    """The velocities and accelerations where they change."""
-    moves = path.moves
-    vel, acc = _changes(moves, path.vel), _changes(moves, path.acc)
+def _speeds(path: Path, vel: Indices, acc: Indices) -> Speeds:
+    """Make the velocities and accelerations at the rows where they change."""
     rows = np.concatenate([vel, acc])
     words = np.repeat(
         np.array([SPEED_WORDS.index("VEL"), SPEED_WORDS.index("ACC")], dtype=np.int8), [len(vel), len(acc)]

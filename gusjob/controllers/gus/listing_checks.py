@@ -6,10 +6,12 @@ With them what only calls can do: settings in the middle of a motion, coordinate
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, Stream, Value
@@ -81,41 +83,56 @@ _IN_CALLS: dict[str, str] = {
 """What the words of a job are in calls."""
 
 
-def rule_diagnostics(
-    stream: Stream, execution: Execution, events: Events, trace: Trace, machine: Machine
-) -> list[Diagnostic]:
-    """Find what breaks a rule of jobs in executed calls, and coordinate systems that lack an axis of their motion."""
+class LintedCalls(Struct, frozen=True, kw_only=True):
+    """What the checks of jobs find in executed calls, and the state that the checks of their motion need."""
+
+    stream: Stream
+    execution: Execution
+    context: LintContext
+    found: tuple[Diagnostic, ...]
+
+    def diagnostics(self, events: Events, trace: Trace) -> list[Diagnostic]:
+        """Find what breaks a rule of jobs, and coordinate systems that lack an axis of their motion."""
+        return [
+            *self.found,
+            *_wide_pulses(self.found, trace),
+            *_fast_arcs(trace, self.context.machine),
+            *_slow_marks(self.context, events, trace),
+            *_axes_missing(self.stream, self.execution),
+        ]
+
+
+def lint_calls(stream: Stream, execution: Execution, machine: Machine) -> LintedCalls:
+    """Run the checks of jobs on executed calls.
+
+    They run before the simulation: the job that the calls amount to is as large as the trace, and is not kept.
+    """
     context = lint_context(lift(stream, execution), machine)
     found = run_checks(CHECKS_OF_CALLS, context, _CallReporter(context, Collector(stream.name)))
     if all(math.isfinite(stage.start_ms) for stage in execution.stages):
         # The time between the stages is known: it is reported by itself (GJ726).
         found = [d for d in found if d.rule is not rules.WAIT_WITH_LASER_ON]
-    return [
-        *found,
-        *_wide_pulses(found, trace),
-        *_fast_arcs(trace, machine),
-        *_slow_marks(context, events, trace),
-        *_axes_missing(stream, execution),
-    ]
+    return LintedCalls(stream=stream, execution=execution, context=context.without_numbers(), found=tuple(found))
 
 
 def _slow_marks(context: LintContext, events: Events, trace: Trace) -> list[Diagnostic]:
     """Report marks that are too short for their velocity, but for those with a segment that GJ704 reports."""
-    collector, profile, rest = Collector(trace.name), trace.schedule.profile, trace.schedule.dwell
+    collector, profile, motion = Collector(trace.name), trace.schedule.profile, events.motion
     rows = np.flatnonzero(context.path.takes_time)
+    is_slower = profile.peak < profile.start
     speeds = PlannedSpeeds(
         row=rows,
         op=context.path.op[rows],
         length=trace.segments.length,
-        asked=context.path.vel[rows],
-        vel=np.where(rest, 1.0, context.path.vel[rows]),
+        asked=motion.vel,
+        vel=motion.vel,
         acc=profile.acc,
         start=profile.start,
-        peak=np.maximum(profile.peak, profile.start),
+        peak=np.maximum(profile.peak, profile.start) if is_slower.any() else profile.peak,
         end=profile.end,
-        is_sky=np.zeros(len(rows), dtype=np.bool_),
+        is_sky=np.broadcast_to(np.False_, len(rows)),
     )
-    found = short_marks(context.modal, speeds).without(misses_end(events.motion, trace.schedule))
+    found = short_marks(context.modal, speeds).without(misses_end(motion, trace.schedule))
     rule = rules.MARK_TOO_SHORT
     listed = min(len(found), collector.remaining(rule))
     for i in range(listed):
@@ -125,7 +142,7 @@ def _slow_marks(context: LintContext, events: Events, trace: Trace) -> list[Diag
     return collector.finish(rules.NOT_LISTED)
 
 
-def _wide_pulses(found: list[Diagnostic], trace: Trace) -> list[Diagnostic]:
+def _wide_pulses(found: Sequence[Diagnostic], trace: Trace) -> list[Diagnostic]:
     """Report the first segment with laser pulses as long as their period, if no call is reported for them.
 
     More than the rated power is not possible: no report shows it without an error. The frequency may be the lowest of
@@ -137,7 +154,9 @@ def _wide_pulses(found: list[Diagnostic], trace: Trace) -> list[Diagnostic]:
     for channel in trace.channels:
         lasers = channel.lasers
         widths = np.array([x.pulse_width_us if x.mode is PowerMode.FREQUENCY else 0.0 for x in lasers] or [0.0])
-        width = widths[trace.schedule.stage] if len(trace) else np.empty(0)
+        if not widths.any() or not len(trace):
+            continue
+        width = widths[trace.schedule.stage]
         duty = channel.emitted.power_max * width / US_KHZ_PER_PCT
         wide = np.flatnonzero(duty >= PULSE_DUTY_PCT.high)
         if len(wide):

@@ -39,15 +39,18 @@ def simulate_stream(
     execution = execute(stream, has_scanner=machine.scanner is not None)
     if not execution.is_known:
         return None, list(execution.diagnostics)
+    linted = None
+    if is_listing:
+        from gusjob.controllers.gus.listing_checks import lint_calls  # Start-up time is part of the tool.
+
+        linted = lint_calls(stream, execution, machine)
     events, diagnostics = events_of(stream, execution)
     trace, found = simulate(events, machine, is_listing=is_listing, coarse=coarse)
     diagnostics += found
     if trace is not None:
-        if is_listing:
-            from gusjob.controllers.gus.listing_checks import rule_diagnostics  # Start-up time is part of the tool.
-
+        if linted is not None:
             diagnostics += listing_diagnostics(execution, events, trace)
-            diagnostics += rule_diagnostics(stream, execution, events, trace, machine)
+            diagnostics += linted.diagnostics(events, trace)
         diagnostics += carrier_diagnostics(trace)
     return trace, diagnostics
 

@@ -10,7 +10,7 @@ from msgspec import Struct
 from gusjob.controllers.gus.calls import Buffered
 from gusjob.controllers.gus.execution import CrdSettings, RunCalls
 from gusjob.controllers.gus.geometry import call_segments
-from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, rows_of, unrepeated, with_constant
 from gusjob.simulate.events import MotionEvents
 
 
@@ -43,8 +43,10 @@ def limited_motions(
     if not dwell.any():
         dwell = np.broadcast_to(np.False_, len(row))
     settings = settings or [CrdSettings()]
-    vel, vel_max = calls.vel[at], picked(np.array([s.vel_max_pulse_per_ms for s in settings]), stage)
-    acc, acc_max = calls.acc[at], picked(np.array([s.acc_max_pulse_per_ms2 for s in settings]), stage)
+    # A limit that holds for all motions is one number.
+    vel_max = unrepeated(picked(np.array([s.vel_max_pulse_per_ms for s in settings]), stage))
+    acc_max = unrepeated(picked(np.array([s.acc_max_pulse_per_ms2 for s in settings]), stage))
+    vel, acc = with_constant(calls.vel[at]), with_constant(calls.acc[at])
     even_time = np.array([s.even_time_ms for s in settings])
     origin = np.array([s.origin_pulse for s in settings])
     events = MotionEvents(
@@ -54,7 +56,7 @@ def limited_motions(
         even_time_ms=np.where(free, 0.0, even_time[stage]) if even_time.any() else None,
         vel_end=_replaced(calls.vel_end[at], dwell, 0.0),
         dwell=dwell,
-        dwell_ms=calls.p[at],
+        dwell_ms=calls.p[at] if dwell.any() else np.broadcast_to(0.0, len(row)),
         line=calls.line[at],
         call=run.source(row).astype(np.int32),
     )

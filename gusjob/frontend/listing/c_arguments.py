@@ -7,6 +7,8 @@ call is left out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 from msgspec import Struct, field
@@ -26,7 +28,7 @@ from gusjob.frontend.listing.c_numbers import CNumber, NumberKind
 from gusjob.frontend.listing.c_variables import CArray, CStruct, CValue
 from gusjob.frontend.listing.call_rows import COLUMNS, REALS_COLUMN
 from gusjob.frontend.scan.rows import Rows
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, picked, unrepeated
 
 _EXACT = 2.0**53
 """Up to here every whole number is exact as it is read; C has no larger integer literal than 2^64 anyway."""
@@ -109,9 +111,15 @@ class ArgumentConverter(Struct):
             ArgumentConversion(call=call, argument=name, c=c, line=line, written=written, arrives=arrives)
         )
 
-    def rows(self, rows: Rows) -> Rows:
+    def rows(self, parts: Sequence[Rows]) -> list[Rows]:
         """Convert the arguments of buffered calls; without the calls that C does not define."""
-        reals = np.nan_to_num(rows.column(REALS_COLUMN)).astype(np.int64)
+        noted = len(self.found)
+        made = [self._converted(rows) for rows in parts]
+        self.found[noted:] = _by_argument(self.found[noted:])
+        return made
+
+    def _converted(self, rows: Rows) -> Rows:
+        """Convert the arguments of some rows."""
         columns, undefined = dict(rows.columns), np.zeros(len(rows.op), dtype=np.bool_)
         for kind, signature in BUFFERED.items():
             at: Indices = np.flatnonzero(rows.op == kind)
@@ -119,8 +127,11 @@ class ArgumentConverter(Struct):
                 column = COLUMNS.index(arg.column)
                 if arg.c not in WHOLE_TYPES or column not in columns:
                     continue
-                written = columns[column][at]
-                arrives = arriving(written, (reals[at] >> column & 1) == 1, arg.c)
+                written = picked(columns[column], at)
+                if _all_arrive(unrepeated(written), arg.c):
+                    continue
+                reals = np.nan_to_num(rows.column(REALS_COLUMN)[at]).astype(np.int64)
+                arrives = arriving(written, (reals >> column & 1) == 1, arg.c)
                 changed = np.flatnonzero(~np.isnan(written) & (arrives != written))
                 if not len(changed):
                     continue
@@ -130,6 +141,30 @@ class ArgumentConverter(Struct):
                 self.note(signature.name, arg.name, arg.c, rows.line[at[changed]], written[changed], arrives[changed])
         made = Rows(op=rows.op, line=rows.line, system=rows.system, columns=columns)
         return made.pick(~undefined) if undefined.any() else made
+
+
+def _all_arrive(values: Floats, c: CType) -> bool:
+    """Whether all numbers are of a whole type of C; NaN is not."""
+    low, high = WHOLE_TYPES[c]
+    return bool(values.min() >= low and values.max() <= high and (np.trunc(values) == values).all())
+
+
+def _by_argument(found: list[ArgumentConversion]) -> list[ArgumentConversion]:
+    """Put the numbers of each argument of each call together."""
+    parts: dict[tuple[str, str, CType], list[ArgumentConversion]] = {}
+    for one in found:
+        parts.setdefault((one.call, one.argument, one.c), []).append(one)
+    return [
+        ArgumentConversion(
+            call=call,
+            argument=argument,
+            c=c,
+            line=np.concatenate([one.line for one in of_argument]),
+            written=np.concatenate([one.written for one in of_argument]),
+            arrives=np.concatenate([one.arrives for one in of_argument]),
+        )
+        for (call, argument, c), of_argument in parts.items()
+    ]
 
 
 def reals_mask(signature: Signature, is_real: list[bool]) -> float:

@@ -68,7 +68,7 @@ class CMacro(Struct, frozen=True, kw_only=True):
     is_operand: bool
 
 
-def _no_library(token: Token, name: str, owner: str, args: Sequence[Tree[Token]]) -> None:
+def no_library(token: Token, name: str, owner: str, args: Sequence[Tree[Token]]) -> None:
     """Make no call."""
 
 
@@ -86,7 +86,7 @@ class CEvaluator(Struct):
     report: Callable[..., None]
     has_references: bool
     shares_arrays: bool = False
-    call_library: Callable[[Token, str, str, Sequence[Tree[Token]]], None] = _no_library
+    call_library: Callable[[Token, str, str, Sequence[Tree[Token]]], None] = no_library
     variables: CVariables = field(default_factory=CVariables)
     macros: dict[str, CMacro] = field(default_factory=dict)
     reported_functions: set[str] = field(default_factory=set)

@@ -43,6 +43,7 @@ from gusjob.frontend.parse.grammar import subtrees
 from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase, did_you_mean
+from gusjob.kinematics.arrays import Indices, distinct, picked, unrepeated, where_true
 
 EXPECTED_ARGUMENT = {
     ArgKind.WHOLE: Phrase("a whole number"),
@@ -84,8 +85,8 @@ class CallReader(Struct, dict=True):
         text: The text, as it is parsed.
         rows: Rows of the line that is read now.
         calls: Calls that are not buffered.
-        misfits: Number of calls with too few or too many arguments, or with values outside the range of one: they
-            suggest another argument list.
+        misfits: Number of calls, or of columns of calls, with too few or too many arguments, or with values outside the
+            range of one: they suggest another argument list.
         has_defaults: Arguments may be left out (C++).
         card_calls: Number of lines, or shapes of lines, with a card number.
         leading: Leading arguments (cards, cores) of the calls.
@@ -360,19 +361,20 @@ class CallReader(Struct, dict=True):
         else:
             self.diagnostics.add_at(rules.CALL_VALUE, token, **fields, found=found)
 
-    def checked(self, rows: Rows) -> Rows:
+    def checked(self, parts: Sequence[Rows]) -> list[Rows]:
         """Check the rows of a whole text, and report what is passed over; return the rows of the other calls."""
-        self.note_passed_over(rows)
-        passed_over = rows.op == PASSED_OVER_OP
-        rows = rows.pick(~passed_over) if passed_over.any() else rows
-        self.check_rows(rows)
-        return self.converter.rows(rows)
+        made = []
+        for rows in parts:
+            passed_over = rows.op == PASSED_OVER_OP
+            if passed_over.any():
+                self.note_passed_over(rows, np.flatnonzero(passed_over))
+            made.append(rows.pick(~passed_over) if passed_over.any() else rows)
+            self.check_rows(made[-1])
+        self.check_leading()
+        return self.converter.rows(made)
 
-    def note_passed_over(self, rows: Rows) -> None:
+    def note_passed_over(self, rows: Rows, where: Indices) -> None:
         """Report each call that is passed over, once."""
-        where = np.flatnonzero(rows.op == PASSED_OVER_OP)
-        if not len(where):
-            return
         names, firsts = np.unique(rows.column(NAME_COLUMN)[where], return_index=True)
         for number, first in zip(names.tolist(), firsts.tolist(), strict=True):
             self.note_call(self.passed_over[int(number)], int(rows.line[where[first]]))
@@ -389,13 +391,17 @@ class CallReader(Struct, dict=True):
         self.diagnostics.add(rules.CALL_IGNORED, line, column, column + len(name), call=name)
 
     def check_rows(self, rows: Rows) -> None:
-        """Find leading arguments of plain calls, and what fits no library; report calls for several cards."""
-        buffered = rows.op < CALL_OP
-        given = rows.column(LEADING_COLUMN)
-        self.leading |= set(np.unique(given[buffered & ~np.isnan(given)])[:_MAX_CARDS].tolist())
+        """Find leading arguments of plain calls, and what fits no library."""
+        buffered = where_true(rows.op < CALL_OP)
+        if len(self.leading) < _MAX_CARDS:
+            given = unrepeated(picked(rows.column(LEADING_COLUMN), buffered))
+            self.leading |= set(distinct(given[~np.isnan(given)])[:_MAX_CARDS].tolist())
         for name, allowed in _TELLING:
-            values = rows.column(COLUMNS.index(name))[buffered]
+            values = unrepeated(picked(rows.column(COLUMNS.index(name)), buffered))
             self.misfits += int(np.count_nonzero(allowed.classify(values[~np.isnan(values)]) == Membership.OUTSIDE))
+
+    def check_leading(self) -> None:
+        """Find leading arguments that fit no library; report calls for several cards."""
         self.misfits += sum(not _LEADING_RANGE[0] <= card <= _LEADING_RANGE[1] for card in self.leading)
         if len(self.leading) > 1 and not self.misfits:
             cards = ", ".join(f"{card:g}" for card in sorted(self.leading)[:5])

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from msgspec import Struct
 
 from gusjob.controllers.gus.calls import ArgumentConversion, Buffered, BufferedCalls, Call, Signature, Stream, Value
 from gusjob.frontend.scan.rows import Row, Rows
+from gusjob.kinematics.arrays import unrepeated, with_constant
 
 COLUMNS = ("crd", "fifo", "channel", "x", "y", "p", "q", "r", "vel", "acc", "vel_end")
 SHORT_COLUMNS = COLUMNS[:3]
@@ -43,31 +45,37 @@ def call_row(index: int) -> Row:
 
 
 def stream_of(
-    name: str, rows: Rows, calls: list[ImmediateCall], conversions: Sequence[ArgumentConversion] = ()
+    name: str, parts: Sequence[Rows], calls: list[ImmediateCall], conversions: Sequence[ArgumentConversion] = ()
 ) -> Stream:
-    """Make the stream of some rows. `calls`: those that are not buffered."""
-    is_call = rows.op == CALL_OP
-    keep = ~is_call
-    before = np.cumsum(keep)
-    index = rows.column(0)
-    count = int(before[-1]) if len(before) else 0
+    """Make the stream of rows in order. `calls`: those that are not buffered."""
+    buffered, others, count = [], [], 0
+    for part in parts:
+        is_call = part.op == CALL_OP
+        for k, i in enumerate(np.flatnonzero(is_call).tolist()):
+            made = calls[int(part.column(0)[i])]
+            at, line = count + i - k, int(part.line[i])
+            others.append(Call(name=made.name, args=made.args, at=at, line=line, time_ms=made.time_ms))
+        buffered.append(part.pick(~is_call) if is_call.any() else part)
+        count += len(buffered[-1].op)
+    return Stream(name=name, buffered=_buffered(buffered), calls=tuple(others), conversions=tuple(conversions))
 
-    def cut(name: str, dtype: type) -> Any:
-        column = rows.columns.get(COLUMNS.index(name))
-        if column is None:
-            return np.zeros(count, dtype=dtype)
-        return np.nan_to_num(column[keep], copy=False).astype(dtype, copy=False)
 
-    buffered = BufferedCalls(
-        kind=rows.op[keep],
-        line=rows.line[keep],
-        **{column: cut(column, np.int16) for column in SHORT_COLUMNS},
-        **{column: cut(column, np.float64) for column in COLUMNS[len(SHORT_COLUMNS) :]},
+def _buffered(parts: list[Rows]) -> BufferedCalls:
+    """Make the buffered calls of rows."""
+    return BufferedCalls(
+        kind=np.concatenate([np.empty(0, dtype=np.uint8), *(part.op for part in parts)]),
+        line=np.concatenate([np.empty(0, dtype=np.int32), *(part.line for part in parts)]),
+        **{name: _argument(parts, name, np.int16 if name in SHORT_COLUMNS else np.float64) for name in COLUMNS},
     )
-    others = []
-    for i in np.flatnonzero(is_call).tolist():
-        made = calls[int(index[i])]
-        others.append(
-            Call(name=made.name, args=made.args, at=int(before[i]), line=int(rows.line[i]), time_ms=made.time_ms)
-        )
-    return Stream(name=name, buffered=buffered, calls=tuple(others), conversions=tuple(conversions))
+
+
+def _argument(parts: list[Rows], name: str, dtype: type) -> npt.NDArray[Any]:
+    """Make the column of an argument: 0 in the calls that do not have it."""
+    number, first = COLUMNS.index(name), 0
+    column: npt.NDArray[Any] = np.zeros(sum(len(part.op) for part in parts), dtype=dtype)
+    for part in parts:
+        given = np.nan_to_num(unrepeated(part.column(number)))
+        if given.any():  # What is 0 everywhere takes no memory.
+            column[first : first + len(part.op)] = given
+        first += len(part.op)
+    return with_constant(column)

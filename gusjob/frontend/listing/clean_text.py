@@ -10,6 +10,7 @@ import re
 import numpy as np
 from msgspec import Struct
 
+from gusjob.frontend.scan.line_table import without_comments
 from gusjob.i18n.phrases import Phrase
 
 _NOT_CODE = re.compile(
@@ -17,17 +18,19 @@ _NOT_CODE = re.compile(
     r"|/\*.*?(?:\*/|\Z)"
     r'|"(?:\\.|[^"\\\n])*"?'
     r"|'(?:\\.|[^'\\\n])*'?"
-    r"|(?<=[\s,;(){}])\\[ \t\r]*\n",  # A line that goes on; inside of a word it is left, and not read.
+    r"|\\(?<![^\s,;(){}]\\)[ \t\r]*\n",  # A line that goes on; inside of a word it is left, and not read.
     re.DOTALL,
 )
-_NOT_PLAIN = (b"/*", b'"', b"'", b"\\")
-"""What a text has that needs cleaning, other than octal numbers."""
-_PROBED_BYTES = 1 << 20
+_PART_BYTES = 1 << 18
+"""Bytes of a text that are looked at together: only parts with something to clean are written again."""
 _IN_NUMBER = np.zeros(256, dtype=np.bool_)
 _IN_NUMBER[list(b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_.")] = True
 """Bytes after which a zero does not begin a number."""
-_ZEROS = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0+(?=0(?![0-9.xX]))")
-_OCTAL = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0(?=[0-9]+(?![0-9.eE]))")
+_GOES_ON = re.compile(rb"\\[ \t\r]*\n\Z")
+"""The end of a line that goes on in the next one, maybe inside of a string."""
+# A pattern that begins with a character is searched for fastest, so what may not be before it comes after it.
+_ZEROS = re.compile(r"0(?<![0-9A-Za-z_.]0)(?<![eE][-+]0)0*(?=0(?![0-9.xX]))")
+_OCTAL = re.compile(r"0(?<![0-9A-Za-z_.]0)(?<![eE][-+]0)(?=[0-9]+(?![0-9.eE]))")
 JOINS_LINES = Phrase("a comment that joins this line with the next one")
 OCTAL_MARK = "⓪"
 """Stands for the leading zero of an octal number, so that no line with one has the shape of a line without."""
@@ -46,12 +49,64 @@ class CleanText(Struct, frozen=True, kw_only=True):
 def clean_text(data: bytes) -> CleanText:
     """Blank comments within lines, hide the content of strings and mark octal numbers.
 
-    A comment mark inside a string or inside another comment is none, as in C.
+    A comment mark inside a string or inside another comment is none, as in C. A text without all that is not copied.
     """
     problems: list[tuple[int, str]] = []
-    if not any(mark in data for mark in _NOT_PLAIN) and not _has_leading_zero(data):
-        return CleanText(data=data, problems=tuple(problems))
-    text = data.decode("utf-8")
+    cleaned: list[bytes | memoryview] = []
+    copied, start = 0, 0
+    while start < len(data):
+        end = _part_end(data, start, _PART_BYTES)
+        if _needs_cleaning(data[start:end]):
+            part, end = _cleaned_part(data, start, end)
+            first = data.count(b"\n", 0, start) + 1 if part.problems else 0
+            problems += [(first + line - 1, found) for line, found in part.problems]
+            cleaned += [memoryview(data)[copied:start], part.data]
+            copied = end
+        start = end
+    if cleaned:
+        data = b"".join([*cleaned, memoryview(data)[copied:]])
+    return CleanText(data=data, problems=tuple(problems))
+
+
+def _part_end(data: bytes, start: int, size: int) -> int:
+    """Return where a part of whole lines ends that has at least `size` bytes; its last line does not go on."""
+    end = start + size
+    while end := data.find(b"\n", end - 1) + 1:
+        if not _GOES_ON.search(data, data.rfind(b"\n", start, end - 1) + 1, end):
+            return end
+        end += 1
+    return len(data)
+
+
+def _needs_cleaning(part: bytes) -> bool:
+    """Whether a part of a text has anything to clean outside of its comments with //, or a backslash anywhere."""
+    if b"\\" in part:
+        return True
+    if not _may_need_cleaning(part):
+        return False
+    return b"//" not in part or _may_need_cleaning(without_comments(part + b"\n", semicolon_comments=False))
+
+
+def _may_need_cleaning(code: bytes) -> bool:
+    """Whether a text has marks of comments within lines, strings or octal numbers."""
+    return b'"' in code or b"'" in code or (b"*" in code and b"/*" in code) or _has_leading_zero(code)
+
+
+def _cleaned_part(data: bytes, start: int, end: int) -> tuple[CleanText, int]:
+    """Clean a part of a text; return where it ends: a comment that begins in it ends in it, too."""
+    while True:
+        cleaned, is_open = _cleaned(data[start:end])
+        if not is_open or end == len(data):
+            return cleaned, end
+        close = data.find(b"*/", end)
+        # Twice as long at least, so that few parts are cleaned again.
+        end = len(data) if close < 0 else _part_end(data, start, max(close + 2 - start, 2 * (end - start)))
+
+
+def _cleaned(data: bytes) -> tuple[CleanText, bool]:
+    """Clean lines of a text; return whether they end within a comment."""
+    problems: list[tuple[int, str]] = []
+    text, is_open = data.decode("utf-8"), False
 
     def report(position: int, found: str) -> None:
         problems.append((text.count("\n", 0, position) + 1, found))
@@ -61,6 +116,7 @@ def clean_text(data: bytes) -> CleanText:
         return text[text.rfind("\n", 0, position) + 1 : position].lstrip().startswith("#")
 
     def blanked(match: re.Match[str]) -> str:
+        nonlocal is_open
         found, start = match[0], match.start()
         if found.startswith("//"):
             if found.rstrip().endswith("\\"):
@@ -70,6 +126,7 @@ def clean_text(data: bytes) -> CleanText:
             return found if is_of_directive(start) else " " + found[1:]
         if found.startswith("/*"):
             if len(found) < 4 or not found.endswith("*/"):
+                is_open = True
                 report(start, Phrase("a comment that never ends"))
             if "\n" in found and is_of_directive(start):
                 report(start, JOINS_LINES)
@@ -79,20 +136,20 @@ def clean_text(data: bytes) -> CleanText:
     cleaned = _NOT_CODE.sub(blanked, text)
     # 00 is 0 in C as well. Any other whole number with a leading zero is octal.
     cleaned = _OCTAL.sub(OCTAL_MARK, _ZEROS.sub(lambda m: " " * len(m[0]), cleaned))
-    return CleanText(data=cleaned.encode(), problems=tuple(problems))
+    return CleanText(data=cleaned.encode(), problems=tuple(problems)), is_open
 
 
 def _has_leading_zero(data: bytes) -> bool:
     """Whether a number begins with a zero before another digit; the exponent of a number is none."""
-    for start in range(0, len(data), _PROBED_BYTES):
-        before = (b"  " + data[max(start - 2, 0) : start])[-2:]
-        part = np.frombuffer(before + data[start : start + _PROBED_BYTES + 1], dtype=np.uint8)
-        at = np.flatnonzero((part[2:-1] == ord("0")) & (part[3:] - np.uint8(ord("0")) < 10))
-        at = at[~_IN_NUMBER[part[at + 1]]]
-        is_exponent = np.isin(part[at + 1], (ord("+"), ord("-"))) & np.isin(part[at], (ord("e"), ord("E")))
-        if not is_exponent.all():
-            return True
-    return False
+    raw = np.frombuffer(b"  " + data, dtype=np.uint8)
+    is_digit = raw - np.uint8(ord("0")) < 10
+    # Most zeros are within a number.
+    begins = is_digit[2:-1] & ~is_digit[1:-2] & is_digit[3:]
+    begins &= raw[2:-1] == ord("0")
+    at = np.flatnonzero(begins)
+    at = at[~_IN_NUMBER[raw[at + 1]]]
+    is_exponent = np.isin(raw[at + 1], (ord("+"), ord("-"))) & np.isin(raw[at], (ord("e"), ord("E")))
+    return not is_exponent.all()
 
 
 _FUNCTION = re.compile(

@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 
+import numpy as np
 from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 from msgspec import Struct, field
 
@@ -20,7 +21,7 @@ from gusjob.diagnostics import model as d
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.characters import report_hidden, without_consequences
 from gusjob.diagnostics.model import Diagnostic, Span, has_errors
-from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro
+from gusjob.frontend.listing.c_evaluator import CEvaluator, CMacro, no_library
 from gusjob.frontend.listing.c_numbers import CNumber, literal
 from gusjob.frontend.listing.c_statements import CStatements
 from gusjob.frontend.listing.c_trees import depth_of, first_token, has_effect, is_library_name, logged_call, only_begins
@@ -30,8 +31,8 @@ from gusjob.frontend.listing.clean_text import JOINS_LINES, OCTAL_MARK, clean_te
 from gusjob.frontend.listing.listing_diagnostics import ListingDiagnostics, control_flow
 from gusjob.frontend.parse.grammar import LISTING_GRAMMAR, parser, subtrees, tokens
 from gusjob.frontend.parse.misread import misread
-from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder, join_rows, rows_of
-from gusjob.frontend.scan.scanner import MAX_DIAGNOSTICS, scan
+from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder, rows_of
+from gusjob.frontend.scan.scanner import MAX_DIAGNOSTICS, scan_parts
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.frontend.source import Source
 from gusjob.i18n.characters import quoted
@@ -152,6 +153,7 @@ def _read(source: Source, abi: Abi | None, *, several_cards: bool) -> _ListingRe
         calls=calls,
     )
     reader.read()
+    evaluator.call_library = no_library  # Else they refer to each other, and the text stays in memory.
     return reader
 
 
@@ -160,7 +162,7 @@ class _ListingReader(Struct):
 
     Attributes:
         text: The source as it is parsed.
-        rows: Rows of all calls.
+        rows: Rows of all calls, in parts.
         comment_lines: Lines without `//` that continue a comment.
         pending_from: First line of a statement that has not ended yet, 0 for none.
         joined: First and last line that belong to the statement of a later line: templates must not read them.
@@ -176,7 +178,7 @@ class _ListingReader(Struct):
     evaluator: CEvaluator
     statements: CStatements
     calls: CallReader
-    rows: Rows = field(default_factory=lambda: join_rows([]))
+    rows: list[Rows] = field(default_factory=list)
     comment_lines: set[int] = field(default_factory=set)
     pending_from: int = 0
     joined: list[tuple[int, int]] = field(default_factory=list)
@@ -198,18 +200,19 @@ class _ListingReader(Struct):
         joined = [(self.source.joined_line, JOINS_LINES)] if self.source.joined_line else []
         for line, found in (*clean.problems, *joined):
             self.diagnostics.add(rules.CALL_SYNTAX, line, 1, 2, found=found)
-        rows = scan(clean.data, semicolon_comments=False, learn=self.learn, parse_line=self.parse_line)
+        parts = scan_parts(clean.data, semicolon_comments=False, learn=self.learn, parse_line=self.parse_line)
         further = self.finish()
-        rows = join_rows([self.without_joined(rows), *further])
-        if self.left is not None and (self.goes_on_after_leaving or (rows.line > self.left.line).any()):
+        parts = [*map(self.without_joined, parts), *further]
+        left = self.left
+        if left is not None and (self.goes_on_after_leaving or any((rows.line > left.line).any() for rows in parts)):
             self.diagnostics.add(
                 rules.CONTROL_FLOW,
-                self.left.line,
-                self.left.column,
-                self.left.end_column,
+                left.line,
+                left.column,
+                left.end_column,
                 what=Phrase("code follows 'return'"),
             )
-        self.rows = self.calls.checked(rows)
+        self.rows = self.calls.checked(parts)
 
     def result(self) -> tuple[Stream, list[Diagnostic]]:
         """Return the calls and the diagnostics."""
@@ -224,7 +227,7 @@ class _ListingReader(Struct):
             name, line = kind
             found.clear()
             self.diagnostics.add(rules.WHOLE_PROGRAM, line, 1, 2, kind=name)
-            return stream_of(self.source.name, self.rows.pick(slice(0, 0)), []), found
+            return stream_of(self.source.name, [], []), found
         stream = stream_of(self.source.name, self.rows, self.calls.calls, self.calls.converter.found)
         return stream, without_consequences([*found, *hidden])
 
@@ -512,9 +515,11 @@ class _ListingReader(Struct):
 
     def without_joined(self, rows: Rows) -> Rows:
         """Remove the rows of lines that belong to a statement of several lines."""
-        for first, last in self.joined:
-            rows = rows.pick((rows.line < first) | (rows.line > last))
-        return rows
+        if not self.joined:
+            return rows
+        first, last = np.array(self.joined, dtype=np.int32).T
+        at = np.searchsorted(first, rows.line, side="right") - 1
+        return rows.pick((at < 0) | (rows.line > last[at]))
 
     def item(self, item: Tree[Token]) -> None:
         """Run one item of a line."""

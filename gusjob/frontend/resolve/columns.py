@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
@@ -14,11 +12,10 @@ from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
 from gusjob.frontend.scan.rows import Rows
 from gusjob.ir.path import Op
-from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, fill_gaps
 from gusjob.kinematics.float_noise import settled
 from gusjob.kinematics.units import UnitSystem, acceleration_pulse_per_ms2, velocity_pulse_per_ms
 
-_Number = TypeVar("_Number", bound=np.generic)
 NOT_IN_PATH = 255
 _PATH_OPS = {
     RowOp.LINE: Op.LINE,
@@ -70,21 +67,8 @@ def filled(values: Floats, start: float) -> Floats:
     gaps = np.flatnonzero(np.isnan(values))
     if not len(gaps):
         return values
-    # Each run of gaps has the value before it.
-    is_first = np.diff(gaps, prepend=-2) != 1
-    before = gaps[is_first] - 1
-    value = np.where(before >= 0, values[before], start)
     found = values.copy()
-    found[gaps] = value[np.cumsum(is_first) - 1]
-    return found
-
-
-def carried(values: npt.NDArray[_Number], rows: Indices, count: int, start: _Number | float) -> npt.NDArray[_Number]:
-    """Carry values, each set at one of some ascending rows, on to the next row: (count,); `start` before the first."""
-    found = np.empty(count, dtype=values.dtype)
-    first = int(rows[0]) if len(rows) else count
-    found[:first] = start
-    found[first:] = np.repeat(values, np.diff(rows, append=count))
+    fill_gaps(found, gaps, start)
     return found
 
 

@@ -11,9 +11,9 @@ from msgspec import Struct
 
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp
-from gusjob.frontend.resolve.columns import ResolvedColumns, carried
+from gusjob.frontend.resolve.columns import ResolvedColumns
 from gusjob.ir.path import Speeds
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, carried
 
 
 class ModalSpeed(Struct, frozen=True, eq=False):

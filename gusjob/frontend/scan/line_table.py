@@ -87,7 +87,7 @@ def count_numerals(code: bytes) -> int:
 
 def line_table(chunk: bytes, *, semicolon_comments: bool) -> LineTable:
     """Make the table of a chunk of whole lines, the last one with its end."""
-    code = _without_comments(chunk, semicolon_comments=semicolon_comments)
+    code = without_comments(chunk, semicolon_comments=semicolon_comments)
     text = b" " * PADDING + code
     raw = np.frombuffer(text, dtype=np.uint8)
     is_digit = raw - np.uint8(_ZERO) < 10
@@ -123,7 +123,7 @@ def _has_long_line(chunk: bytes) -> bool:
     return False
 
 
-def _without_comments(chunk: bytes, *, semicolon_comments: bool) -> bytes:
+def without_comments(chunk: bytes, *, semicolon_comments: bool) -> bytes:
     """Remove the comments; returns the same object if there are none."""
     slashes, semicolons = b"//" in chunk, semicolon_comments and b";" in chunk
     if not slashes and not semicolons:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from msgspec import Struct, field
 
 from gusjob.frontend.scan.numerals import NumberForm
-from gusjob.kinematics.arrays import Floats, Indices
+from gusjob.kinematics.arrays import Floats, Indices, joined, picked
 
 _NUMERAL = re.compile(r"[0-9.]+")
 _NUMBER = re.compile(r"([+-]?)\s*([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE]([+-]?)([0-9]+))?")
@@ -129,7 +129,8 @@ class Rows(Struct, frozen=True, kw_only=True, eq=False):
         op: What each row is, (n,).
         line: Source line from 1, (n,).
         system: Two bits for each column: the unit system its number was written in, (n,).
-        columns: Numbers by column, each (n,), NaN where absent. A column that no row uses is absent.
+        columns: Numbers by column, each (n,), NaN where absent. A column that no row uses is absent. One with one value
+            for all rows may be a broadcast array (stride 0), which takes no memory.
         few: Further columns, which few rows have, by column.
     """
 
@@ -172,10 +173,17 @@ class Rows(Struct, frozen=True, kw_only=True, eq=False):
         system = self.system if self.system.any() else np.broadcast_to(np.int32(0), len(self.op))
         return Rows(op=self.op, line=self.line, system=system, columns=columns, few=few)
 
+    def unshared(self) -> Rows:
+        """The same rows without columns that are part of a larger array, which would stay in memory with them."""
+        columns = {k: v if v.base is None or v.strides == (0,) else v.copy() for k, v in self.columns.items()}
+        return Rows(op=self.op, line=self.line, system=self.system, columns=columns)
+
     def pick(self, where: npt.NDArray[Any] | slice) -> Rows:
         """The rows at a mask, at indices or in a slice."""
-        columns = {k: v[where] for k, v in self.columns.items()}
-        return Rows(op=self.op[where], line=self.line[where], system=self.system[where], columns=columns)
+        if not isinstance(where, slice) and where.dtype == np.bool_:
+            where = np.flatnonzero(where)
+        columns = {k: picked(v, where) for k, v in self.columns.items()}
+        return Rows(op=self.op[where], line=self.line[where], system=picked(self.system, where), columns=columns)
 
 
 def rows_of(numbered: list[tuple[int, Row]]) -> Rows:
@@ -197,8 +205,8 @@ def join_rows(parts: list[Rows]) -> Rows:
     return Rows(
         op=np.concatenate([p.op for p in parts]) if parts else np.empty(0, dtype=np.uint8),
         line=np.concatenate([p.line for p in parts]) if parts else np.empty(0, dtype=np.int32),
-        system=np.concatenate([p.system for p in parts]) if parts else np.empty(0, dtype=np.int32),
-        columns={c: np.concatenate([p.column(c) for p in parts]) for c in used},
+        system=joined([p.system for p in parts]) if parts else np.empty(0, dtype=np.int32),
+        columns={c: joined([p.column(c) for p in parts]) for c in used},
     )
 
 

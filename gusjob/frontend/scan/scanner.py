@@ -7,7 +7,6 @@ What a shape means (a Template) is learned from its first line by the real parse
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +17,7 @@ from gusjob.frontend.scan.numerals import NumberForm, Numerals
 from gusjob.frontend.scan.rows import Row, Rows, Template, join_rows, rows_of
 from gusjob.frontend.scan.shape_ids import ShapeIds
 from gusjob.frontend.scan.shapes import MAX_NUMBER, MIN_NUMBER
-from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints
+from gusjob.kinematics.arrays import Bools, Floats, Indices, Ints, with_constant
 
 MAX_DIAGNOSTICS = 1000
 """Lines with diagnostics that are parsed one by one; the rest is only counted."""
@@ -45,12 +44,17 @@ def scan(data: bytes, *, semicolon_comments: bool, learn: Learn, parse_line: Par
         learn: Called once for each line shape.
         parse_line: Called for each line whose shape has no template.
     """
+    return join_rows(scan_parts(data, semicolon_comments=semicolon_comments, learn=learn, parse_line=parse_line))
+
+
+def scan_parts(data: bytes, *, semicolon_comments: bool, learn: Learn, parse_line: ParseLine) -> list[Rows]:
+    """Read all rows of a text, in parts that fit in the processor's cache. Arguments as of scan."""
     scanner = _ShapeScanner(learn=learn, parse_line=parse_line)
     line = 1
     for table in _tables(data, semicolon_comments=semicolon_comments):
         scanner.add(table, line)
         line += len(table)
-    return scanner.rows()
+    return scanner.in_order()
 
 
 def _tables(data: bytes, *, semicolon_comments: bool) -> Iterator[LineTable]:
@@ -102,14 +106,10 @@ class _ShapeScanner(Struct, dict=True):
 
     learn: Learn
     parse_line: ParseLine
+    shape_ids: ShapeIds = field(default_factory=ShapeIds)
     templates: list[Template | None] = field(default_factory=lambda: [Template(op=_BLANK_OP), None])
     parts: list[Rows] = field(default_factory=list)
     further: list[tuple[int, Row]] = field(default_factory=list)
-
-    @cached_property
-    def shape_ids(self) -> ShapeIds:
-        """The numbers of the shapes."""
-        return ShapeIds(self._learn)
 
     def _learn(self, code: bytes) -> int:
         """The number of a shape by the code of one of its lines."""
@@ -126,7 +126,7 @@ class _ShapeScanner(Struct, dict=True):
 
     def add(self, table: LineTable, first_line: int) -> None:
         """Read the lines of a chunk."""
-        ids, first = self.shape_ids.look_up(table, table.long_lines(), _BY_PARSER)
+        ids, first = self.shape_ids.look_up(table, self._learn, table.long_lines(), _BY_PARSER)
         groups: list[_LineGroup] = []
         for number, lines in _lines_by_id(ids):
             template = self.templates[number]
@@ -175,15 +175,16 @@ class _ShapeScanner(Struct, dict=True):
                 target(column)[i] = value
         is_row = op != _BLANK_OP
         line = np.arange(first_line, first_line + len(ids), dtype=np.int32)
-        part = Rows(op=op, line=line, system=system, columns=columns)
-        self.parts.append(part if is_row.all() else part.pick(is_row))
+        columns = {column: with_constant(values) for column, values in columns.items()}
+        part = Rows(op=op, line=line, system=with_constant(system), columns=columns)
+        self.parts.append(part.unshared() if is_row.all() else part.pick(is_row))
 
-    def rows(self) -> Rows:
+    def in_order(self) -> list[Rows]:
         """Everything read so far, in file order."""
         if not self.further:
-            return join_rows(self.parts)
+            return self.parts
         joined = join_rows([*self.parts, rows_of(self.further)])
-        return joined.pick(np.argsort(joined.line, kind="stable"))
+        return [joined.pick(np.argsort(joined.line, kind="stable"))]
 
 
 def _lines_by_id(ids: Ints) -> Iterator[tuple[int, Indices]]:

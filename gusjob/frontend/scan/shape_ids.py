@@ -21,24 +21,25 @@ class ShapeIds(Struct):
     """The numbers of the shapes that are known.
 
     Attributes:
-        learn: Gives the number of a new shape by the code of its first line.
         hashes: Hash of each short shape, ascending.
         ids: Number of each of them, and how many numerals it has, (2, k).
         words: Words of each of them.
         others: The same numbers of long shapes, and of those whose hash another one has.
     """
 
-    learn: Callable[[bytes], int]
     hashes: Words = field(default_factory=lambda: np.zeros(0, dtype=np.uint64))
     ids: Ints = field(default_factory=lambda: np.zeros((2, 0), dtype=np.int64))
     words: Words = field(default_factory=lambda: np.zeros((MAX_WORDS, 0), dtype=np.uint64))
     others: dict[bytes, tuple[int, int]] = field(default_factory=dict)
 
-    def look_up(self, table: LineTable, unread: Indices, unread_id: int) -> tuple[Ints, Ints]:
+    def look_up(
+        self, table: LineTable, learn: Callable[[bytes], int], unread: Indices, unread_id: int
+    ) -> tuple[Ints, Ints]:
         """The number of the shape of each line, and the index of its first numeral; new shapes are learned.
 
         Args:
             table: The lines.
+            learn: Gives the number of a new shape by the code of its first line.
             unread: Lines that are not looked up.
             unread_id: The number of their shapes.
         """
@@ -49,11 +50,11 @@ class ShapeIds(Struct):
             hashes += word * factor
         found, is_known = self._known(hashes, table.words)
         if not is_known.all():
-            self._learn_first(table, hashes, np.flatnonzero(is_short & ~is_known))
+            self._learn_first(table, learn, hashes, np.flatnonzero(is_short & ~is_known))
             found, is_known = self._known(hashes, table.words)
         if len(unread) or not is_short.all() or not is_known.all():
             for i in np.flatnonzero(~is_short | ~is_known).tolist():
-                found[:, i] = self._other(table, i)
+                found[:, i] = self._other(table, learn, i)
             for i in unread.tolist():
                 found[:, i] = unread_id, count_numerals(table.code[i])
         ids, counts = found
@@ -74,7 +75,7 @@ class ShapeIds(Struct):
             same &= np.asarray(~self.words[len(words) :].any(axis=0))[at]
         return self.ids[:, at], same
 
-    def _learn_first(self, table: LineTable, hashes: Words, unknown: Indices) -> None:
+    def _learn_first(self, table: LineTable, learn: Callable[[bytes], int], hashes: Words, unknown: Indices) -> None:
         """Learn the shape of the first line with each hash that is new, in line order."""
         new = hashes[unknown]
         order = np.argsort(new, kind="stable")
@@ -83,7 +84,7 @@ class ShapeIds(Struct):
         firsts = np.sort(unknown[order[is_first]])
         firsts = firsts[~np.isin(hashes[firsts], self.hashes)]
         codes = [table.code[i] for i in firsts.tolist()]
-        ids = np.array([(self.learn(code), count_numerals(code)) for code in codes], dtype=np.int64).reshape(-1, 2)
+        ids = np.array([(learn(code), count_numerals(code)) for code in codes], dtype=np.int64).reshape(-1, 2)
         added = np.zeros((MAX_WORDS, len(firsts)), dtype=np.uint64)
         for i, word in enumerate(table.words):
             added[i] = word[firsts]
@@ -93,10 +94,10 @@ class ShapeIds(Struct):
         self.ids = np.concatenate([self.ids, ids.T], axis=1)[:, order]
         self.words = np.concatenate([self.words, added], axis=1)[:, order]
 
-    def _other(self, table: LineTable, line: int) -> tuple[int, int]:
+    def _other(self, table: LineTable, learn: Callable[[bytes], int], line: int) -> tuple[int, int]:
         """What is known of a shape that is looked up alone."""
         shape = table.shape(line)
         if shape not in self.others:
             code = table.code[line]
-            self.others[shape] = self.learn(code), count_numerals(code)
+            self.others[shape] = learn(code), count_numerals(code)
         return self.others[shape]

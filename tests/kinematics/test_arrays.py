@@ -1,4 +1,4 @@
-"""Values that hold up to the next one, against a loop over the rows."""
+"""Columns: values that hold up to the next one, against a loop over the rows; columns with one value."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import random
 
 import numpy as np
 
-from gusjob.frontend.resolve.columns import carried, filled
-from gusjob.kinematics.arrays import follow_each_other, picked
+from gusjob.frontend.resolve.columns import filled
+from gusjob.kinematics.arrays import carried, fill_gaps, follow_each_other, joined, picked, unrepeated, with_constant
 
 
 def test_gaps_have_the_value_before_them() -> None:
@@ -20,6 +20,9 @@ def test_gaps_have_the_value_before_them() -> None:
             last = last if math.isnan(value) else value
             expected.append(last)
         assert filled(np.array(values), 7.0).tolist() == expected
+        column = np.nan_to_num(values)
+        fill_gaps(column, np.flatnonzero(np.isnan(values)), 7.0)
+        assert column.tolist() == expected
 
 
 def test_values_hold_up_to_the_next_one() -> None:
@@ -41,3 +44,21 @@ def test_rows_of_a_slice() -> None:
     same = picked(np.broadcast_to(2.0, 9), np.array([1, 5]))
     assert same.tolist() == [2, 2]
     assert same.strides == (0,)
+
+
+def test_a_column_with_one_value_takes_no_memory() -> None:
+    same = with_constant(np.full(9, 2.0))
+    assert (same.tolist(), same.strides, unrepeated(same).tolist()) == ([2.0] * 9, (0,), [2.0])
+    for values in ([], [1.0, 2.0], [1.0, 2.0, 1.0], [math.nan, math.nan], [1.0, math.nan, 1.0]):
+        column = np.array(values)
+        assert with_constant(column) is column
+        assert len(unrepeated(column)) == len(column)
+
+
+def test_joined_columns_keep_the_one_value_of_all_parts() -> None:
+    twos, threes = np.broadcast_to(2.0, 3), np.broadcast_to(3.0, 2)
+    assert joined([twos, np.empty(0), twos]).strides == (0,)
+    assert joined([twos, np.empty(0), twos]).tolist() == [2.0] * 6
+    assert joined([twos, threes]).tolist() == [2.0, 2.0, 2.0, 3.0, 3.0]
+    assert joined([np.array([2.0, 2.0]), twos]).tolist() == [2.0] * 5
+    assert joined([np.empty(0)]).tolist() == []
