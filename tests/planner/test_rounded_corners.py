@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 from random import Random
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from support.skywriting import compiled, diagnostics_of, ran
 from support.tools import MACHINE, calls_of, run_listing
 
