@@ -268,7 +268,7 @@ class Machine(Struct, frozen=True, kw_only=True):
             "Statements after expanding loops and routines",
             key="expansion.max_statements",
         ),
-    ] = 1_000_000
+    ] = 300_000
     expansion_max_depth: Annotated[
         int, Entry(_whole("depth", 1, 150), "Depth of blocks, calls and includes", key="expansion.max_depth")
     ] = 64

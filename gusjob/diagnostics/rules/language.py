@@ -276,7 +276,7 @@ EXPANSION_TOO_SLOW = rule(
     "instead",
     why="Iterations that need the result of the previous one can't be expanded together.",
     bad="LET a = 0\nREPEAT 4000001\nLET a = a + 1\nEND\n",
-    good="REPEAT 1000000 AS i\nLET a = i + 1\nEND\n",
+    good="REPEAT 300000 AS i\nLET a = i + 1\nEND\n",
 )
 TOO_MANY_SETUPS = rule(
     "GJ130",
