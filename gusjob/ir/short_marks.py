@@ -14,7 +14,7 @@ from gusjob.i18n.phrases import Phrase
 from gusjob.ir.display import DisplayUnits
 from gusjob.ir.modal import ModalState
 from gusjob.ir.path import Op
-from gusjob.kinematics.arrays import Bools, Floats, Indices, picked
+from gusjob.kinematics.arrays import Bools, Floats, Indices, changes, picked
 from gusjob.kinematics.slow_parts import SlowParts, slow_parts
 
 _DIGITS = 4
@@ -66,6 +66,8 @@ class ShortMarks:
 
     def without(self, motions: Bools) -> ShortMarks:
         """Leave out the parts that contain some of the motions, (m,)."""
+        if not len(self) or not motions.any():
+            return self
         before = np.concatenate([[0], np.cumsum(motions)])
         return self.pick(before[self.last + 1] == before[self.at])
 
@@ -111,17 +113,13 @@ def _of_channel(modal: ModalState, channel: int, speeds: PlannedSpeeds, moves: B
     """Find the short marks of one channel."""
     follows = modal.follows_velocity(channel)[speeds.row]
     rows = np.flatnonzero(moves & modal.laser(channel).on[speeds.row] & ~follows)
-    mark, asked = modal.mark_numbers(channel, speeds.row[rows]), picked(speeds.asked, rows)
     # Where a part begins: a mark, a velocity, the power again after it followed the velocity.
-    new_mark = np.diff(mark, prepend=-1) != 0
-    begins_part = new_mark.copy()
+    new_mark = changes(modal.mark_numbers(channel, speeds.row[rows]))
+    begins_part = new_mark | changes(picked(speeds.asked, rows))
     if follows.any():
-        begins_part |= np.diff(np.cumsum(follows)[rows], prepend=0) != 0
-    part = np.cumsum(begins_part | (np.diff(asked, prepend=np.nan) != 0))
+        begins_part |= changes(np.cumsum(follows)[rows])
     columns = {name: getattr(speeds, name) for name in ("length", "vel", "acc", "start", "peak", "end")}
-    if len(rows) < len(moves):
-        columns = {name: column[rows] for name, column in columns.items()}
-    parts = slow_parts(part, **columns)
+    parts = slow_parts(rows, begins_part, **columns)
     first, last = parts.first, parts.last
     begins = new_mark
     ends = np.append(new_mark[1:], True)[: len(rows)]

@@ -14,7 +14,8 @@ def setup_stages(job: Job) -> list[tuple[bool, int]]:
     Setup statements run at the start of their stage, before all of its rows: also those that are written behind rows
     that take no time.
     """
-    timed_before = np.concatenate([[0], np.cumsum(job.path.takes_time)])
+    timed_before = np.zeros(len(job.path) + 1, dtype=np.int32)
+    np.cumsum(job.path.takes_time, out=timed_before[1:])
     first, found = 0, []
     for setup in job.setups:
         opens = not isinstance(setup.statement, IN_PATH) and bool(timed_before[setup.row] > timed_before[first])

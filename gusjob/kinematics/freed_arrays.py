@@ -6,9 +6,10 @@ import ctypes
 import sys
 from collections.abc import Callable
 
-_M_MMAP_THRESHOLD = -3
-"""Number of the parameter in glibc's mallopt()."""
-_LARGE_BYTES = 1 << 20
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+"""Numbers of the parameters in glibc's mallopt()."""
+_LARGE_BYTES, _KEPT_BYTES = 1 << 20, 4 << 20
+"""Bytes of an array that is returned; and of smaller ones that are kept, since the next chunk needs them again."""
 
 
 def return_freed_arrays() -> None:
@@ -20,6 +21,7 @@ def return_freed_arrays() -> None:
     mallopt = _glibc("mallopt")
     if mallopt is not None:
         mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+        mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
 
 
 def return_free_memory() -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gusjob.kinematics.arrays import Bools, Floats, Indices
+from gusjob.kinematics.arrays import Bools, Floats, Indices, blocks
 
 REACHES = 0.9
 """Share of its velocity that a part has to reach: below it every mm takes at least a ninth longer than intended."""
@@ -66,27 +66,41 @@ class SlowParts:
 
 
 def slow_parts(
-    part: Indices, *, length: Floats, vel: Floats, acc: Floats, start: Floats, peak: Floats, end: Floats
+    at: Indices,
+    opens: Bools,
+    *,
+    length: Floats,
+    vel: Floats,
+    acc: Floats,
+    start: Floats,
+    peak: Floats,
+    end: Floats,
 ) -> SlowParts:
     """Find the parts that stay below REACHES of their velocity in all their segments.
 
-    A part that moves evenly, as fast as its corners allow, is none: it is not too short. All columns are (k,), for
-    segments with a length.
+    A part that moves evenly, as fast as its corners allow, is none: it is not too short.
 
     Args:
-        part: Number of the part of each segment; the segments of a part follow each other.
-        length, vel, acc: Length, velocity and acceleration, pulse, pulse/ms, pulse/ms2.
-        start, peak, end: Velocities at the start and the end, and the highest, pulse/ms.
+        at: Numbers of the segments of all parts, (k,) ascending; they have a length.
+        opens: Which of them are the first of a part, (k,); the first one is.
+        length, vel, acc: Length, velocity and acceleration of all segments, (m,) pulse, pulse/ms, pulse/ms2.
+        start, peak, end: Velocities at the start and the end, and the highest, (m,) pulse/ms.
+
+    Returns:
+        The parts, with indices in `at`.
     """
-    share = np.maximum(peak, start) / vel
-    begins = np.flatnonzero(np.diff(part, prepend=part[:1] - 1))
+    share = np.empty(len(at))
+    for block in blocks(len(at)):
+        rows = at[block]
+        share[block] = np.maximum(peak[rows], start[rows]) / vel[rows]
+    begins = np.flatnonzero(opens)
     slow = np.maximum.reduceat(share, begins) < REACHES if len(begins) else np.zeros(0, dtype=np.bool_)
-    rows = np.flatnonzero(np.repeat(slow, np.diff(begins, append=len(part))))
+    rows = np.flatnonzero(np.repeat(slow, np.diff(begins, append=len(at))))
     if not len(rows):
         return SlowParts.joined([])
-    part, share = part[rows], share[rows]
-    length, vel, acc, start, peak, end = (column[rows] for column in (length, vel, acc, start, peak, end))
-    opens = np.diff(part, prepend=part[:1] - 1) != 0
+    share, opens = share[rows], opens[rows]
+    length, vel, acc, start, peak, end = (column[at[rows]] for column in (length, vel, acc, start, peak, end))
+    part = np.cumsum(opens)
     # At a corner the velocity is lower than before and after it.
     valley = np.zeros(len(rows), dtype=np.bool_)
     valley[1:] = ~opens[1:] & (start[1:] < np.minimum(peak[:-1], peak[1:]) * (1 - _ROUNDING))
