@@ -101,7 +101,8 @@ NO_SUPPRESSIONS = Suppressions()
 
 def _in_text(name: str, data: bytes, path: str) -> Iterator[Suppression]:
     """Find the comments of a text. `path`: the path of their spans."""
-    if b";" not in data and b"//" not in data:
+    # One byte is found faster than two.
+    if b";" not in data and (b"/" not in data or b"//" not in data):
         return
     lower = data.lower()
     line, counted, at = 1, 0, lower.find(b"allow")

@@ -153,8 +153,10 @@ class ModalState(Struct, frozen=True, kw_only=True):
 
     def mark_numbers(self, channel: int, rows: Indices) -> Indices:
         """Number the marks of a channel: the number of the mark of some rows, 0 while the laser is off, (k,)."""
-        number = np.searchsorted(self.switches(channel).begins, rows * 2, side="right")
-        return np.where(self.laser(channel).on[rows], number, 0)
+        # A mark that begins in a row begins behind it.
+        number = np.searchsorted((self.switches(channel).begins + 1) // 2, rows, side="right")
+        number *= self.laser(channel).on[rows]
+        return number
 
     def follows_velocity(self, channel: int) -> Bools:
         """Rows in which the power of a channel follows the velocity, (n,)."""

@@ -64,6 +64,8 @@ class ShortMarks(Struct, frozen=True, kw_only=True, eq=False):
 
     def without(self, motions: Bools) -> ShortMarks:
         """Leave out the parts that contain some of the motions, (m,)."""
+        if not len(self) or not motions.any():
+            return self
         before = np.concatenate([[0], np.cumsum(motions)])
         return self.pick(before[self.last + 1] == before[self.at])
 

@@ -53,7 +53,7 @@ def picked(column: npt.NDArray[_Number], rows: Indices | slice) -> npt.NDArray[_
 
 def with_constant(column: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
     """Return a column with one value for all rows as one that takes no memory (stride 0), any other as it is."""
-    if not len(column) or column[0] != column[-1] or not (column == column[0]).all():
+    if column.strides == (0,) or not len(column) or column[0] != column[-1] or not (column == column[0]).all():
         return column
     return np.broadcast_to(column[0], len(column))
 
@@ -87,6 +87,13 @@ def before(column: Floats, rows: Indices | slice, start: float) -> Floats:
         return column[rows.start - 1 : rows.stop - 1]
     found = np.empty(len(column[rows]))
     found[:1], found[1:] = start, column[rows][:-1]
+    return found
+
+
+def changes(values: npt.NDArray[_Number]) -> Bools:
+    """Find the values that are not the one before them, (n,); the first is one."""
+    found = np.ones(len(values), dtype=np.bool_)
+    found[1:] = values[1:] != values[:-1]
     return found
 
 

@@ -245,11 +245,17 @@ def arc_speed(context: LintContext, report: Reporter) -> None:
     )
 
 
+def _stays(position: Floats) -> Bools:
+    """Whether a position is the one before it, in whole pulses, (n,); 0 is before the first."""
+    pulses, found = np.rint(position), np.empty(len(position), dtype=np.bool_)
+    found[:1], found[1:] = pulses[:1] == 0, pulses[1:] == pulses[:-1]
+    return found
+
+
 def no_length(context: LintContext, report: Reporter) -> None:
     """A mark ends where it begins, in whole pulses."""
     path = context.path
-    x0, y0 = path.starts()
-    still = (path.op == Op.LINE) & (np.rint(path.x) == np.rint(x0)) & (np.rint(path.y) == np.rint(y0))
+    still = (path.op == Op.LINE) & _stays(path.x) & _stays(path.y)
     if not still.any():
         return
     for channel in CHANNELS:

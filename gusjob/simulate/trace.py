@@ -64,8 +64,8 @@ class ChannelTrace(Struct, frozen=True, kw_only=True):
     @property
     def first_emitting(self) -> int | None:
         """Number of the first segment with emission."""
-        emitting = np.flatnonzero(self.emitted.emission_ms > 0)
-        return int(emitting[0]) if len(emitting) else None
+        emits = self.emitted.emission_ms > 0
+        return int(emits.argmax()) if emits.any() else None
 
     def laser_in(self, segment: int) -> LaserState:
         """State of the laser in a segment."""

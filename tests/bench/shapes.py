@@ -21,7 +21,7 @@ from bench.commands import HEAD, SHORT, Run, gusjob, markdown, one_of, run, run_
 
 SIZE = 1_000_000
 SMALLEST = 1000
-SLOW, SLOW_LOOP, MUCH_MB = 3.0, 10.0, 1000.0
+SLOW, SLOW_LISTING, SLOW_LOOP, MUCH_MB = 3.0, 2.0, 10.0, 1000.0
 """Above these a row is marked."""
 
 COMMANDS = {name: long for name, long in SHORT.items() if name in ("check", "summary")}
@@ -196,8 +196,8 @@ class Shape:
     base: str
     size: float = 1.0
     slow: float = SLOW
-    compiled: bool = False
-    """Whether the file is not the job but the listing that it compiles to."""
+    as_call: Callable[[int, str], str] | None = None
+    """How a call is written, with its number: the file is not the job but the listing that it compiles to."""
 
 
 SHAPES: dict[str, Shape] = {
@@ -211,7 +211,14 @@ SHAPES: dict[str, Shape] = {
     "dashes": Shape(write=dashes, base="plain"),
     "channels": Shape(write=channels, base="plain"),
     "expressions": Shape(write=expressions, base="plain"),
-    "listing": Shape(write=plain, base="plain", compiled=True),
+    "listing": Shape(write=plain, base="plain", slow=SLOW_LISTING, as_call=lambda number, call: f"{call}\n"),
+    "listing-crlf": Shape(write=plain, base="plain", as_call=lambda number, call: f"{call};\r\n"),
+    "listing-comments": Shape(
+        write=plain, base="plain", as_call=lambda number, call: f'{call}; // 07.10. it\'s "call" {number:07}\n'
+    ),
+    "listing-recorded": Shape(
+        write=plain, base="plain", as_call=lambda number, call: f"[{number * 0.1:.1f}] {call} = 0\n"
+    ),
     "for": Shape(write=spiral_for, base="spiral", size=0.3, slow=SLOW_LOOP),
     "let": Shape(write=spiral_let, base="spiral", size=0.3, slow=SLOW_LOOP),
     "routine-for": Shape(write=dots_for, base="dots", size=0.1, slow=SLOW_LOOP),
@@ -258,13 +265,15 @@ def make_file(name: str, shape: Shape, size: int, folder: Path) -> File:
     """Write a shape's file and see that `check --strict` finds nothing in it (but a listing's note on its FIFO)."""
     path = folder / f"{name}.job"
     lines = write_job(path, shape.write(round(size * shape.size)))
-    if shape.compiled:
-        listing = path.with_suffix(".gts")
-        run(gusjob("compile", "-o", listing.name, path.name), folder)
+    if shape.as_call is not None:
+        compiled, listing = path.with_suffix(".compiled.gts"), path.with_suffix(".gts")
+        run(gusjob("compile", "-o", compiled.name, path.name), folder)
+        with compiled.open() as calls, listing.open("w", newline="") as file:
+            for lines, call in enumerate(calls, start=1):
+                file.write(shape.as_call(lines, call.rstrip()))
         path.unlink()
+        compiled.unlink()
         path = listing
-        with path.open("rb") as file:
-            lines = sum(1 for _ in file)
     run(gusjob("check", path.name), folder)
     return File(path=path, lines=lines)
 

@@ -36,7 +36,7 @@ from gusjob.ir.setup import (
     SwitchNow,
     Wait,
 )
-from gusjob.kinematics.arrays import Floats, Indices, carried, fill_gaps, picked, rows_of, unrepeated
+from gusjob.kinematics.arrays import Floats, Indices, carried, changes, fill_gaps, picked, rows_of, unrepeated
 from gusjob.kinematics.schedule import stage_numbers
 from gusjob.kinematics.units import PowerUnit
 from gusjob.lint.reporter import UNIT_OF_MODE
@@ -198,17 +198,16 @@ def _before(column: Floats, rows: Indices) -> Floats:
 def _speed(values: Floats, still: Indices) -> tuple[Floats, Indices]:
     """Make a velocity or acceleration, NaN in the rows that do not move, and find the motions at which it changes."""
     kept = _kept(values, still, np.nan)
-    changed = np.empty(len(kept), dtype=np.bool_)
-    changed[:1], changed[1:] = True, kept[1:] != kept[:-1]
+    changed = changes(kept)
     changed[still] = False
     if len(still):
         kept[still] = np.nan
     return kept, np.flatnonzero(changed)
 
 
-def _set_line(calls: BufferedCalls, changes: Indices) -> npt.NDArray[np.int32]:
+def _set_line(calls: BufferedCalls, at: Indices) -> npt.NDArray[np.int32]:
     """For each row the line of the first motion with its value, as where a modal word was set, (n,)."""
-    return carried(calls.line[changes], changes, len(calls), calls.line[0] if len(calls) else 0)
+    return carried(calls.line[at], at, len(calls), calls.line[0] if len(calls) else 0)
 
 
 def _speeds(path: Path, vel: Indices, acc: Indices) -> Speeds:

@@ -17,9 +17,13 @@ from gusjob.controllers.gus.executor import execute
 from gusjob.controllers.gus.motions import limited_motions
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.kinematics.freed_arrays import return_free_memory
 from gusjob.kinematics.schedule import stage_numbers
 from gusjob.simulate import Trace, simulate
 from gusjob.simulate.events import ChannelEvents, Events, LaserSwitchEvents, MotionEvents, PowerEvents, StageEvents
+
+_MANY_CALLS = 100_000
+"""From so many buffered calls on memory matters."""
 
 
 def simulate_stream(
@@ -44,6 +48,8 @@ def simulate_stream(
         from gusjob.controllers.gus.listing_checks import lint_calls  # Start-up time is part of the tool.
 
         linted = lint_calls(stream, execution, machine)
+        if len(stream.buffered) > _MANY_CALLS:
+            return_free_memory()
     events, diagnostics = events_of(stream, execution)
     trace, found = simulate(events, machine, is_listing=is_listing, coarse=coarse)
     diagnostics += found

@@ -21,7 +21,7 @@ _NOT_CODE = re.compile(
     r"|\\(?<![^\s,;(){}]\\)[ \t\r]*\n",  # A line that goes on; inside of a word it is left, and not read.
     re.DOTALL,
 )
-_PART_BYTES = 1 << 18
+_PART_BYTES = 1 << 16
 """Bytes of a text that are looked at together: only parts with something to clean are written again."""
 _IN_NUMBER = np.zeros(256, dtype=np.bool_)
 _IN_NUMBER[list(b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_.")] = True
@@ -142,11 +142,10 @@ def _cleaned(data: bytes) -> tuple[CleanText, bool]:
 def _has_leading_zero(data: bytes) -> bool:
     """Whether a number begins with a zero before another digit; the exponent of a number is none."""
     raw = np.frombuffer(b"  " + data, dtype=np.uint8)
-    is_digit = raw - np.uint8(ord("0")) < 10
+    digits = raw - np.uint8(ord("0"))
+    is_digit = digits < 10
     # Most zeros are within a number.
-    begins = is_digit[2:-1] & ~is_digit[1:-2] & is_digit[3:]
-    begins &= raw[2:-1] == ord("0")
-    at = np.flatnonzero(begins)
+    at = np.flatnonzero((is_digit[1:-2] < (digits[2:-1] == 0)) & is_digit[3:])
     at = at[~_IN_NUMBER[raw[at + 1]]]
     is_exponent = np.isin(raw[at + 1], (ord("+"), ord("-"))) & np.isin(raw[at], (ord("e"), ord("E")))
     return not is_exponent.all()

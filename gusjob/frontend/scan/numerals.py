@@ -97,6 +97,18 @@ class Numerals(Struct, frozen=True, kw_only=True, eq=False):
             np.subtract(0.0, found, out=found)
         return found
 
+    def are_same(self, at: Indices) -> bool:
+        """Whether some numerals, at least one, have the same characters, at most eight."""
+        begin, end = self.edges[2 * at[0]], self.edges[2 * at[0] + 1]
+        begin_of_last, end_of_last = self.edges[2 * at[-1]], self.edges[2 * at[-1] + 1]
+        if end - begin > _WINDOW or self.text[begin:end] != self.text[begin_of_last:end_of_last]:
+            return False  # Most numerals that differ do so here.
+        ends = self.edges[2 * at + 1]
+        words = _windows(self.text)[ends - _WINDOW]
+        words ^= words[0]
+        words >>= np.uint64(8 * (_WINDOW - (end - begin)))
+        return not words.any() and bool((ends - self.edges[2 * at] == end - begin).all())
+
     def _exponents(self, at: Indices) -> Ints:
         """Exponents without their signs; those that have too many digits are some large number."""
         values, digits = self.digits(at)
@@ -148,8 +160,7 @@ def _last_digits(text: bytes, ends: Indices, lengths: Indices, *, has_point: boo
         The values, and for each numeral 1 << 8k if byte k of its eight bytes is a point, 0 if none is; None if
         `has_point` is not set.
     """
-    windows = np.ndarray(len(text) - _WINDOW + 1, dtype="<u8", buffer=text, strides=(1,))
-    words: Words = windows[ends - _WINDOW]
+    words = _windows(text)[ends - _WINDOW]
     shifts = ((_WINDOW - lengths) * 8).astype(np.uint64)
     words >>= shifts  # The bytes before the numeral become zeros, as leading digits.
     words <<= shifts
@@ -173,6 +184,11 @@ def _last_digits(text: bytes, ends: Indices, lengths: Indices, *, has_point: boo
         words >>= shift
         words &= mask
     return words, point
+
+
+def _windows(text: bytes) -> Words:
+    """The eight bytes from each byte of a text on, as words."""
+    return np.ndarray(len(text) - _WINDOW + 1, dtype="<u8", buffer=text, strides=(1,))
 
 
 def _bytes_after(point: Words) -> Ints:

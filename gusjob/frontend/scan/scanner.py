@@ -26,6 +26,8 @@ CHUNK = 1 << 19
 _MANY_CHUNKS = 8
 """From so many chunks on, two are read at the same time."""
 
+_MANY_LINES = 1000
+"""From so many lines of a group on, it is worth to look whether they all have the same number."""
 _LARGE = 1e9
 """Numbers up to here are not above MAX_NUMBER in any unit."""
 
@@ -157,8 +159,11 @@ class _ShapeScanner(Struct, dict=True):
         columns: dict[int, Floats] = {}
 
         def target(column: int) -> Floats:
-            if column not in columns:
+            values = columns.get(column)
+            if values is None:
                 columns[column] = np.full(len(ids), np.nan)
+            elif not values.flags.writeable:
+                columns[column] = values.copy()
             return columns[column]
 
         for group in groups:
@@ -246,20 +251,24 @@ def _read_numbers(numerals: Numerals, groups: list[_LineGroup], first: Indices) 
         groups: The groups.
         first: First numeral of each line of the chunk, (n,).
     """
-    wanted: dict[NumberForm, list[tuple[_LineGroup, Indices]]] = {}
+    wanted: dict[NumberForm, list[Indices]] = {}
     for group in groups:
         firsts = first[group.lines]
         for slot in group.template.slots:
-            wanted.setdefault(slot.form, []).append((group, firsts + slot.numeral))
+            at = firsts + slot.numeral
+            is_one = not slot.form.exponent and len(at) > _MANY_LINES and numerals.are_same(at)
+            wanted.setdefault(slot.form, []).append(at[:1] if is_one else at)
     found: dict[NumberForm, Iterator[Floats]] = {}
     is_odd = False
     for form, parts in wanted.items():
-        numbers = numerals.numbers(form, np.concatenate([at for _, at in parts]))
+        numbers = numerals.numbers(form, np.concatenate(parts))
         magnitudes = np.abs(numbers)
         is_odd |= bool(magnitudes.max(initial=0.0) > _LARGE)
         is_odd |= bool(np.count_nonzero(magnitudes < MIN_NUMBER) > np.count_nonzero(magnitudes == 0))
-        ends = np.cumsum([len(at) for _, at in parts]).tolist()
+        ends = np.cumsum(list(map(len, parts))).tolist()
         found[form] = iter([numbers[start:end] for start, end in zip([0, *ends], ends, strict=False)])
     for group in groups:
-        group.numbers = [next(found[slot.form]) for slot in group.template.slots]
+        columns = [next(found[slot.form]) for slot in group.template.slots]
+        count = len(group.lines)
+        group.numbers = [c if len(c) == count else np.broadcast_to(c, count) for c in columns]
     return groups if is_odd else []
