@@ -9,7 +9,7 @@ from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic
 from gusjob.ir.job import Job
-from gusjob.lint import delays, frequency, laser, motion, power, repeated, setup, skywriting, unused
+from gusjob.lint import delays, digits, frequency, laser, motion, power, repeated, setup, skywriting, unused
 from gusjob.lint.context import LintContext, lint_context
 from gusjob.lint.reporter import Reporter
 
@@ -56,6 +56,7 @@ CHECKS: tuple[Check, ...] = (
     motion.no_length,
     motion.starving,
     motion.forced_ends,
+    digits.rounded_coordinates,
 )
 """In the order in which they run: what looks at one value comes before what combines several."""
 
@@ -80,6 +81,7 @@ DERIVED = (
     motion.no_length,
     motion.starving,
     motion.forced_ends,
+    digits.rounded_coordinates,
 )
 """Checks of values together: they pass over a statement in which an earlier check has found an error."""
 

@@ -6,18 +6,16 @@ the velocity on a fine polyline is that on the curve which it approximates.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 
-from gusjob.config.machine import Machine
 from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Rule
+from gusjob.ir.corner_jumps import corner_jumps
 from gusjob.ir.display import display_units
 from gusjob.ir.intent import RunKind
-from gusjob.ir.setup import LookAhead
 from gusjob.kinematics.arrays import Bools, Floats, blocks
 from gusjob.kinematics.schedule import starts_at_rest
 from gusjob.kinematics.trapezoids import corner_velocity, look_ahead
@@ -104,24 +102,7 @@ def at_rest_before(staged: StagedPath) -> Bools:
 
 def corner_jump(staged: StagedPath) -> Floats:
     """Largest change of the velocity vector after each segment, (m,) pulse/ms; NaN where LOOKAHEAD is OFF."""
-    jump = np.broadcast_to(_jump(LookAhead(corner=(math.nan, math.nan)), staged.machine), len(staged.timed))
-    written = [setup for setup in staged.job.setups if isinstance(setup.statement, LookAhead)]
-    if not written:
-        return jump
-    jump, row = jump.copy(), staged.origin[staged.timed]
-    for setup in written:
-        assert isinstance(setup.statement, LookAhead)
-        jump[row >= setup.row] = _jump(setup.statement, staged.machine)
-    return jump
-
-
-def _jump(statement: LookAhead, machine: Machine) -> float:
-    if statement.corner is None:
-        return math.nan
-    time_ms, acc = statement.corner
-    time_ms = machine.lookahead_time_ms if math.isnan(time_ms) else time_ms
-    acc = machine.lookahead_acc_pulse_per_ms2 if math.isnan(acc) else acc
-    return time_ms * acc
+    return corner_jumps(staged.job, staged.machine, staged.origin[staged.timed])
 
 
 def _end_diagnostics(

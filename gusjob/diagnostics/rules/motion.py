@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from gusjob.diagnostics.rules.examples import HEAD, LASER_ON
-from gusjob.diagnostics.rules.registry import ERROR, WARNING, rule, variant
+from gusjob.diagnostics.rules.registry import ERROR, NOTE, WARNING, rule, variant
+
+_CURVE = (
+    "LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 300\nACC 1000000\nJUMP X 5 Y -1\nLASER ON\nREPEAT 300 AS i\n"
+    "LINE X ({x}) Y ({y})\nEND\nLASER OFF\n"
+)
 
 NO_VELOCITY = rule(
     "GJ501",
@@ -170,6 +175,17 @@ MARK_TOO_SHORT = rule(
     "marks that are as fast as their corners allow, and marks whose power follows the velocity (LASER FOLLOW).",
     bad="LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 400\nACC 30000\nLASER ON\nLINE X 0.5\nLASER OFF\n",
     good="LASER MODE DUTY CARRIER 10kHz\nLASER POWER 30\nVEL 400\nACC 30000\nLASER ON\nLINE X 6\nLASER OFF\n",
+)
+ROUNDED_COORDINATES = rule(
+    "GJ521",
+    NOTE,
+    title="corners by rounded coordinates",
+    text="coordinates rounded to {step} {length} make corners between these short lines: on average they reach {value} "
+    "of {velocity} {speed}; round to {finer} {length}, or write lines of at least {least} {length}, or ARC",
+    why="Look-ahead slows down at every corner, so a curve is marked too deep. One note for the whole job, where this "
+    "holds for a quarter of the length of its lines or more.",
+    bad=_CURVE.format(x="round(5000*cos(0.12*i))/1000", y="round(5000*sin(0.12*i))/1000"),
+    good=_CURVE.format(x="5*cos(0.12*i)", y="5*sin(0.12*i)"),
 )
 END_ABOVE_NEXT_VEL = rule(
     "GJ520",
