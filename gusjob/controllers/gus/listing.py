@@ -14,6 +14,8 @@ from gusjob.diagnostics.model import Diagnostic
 from gusjob.ir.overrides import NO_OVERRIDES, Overrides, overrides_text
 
 _CHUNK = 1 << 16
+_WHOLE = 1e15
+"""Whole numbers below it are written with all their digits."""
 
 
 def listing(stream: Stream, overrides: Overrides = NO_OVERRIDES) -> Iterator[str]:
@@ -33,16 +35,27 @@ def buffered_lines(calls: BufferedCalls) -> list[str]:
     for kind, signature in BUFFERED.items():
         at = np.flatnonzero(calls.kind == kind)
         if len(at):
-            form = f"{signature.name}({','.join(['%s'] * len(signature.args))})"
-            columns = [number_texts(calls.column(arg.column)[at]) for arg in signature.args]
-            lines[at] = list(map(form.__mod__, zip(*columns, strict=True)))
+            lines[at] = _call_texts(signature.name, [calls.column(arg.column)[at] for arg in signature.args])
     found: list[str] = lines.tolist()
     return found
+
+
+def _call_texts(name: str, columns: list[npt.NDArray[np.generic]]) -> list[str]:
+    """Write calls of one function with their columns of arguments."""
+    is_constant = [bool((column == column[0]).all()) for column in columns]
+    form = ",".join(number_texts(c[:1])[0] if same else "%s" for c, same in zip(columns, is_constant, strict=True))
+    changing = [number_texts(column) for column, same in zip(columns, is_constant, strict=True) if not same]
+    form = f"{name}({form})"
+    return list(map(form.__mod__, zip(*changing, strict=True))) if changing else [form] * len(columns[0])
 
 
 def number_texts(values: npt.NDArray[np.generic]) -> list[str]:
     """Write numbers as the shortest texts that read back to the same values: 50, 0.1."""
     flat = np.ascontiguousarray(values)
+    if flat.dtype.kind == "f":
+        flat = flat + 0.0  # -0 is 0.
+        if ((flat == np.rint(flat)) & (np.abs(flat) < _WHOLE)).all():
+            flat = flat.astype(np.int64)
     texts = orjson.dumps(flat, option=orjson.OPT_SERIALIZE_NUMPY).decode("ascii")[1:-1].split(",")
     if flat.dtype.kind == "f":
         texts = [t[:-2] if t.endswith(".0") else t for t in texts]
