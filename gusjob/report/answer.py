@@ -12,7 +12,7 @@ from msgspec import Struct
 from gusjob.config.machine import DEFAULT_NAME
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.i18n.phrases import Phrase, all_of, plural, printable
-from gusjob.kinematics.arrays import Bools, Floats, median, where_true
+from gusjob.kinematics.arrays import Bools, Floats, blocks, median, where_true
 from gusjob.report.quantities import duration, energy, length, percent, power_time, rated, short
 from gusjob.report.rows import Report
 from gusjob.simulate.kinds import SegmentKind
@@ -267,9 +267,12 @@ def _slowest(report: Report) -> Iterator[Finding]:
 def _weighted_median(values: Floats, weights: Floats) -> float:
     """Return the least of some values whose weight, with that of all smaller ones, is at least half of the whole."""
     half, below = float(weights.sum()) / 2, 0.0
-    while len(values) > _SORTED_AT_ONCE and (step := (float(values.max()) - float(values.min())) / _BINS) > 0:
-        number = np.minimum((values - values.min()) / step, _BINS - 1).astype(np.int32)
-        upto = below + np.cumsum(np.bincount(number, weights, _BINS))
+    while len(values) > _SORTED_AT_ONCE and (step := (float(values.max()) - (low := float(values.min()))) / _BINS) > 0:
+        number, share = np.empty(len(values), dtype=np.int16), np.zeros(_BINS)
+        for part in blocks(len(values)):
+            number[part] = np.minimum((values[part] - low) / step, _BINS - 1)
+            share += np.bincount(number[part], weights[part], _BINS)
+        upto = below + np.cumsum(share)
         at = min(int(np.searchsorted(upto, half)), _BINS - 1)
         inside = number == at
         if inside.all():

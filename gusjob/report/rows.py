@@ -194,8 +194,9 @@ def _motion_columns(trace: Trace, machine: Machine) -> _Computed:
     stage_number = np.arange(1, len(schedule.stage_first), dtype=np.int32)
 
     def vel_mean() -> Floats:
-        mean = np.zeros(len(trace))
-        np.divide(segment_mm(segments, machine), schedule.duration_ms, out=mean, where=schedule.duration_ms > 0)
+        mean, takes_time = segment_mm(segments, machine), schedule.duration_ms > 0
+        np.divide(mean, schedule.duration_ms, out=mean, where=takes_time)
+        mean[~takes_time] = 0.0
         mean *= 1e3
         return mean
 
