@@ -12,7 +12,7 @@ from msgspec import Struct
 from gusjob.config.machine import DEFAULT_NAME
 from gusjob.diagnostics.model import Diagnostic, Severity
 from gusjob.i18n.phrases import Phrase, all_of, plural, printable
-from gusjob.kinematics.arrays import Bools, Floats, blocks, median, where_true
+from gusjob.kinematics.arrays import Bools, Floats, blocks, median
 from gusjob.report.quantities import duration, energy, length, percent, power_time, rated, short
 from gusjob.report.rows import Report
 from gusjob.simulate.kinds import SegmentKind
@@ -252,16 +252,14 @@ def _per_mm(value: float, entry: dict[str, Any]) -> str:
 def _slowest(report: Report) -> Iterator[Finding]:
     """The slowest segment of a mark, if it is slower than usual."""
     columns = report.columns
-    at = where_true((columns["kind"] == SegmentKind.MARK) & (columns["length_mm"] > 0))
-    velocity, length_mm = columns["vel_mean_mm_s"][at], columns["length_mm"][at]
-    if not len(velocity):
+    is_mark = (columns["kind"] == SegmentKind.MARK) & (columns["length_mm"] > 0)
+    if not is_mark.any():
         return
-    usual, slow = _weighted_median(velocity, length_mm), int(np.argmin(velocity))
-    if velocity[slow] < _SLOW * usual:
-        text = Phrase(
-            "{value} mm/s on average, typical {typical} mm/s", value=short(float(velocity[slow])), typical=short(usual)
-        )
-        yield _of_segment(report, Phrase("slowest"), text, slow if isinstance(at, slice) else int(at[slow]))
+    marked_mm, velocity = columns["length_mm"] * is_mark, columns["vel_mean_mm_s"]
+    usual, slowest = _weighted_median(velocity, marked_mm), float(velocity.min(where=is_mark, initial=np.inf))
+    if slowest < _SLOW * usual:
+        text = Phrase("{value} mm/s on average, typical {typical} mm/s", value=short(slowest), typical=short(usual))
+        yield _of_segment(report, Phrase("slowest"), text, int(np.argmax((velocity == slowest) & is_mark)))
 
 
 def _weighted_median(values: Floats, weights: Floats) -> float:
