@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from functools import cached_property
@@ -43,6 +42,7 @@ from gusjob.frontend.parse.grammar import subtrees
 from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase, did_you_mean
+from gusjob.patterns import lazy_pattern
 
 EXPECTED_ARGUMENT = {
     ArgKind.WHOLE: Phrase("a whole number"),
@@ -66,7 +66,7 @@ _TELLING = (
 """Arguments of buffered calls whose values show whether a card number is first."""
 
 
-_REAL = re.compile("[.eE]")
+_REAL = lazy_pattern("[.eE]")
 """A mark of a floating number among plain numbers."""
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase
+from gusjob.patterns import lazy_pattern
 
-_NOT_CODE = re.compile(
+_NOT_CODE = lazy_pattern(
     r"//[^\n]*"  # To the end of its line, whatever it holds.
     r"|/\*.*?(?:\*/|\Z)"
     r'|"(?:\\.|[^"\\\n])*"?'
@@ -26,8 +27,8 @@ _PROBED_BYTES = 1 << 20
 _IN_NUMBER = np.zeros(256, dtype=np.bool_)
 _IN_NUMBER[list(b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_.")] = True
 """Bytes after which a zero does not begin a number."""
-_ZEROS = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0+(?=0(?![0-9.xX]))")
-_OCTAL = re.compile(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0(?=[0-9]+(?![0-9.eE]))")
+_ZEROS = lazy_pattern(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0+(?=0(?![0-9.xX]))")
+_OCTAL = lazy_pattern(r"(?<![0-9A-Za-z_.])(?<![eE][-+])0(?=[0-9]+(?![0-9.eE]))")
 JOINS_LINES = Phrase("a comment that joins this line with the next one")
 OCTAL_MARK = "⓪"
 """Stands for the leading zero of an octal number, so that no line with one has the shape of a line without."""
@@ -95,19 +96,19 @@ def _has_leading_zero(data: bytes) -> bool:
     return False
 
 
-_FUNCTION = re.compile(
+_FUNCTION = lazy_pattern(
     r"^[^\S\n]*(?!(?:if|else|while|for|switch|do|return)\b)[A-Za-z_][\w:<>,*&. \t]{0,100}?[ \t*&\n]"
     r"(?!(?:if|while|for|switch|return)\b)[A-Za-z_~][\w:~]*[^\S\n]*\([^;{}()]{0,1000}\)\s*"
     r"(?:const\s*|override\s*|noexcept\s*)?\{",
     re.MULTILINE,
 )
-_OF_PROGRAMS = re.compile(
+_OF_PROGRAMS = lazy_pattern(
     r"^[^\S\n]*(?:(?:public|private|protected|internal|static|partial|sealed|abstract)\s+)*"
     r"(?:namespace|using|class|struct\s+\w+\s*\{|interface|template|def|import|function|procedure|Public\s+Class)\b",
     re.MULTILINE,
 )
-_C_SHARP = re.compile(r"^[^\S\n]*(?:using\s+System|namespace\b)|\[DllImport", re.MULTILINE)
-_LINE_COMMENT = re.compile(r"//[^\n]*")
+_C_SHARP = lazy_pattern(r"^[^\S\n]*(?:using\s+System|namespace\b)|\[DllImport", re.MULTILINE)
+_LINE_COMMENT = lazy_pattern(r"//[^\n]*")
 _SEARCHED = 300_000
 """Characters in which signs of a whole program are looked for."""
 
