@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import sys
 from pathlib import Path
 from typing import IO
 
 from gusjob.i18n.phrases import Phrase
+from gusjob.patterns import lazy_pattern
 
 NAMED_PIPE = Phrase("it is a named pipe, not a file")
-_DESCRIPTOR = re.compile(r"/dev/(stdin|fd/\d+)|/proc/(self|\d+)/fd/.+")
+_DESCRIPTOR = lazy_pattern(r"/dev/(stdin|fd/\d+)|/proc/(self|\d+)/fd/.+")
 """Names of files that the process has open: /dev/stdin, and what a shell passes for <(command)."""
 
 

@@ -119,6 +119,20 @@ def test_records_are_structs() -> None:
     assert found == []
 
 
+def test_no_module_compiles_patterns_when_it_is_imported() -> None:
+    """It makes lazy_pattern of them: compiling all of them would take much of a start."""
+
+    def compiled(body: list[ast.stmt]) -> Iterator[int]:
+        for statement in body:
+            if isinstance(statement, ast.ClassDef):
+                yield from compiled(statement.body)
+            elif not isinstance(statement, ast.FunctionDef):
+                found = (n for n in ast.walk(statement) if isinstance(n, ast.Attribute))
+                yield from (n.lineno for n in found if ast.unparse(n) == "re.compile")
+
+    assert [f"{path.relative_to(ROOT)}:{line}" for path in MODULES for line in compiled(tree(path).body)] == []
+
+
 def test_every_module_says_what_it_is() -> None:
     assert [path for path in MODULES if not ast.get_docstring(tree(path))] == []
 
@@ -136,17 +150,32 @@ UNUSED_BY_A_PLAIN_JOB = (
     "filelock",
     "tomllib",
     "difflib",
+    "glob",
     "numpy.ma",
+    "gusjob.cli.fixes",
     "gusjob.diagnostics.fixes",
     "gusjob.frontend.expand.expander",
     "gusjob.frontend.includes",
     "gusjob.frontend.listing",
     "gusjob.frontend.parse.foreign",
+    "gusjob.frontend.parse.intent",
+    "gusjob.frontend.parse.keyword_case",
+    "gusjob.frontend.parse.misread",
+    "gusjob.frontend.parse.syntax_errors",
     "gusjob.frontend.resolve.frames",
     "gusjob.hardware",
+    "gusjob.i18n.spelling",
     "gusjob.view",
 )
-OF_OTHER_COMMANDS = ("gusjob.simulate", "gusjob.planner", "gusjob.report")
+OF_OTHER_COMMANDS = (
+    "json",
+    "orjson",
+    "gusjob.diagnostics.formats.text",
+    "gusjob.planner",
+    "gusjob.report",
+    "gusjob.simulate",
+)
+UNUSED_BY_A_HELP_TEXT = ("numpy", "lark", "gusjob.frontend", "gusjob.lint", "gusjob.planner")
 PLAIN_JOB = """\
 LASER MODE DUTY CARRIER 10
 VEL 1000
@@ -163,7 +192,9 @@ LASER OFF
     [
         (("check",), (*UNUSED_BY_A_PLAIN_JOB, *OF_OTHER_COMMANDS)),
         (("report", "--summary"), UNUSED_BY_A_PLAIN_JOB),
-        (("--help",), ("numpy", "lark", "gusjob.frontend", "gusjob.lint", "gusjob.planner")),
+        (("--help",), UNUSED_BY_A_HELP_TEXT),
+        (("check", "--help"), UNUSED_BY_A_HELP_TEXT),
+        (("explain",), UNUSED_BY_A_HELP_TEXT),
     ],
 )
 def test_a_plain_job_imports_what_it_needs(words: tuple[str, ...], unused: tuple[str, ...], tmp_path: Path) -> None:
@@ -176,6 +207,16 @@ def test_a_plain_job_imports_what_it_needs(words: tuple[str, ...], unused: tuple
     )
     done = subprocess.run([sys.executable, "-c", code, *words, str(job)], capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [("check x.job", True), ("--color never report x.job", True), ("check -h", False), ("explain", False), ("", False)],
+)
+def test_numpy_is_imported_from_the_top_of_the_stack(words: str, expected: bool) -> None:
+    code = "import sys; from gusjob import cli\ncli._call = lambda: print('numpy' in sys.modules)\ncli.main()"
+    done = subprocess.run([sys.executable, "-c", code, *words.split()], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(expected)
 
 
 def test_no_eval_no_shell_no_pickle() -> None:

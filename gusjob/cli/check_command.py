@@ -15,7 +15,6 @@ from gusjob.cli.completion import complete_codes
 from gusjob.cli.define import define_option
 from gusjob.cli.endings import output_format
 from gusjob.cli.files import CURRENT_FOLDER, files_named, refuse_writing_unnamed
-from gusjob.cli.fixes import FileFixer, count_fixes
 from gusjob.cli.formats import FormatChoice
 from gusjob.cli.language import Command
 from gusjob.cli.quiet import quiet_option, summarize
@@ -116,6 +115,8 @@ def command(
     writer = None if is_shown else writer_for(form, strict=strict, by_rule=by_rule, overrides=overrides)
     fixer = None
     if fixes or diffs:
+        from gusjob.cli.fixes import FileFixer
+
         fixer = FileFixer(machine_path=machine_path, asked=asked, diffs=diffs)
     files = files_named(paths or (CURRENT_FOLDER,), _CHECKED)
     named = [] if machine_path is None else [machine_path]
@@ -127,7 +128,9 @@ def command(
         examined = examined if fixer is None else fixer.fix(examined, file.data)
         chosen = selected(examined, asked)
         sums.add(examined, chosen)
-        if fixer is None and (writer is None or output is not None):
+        if examined.diagnostics and fixer is None and (writer is None or output is not None):
+            from gusjob.cli.fixes import count_fixes  # Start-up time is part of the tool.
+
             sums.add_fixable(count_fixes(examined, machine_path, asked))
         if writer is not None:
             writer.add(chosen.path, chosen.diagnostics, chosen.text_of, readable=not chosen.is_unreadable)

@@ -7,13 +7,14 @@ follows it, and all other output takes it from use_color.
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, TextIO
 
 import click
+
+from gusjob.patterns import lazy_pattern
 
 if TYPE_CHECKING:  # Start-up time is part of the tool.
     from rich.console import Console
@@ -23,7 +24,7 @@ COLOR_HELP = "Use colours. auto: on a terminal, unless NO_COLOR, FORCE_COLOR or 
 _RESET = b"\x1b[0m"
 _OF_LINES = {b"---": b"\x1b[1m", b"+++": b"\x1b[1m", b"@@": b"\x1b[36m", b"-": b"\x1b[31m", b"+": b"\x1b[32m"}
 """Codes of the lines of a difference by what they begin with; the first that fits counts."""
-_LINE_START = re.compile(rb"---|\+\+\+|@@|[-+]")
+_LINE_START = lazy_pattern(rb"---|\+\+\+|@@|[-+]")
 
 
 def color_decision(option: str | None, environment: Mapping[str, str]) -> bool | None:

@@ -81,7 +81,9 @@ def exit_code(result: FileResult) -> int:
 
 def show(result: FileResult, *, err: bool = True, notes: bool = True) -> None:
     """Print diagnostics with their source lines; no notes with -q."""
-    from gusjob.diagnostics.formats.text import diagnostic_text
+    if not result.diagnostics:
+        return
+    from gusjob.diagnostics.formats.text import diagnostic_text  # Start-up time is part of the tool.
 
     stream = sys.stderr if err else sys.stdout
     color = use_color(stream)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from textwrap import indent
 from typing import Any
@@ -21,6 +20,7 @@ from gusjob.i18n.language import translated
 from gusjob.i18n.phrases import Phrase, any_of, localized, printable
 from gusjob.i18n.spelling import nearest_ones
 from gusjob.i18n.width import padded, wrapped
+from gusjob.patterns import lazy_pattern
 
 EXPLAIN_SCHEMA = "gusjob-explain/1"
 
@@ -84,7 +84,7 @@ def explanation(rule: Rule) -> str:
 _COLUMNS = 100
 _MAX_LINES = 16
 """Of a longer example the middle is left out."""
-_FIELD = re.compile(r"\{\w+\}")
+_FIELD = lazy_pattern(r"\{\w+\}")
 _BAD, _GOOD = Phrase("bad:"), Phrase("good:")
 _FIXABLE = Phrase("`gusjob check --fix` corrects it where only one correction is possible.")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from glob import glob, has_magic
 from pathlib import Path
 
 import click
@@ -45,7 +44,11 @@ def _named(path: Path, endings: tuple[str, ...]) -> list[Path]:
         return list(_inside(path, endings)) or stop(
             Phrase("{path}: there is no {kinds} file in this folder", path=path, kinds=kinds)
         )
-    if not has_magic(str(path)) or exists(path):  # part[1].job is a name like any other.
+    if exists(path):  # part[1].job is a name like any other.
+        return [path]
+    from glob import glob, has_magic  # Start-up time is part of the tool.
+
+    if not has_magic(str(path)):
         return [path]
     found = glob(str(path), recursive=True)  # noqa: PTH207  (Path.glob takes no absolute pattern)
     matches = [named_path(os.path.join(os.curdir, name)) for name in sorted(found)]  # noqa: PTH118  (no file is -)

@@ -6,6 +6,8 @@ import os
 import sys
 from typing import Any, Self, TypeAlias
 
+from gusjob.patterns import lazy_pattern
+
 
 def _stdin_terminal() -> int | None:
     """Return the file descriptor of standard input if it is a terminal."""
@@ -48,12 +50,11 @@ if sys.platform == "win32":
     Keys: TypeAlias = WindowsKeys
 
 else:
-    import re
     import select
     import termios
     from contextlib import suppress
 
-    _NAMED_KEY = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|O[ -~])")
+    _NAMED_KEY = lazy_pattern(r"\x1b(\[[0-?]*[ -/]*[@-~]|O[ -~])")
     """What arrows and function keys send: it begins with an Escape that nobody pressed."""
 
     class PosixKeys:

@@ -27,6 +27,7 @@ from gusjob.controllers.gus.ranges import (
 from gusjob.i18n.phrases import Phrase, printable
 from gusjob.kinematics.float_noise import settled_one
 from gusjob.kinematics.units import US_PER_MS, acceleration_pulse_per_ms2, velocity_pulse_per_ms
+from gusjob.patterns import lazy_pattern
 
 DEFAULT_NAME = "default"
 """Name of a machine whose profile gives none."""
@@ -101,7 +102,9 @@ SCANNER_FORM = Phrase(
 """The form of a scanner's text."""
 
 _SCANNER_MAX_US = 1e6
-_SCANNER_TEXT = re.compile(rf"({'|'.join(ScannerModel)}):((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) ?(us|ms|s)?", re.ASCII)
+_SCANNER_TEXT = lazy_pattern(
+    rf"({'|'.join(ScannerModel)}):((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) ?(us|ms|s)?", re.ASCII
+)
 
 
 def parse_scanner(text: str) -> Scanner | str:

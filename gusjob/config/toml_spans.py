@@ -15,6 +15,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from gusjob.diagnostics.model import Span
+from gusjob.patterns import lazy_pattern
 
 
 class TomlNode(Struct, frozen=True, kw_only=True):
@@ -94,15 +95,15 @@ def _joined(value: Any, spans: _Spans) -> TomlNode:
     return TomlNode(value=value, span=spans.value, key_span=spans.key)
 
 
-_BLANKS = re.compile(r"[ \t]*")
-_SPACE = re.compile(r"(?:[ \t\r\n]+|#[^\n]*)*")
+_BLANKS = lazy_pattern(r"[ \t]*")
+_SPACE = lazy_pattern(r"(?:[ \t\r\n]+|#[^\n]*)*")
 """Blanks, line ends and comments."""
-_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:\\.|[^"\\\n])*"|'[^'\n]*'""")
-_STRING = re.compile(
+_KEY = lazy_pattern(r"""[A-Za-z0-9_-]+|"(?:\\.|[^"\\\n])*"|'[^'\n]*'""")
+_STRING = lazy_pattern(
     "|".join((r'"""(?:\\.|[^\\])*?""""{0,2}', r"'''.*?''''{0,2}", r'"(?:\\.|[^"\\\n])*"', r"'[^'\n]*'")), re.DOTALL
 )
 """A string; a multi-line string may end in one or two quotes of its own."""
-_SCALAR = re.compile(r"[^,\]}#\r\n]+")
+_SCALAR = lazy_pattern(r"[^,\]}#\r\n]+")
 
 _Path = list[tuple[str, Span]]
 """The parts of a dotted key, each with its position."""

@@ -16,12 +16,13 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Severity, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.phrases import Phrase, printable
+from gusjob.patterns import lazy_pattern
 
-_COMMENT = re.compile(
+_COMMENT = lazy_pattern(
     r"(?:;|//)\s*allow(?P<gap>[\s:：,，]*)(?P<codes>GJ\w*(?:[\s,，]+GJ\w*)*)\s*(?:[:：]\s*(?P<reason>\S))?",
     re.IGNORECASE,
 )
-_CODE = re.compile(r"GJ\w*", re.IGNORECASE | re.ASCII)
+_CODE = lazy_pattern(r"GJ\w*", re.IGNORECASE | re.ASCII)
 
 _UNKNOWN = Phrase("there is no such rule")
 _ERROR = Phrase("an error can't be suppressed")

@@ -10,8 +10,9 @@ from msgspec import Struct
 
 from gusjob.frontend.source import Source, read_source
 from gusjob.i18n.phrases import Phrase
+from gusjob.patterns import lazy_pattern
 
-_INCLUDES = re.compile(rb'include[ \t]*"([^"\n]*)"', re.IGNORECASE)
+_INCLUDES = lazy_pattern(rb'include[ \t]*"([^"\n]*)"', re.IGNORECASE)
 _MAX_JOBS, _MAX_BYTES = 5000, 10_000_000
 """How many jobs near a file are searched, and how much of each."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from types import MappingProxyType
 
@@ -11,8 +10,9 @@ from gusjob.frontend.parse.statement_parser import parse_statement, strip_commen
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.i18n.phrases import Phrase, printable
 from gusjob.ir.overrides import Overrides
+from gusjob.patterns import lazy_pattern
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_NAME = lazy_pattern(r"[A-Za-z_][A-Za-z0-9_]*")
 _SHOWN = 40
 _EXPECTED = Phrase("a value is a number (60), a number with a unit (60%, 500mm/s) or an expression (2*pitch)")
 

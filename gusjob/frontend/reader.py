@@ -13,7 +13,6 @@ from gusjob.diagnostics.characters import without_consequences
 from gusjob.diagnostics.model import Diagnostic, has_errors
 from gusjob.frontend.expand.expanded_job import ExpandedJob
 from gusjob.frontend.parse.job_reader import JobText, more_diagnostics, read_job_text
-from gusjob.frontend.parse.keyword_case import lower_case_note
 from gusjob.frontend.resolve.resolver import resolve
 from gusjob.frontend.source import Source, is_listing_text
 from gusjob.i18n.phrases import Phrase
@@ -52,8 +51,11 @@ def read_job(source: Source, machine: Machine, overrides: Overrides = NO_OVERRID
     found += diagnostics
     if text.diagnostics_not_listed:
         found.append(more_diagnostics(text))
-    if text.has_lower_case and (note := lower_case_note(source.data, source.name)) is not None:
-        found.append(note)
+    if text.has_lower_case:
+        from gusjob.frontend.parse.keyword_case import lower_case_note  # Start-up time is part of the tool.
+
+        note = lower_case_note(source.data, source.name)
+        found += [] if note is None else [note]
     if not len(expanded.rows.op) and not found:
         found.append(Diagnostic(rule=rules.EMPTY, span=d.NOWHERE, fields={"what": Phrase("statements")}))
     return job, [_with_path(diagnostic, source.name) for diagnostic in without_consequences(found)]

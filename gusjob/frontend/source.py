@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path, PurePath
 from typing import IO
 
@@ -15,18 +14,19 @@ from gusjob.diagnostics.model import Diagnostic, Span
 from gusjob.i18n.phrases import Phrase, reason_of
 from gusjob.inputs import open_input
 from gusjob.kinematics.arrays import Indices
+from gusjob.patterns import lazy_pattern
 
 MAX_FILE_MB = 1000
 _JOB_SUFFIXES = {".job"}
 _LISTING_SUFFIXES = {".gts", ".c", ".cc", ".cpp", ".cxx", ".h", ".hpp", ".cs"}
-_LISTING_CALL = re.compile(rb"\bGTN?_[A-Za-z]+\s*\(")
-_LONE_RETURN = re.compile(rb"\r(?!\n)")
+_LISTING_CALL = lazy_pattern(rb"\bGTN?_[A-Za-z]+\s*\(")
+_LONE_RETURN = lazy_pattern(rb"\r(?!\n)")
 """A CR that ends a line by itself, as on old systems: editors and compilers show a line end there."""
-_LINE = re.compile(rb"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+\Z")
+_LINE = lazy_pattern(rb"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+\Z")
 _LINE_END = ord("\n")
 _BLOCK_BYTES = 1 << 14
 """Bytes of a text whose line ends are counted together."""
-_JOINED_COMMENT = re.compile(rb"//[^\r\n]*[\x80-\xff]\\[ \t]*[\r\n]")
+_JOINED_COMMENT = lazy_pattern(rb"//[^\r\n]*[\x80-\xff]\\[ \t]*[\r\n]")
 _SEARCHED_BYTES = 200_000
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_ENCODING = "GB18030"

@@ -20,8 +20,9 @@ from gusjob.diagnostics.model import NOWHERE, Diagnostic, Span
 from gusjob.frontend import Source, read_listing
 from gusjob.i18n.phrases import Phrase
 from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE
+from gusjob.patterns import lazy_pattern
 
-_LINE = re.compile(
+_LINE = lazy_pattern(
     rb'^\{"t":[^,\n]*,(?:"code":0,(?:"row":(-?\d+),)?"line":(\d+),"call":"(\w+)","args":\[(.*)\]'
     rb'|("(?:part|broken|end)":.*)),"crc":\d+\}$',
     re.MULTILINE,

@@ -10,13 +10,13 @@ import re
 import unicodedata
 from collections.abc import Iterator
 
+from gusjob.patterns import lazy_pattern
+
 _CHUNK = 1 << 20
 _CONTROLS = bytes(code for code in (*range(32), 127) if code not in b"\t\n\r")
-_OUTSIDE_ASCII = tuple(
-    map(re.compile, (rb"\xc2[\x80-\x9f]", rb"\xd8\x9c", rb"\xe2\x80[\x8e\x8f\xa8-\xae]", rb"\xe2\x81[\xa6-\xa9]"))
-)
+_OUTSIDE_ASCII = (rb"\xc2[\x80-\x9f]", rb"\xd8\x9c", rb"\xe2\x80[\x8e\x8f\xa8-\xae]", rb"\xe2\x81[\xa6-\xa9]")
 """C1 controls with NEL, line and paragraph separator, and the directional marks of Unicode (UAX 9, 2)."""
-_ANY = re.compile(b"|".join((b"[%b]" % re.escape(_CONTROLS), *(pattern.pattern for pattern in _OUTSIDE_ASCII))))
+_ANY = lazy_pattern(b"|".join((b"[%b]" % re.escape(_CONTROLS), *_OUTSIDE_ASCII)))
 LINE_ENDS = frozenset("\v\f\x85\u2028\u2029")
 """Line ends of Unicode (UAX 14) that gusjob has not: its lines end at LF, CR LF and CR."""
 _BLANK_LETTERS = frozenset("\u115f\u1160\u2800\u3164\uffa0")
@@ -34,7 +34,7 @@ def _may_hide(data: bytes) -> bool:
     parts = (data[start : start + _CHUNK] for start in range(0, len(data), _CHUNK))
     if any(len(part.translate(None, _CONTROLS)) != len(part) for part in parts):
         return True
-    return not data.isascii() and any(pattern.search(data) for pattern in _OUTSIDE_ASCII)
+    return not data.isascii() and any(re.search(pattern, data) for pattern in _OUTSIDE_ASCII)
 
 
 def code_point(character: str) -> str:

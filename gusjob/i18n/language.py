@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gusjob.patterns import lazy_pattern
+
 if TYPE_CHECKING:  # Start-up time is part of the tool: English needs no catalogue.
     from gettext import NullTranslations
 
@@ -23,9 +25,8 @@ DOMAIN = "gusjob"
 _SIMPLIFIED = {"", "cn", "sg", "my", "hans"}
 """The regions and scripts after `zh` in the names of locales with Simplified Chinese."""
 _WIDE = r"[\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60]"
-# Texts, not compiled: English needs none of them, and their large sets would take a tenth of the time of a help text.
-_BLANK_BEFORE, _BLANK_BEHIND = rf"(?<={_WIDE}) (?=\{{(\w+)}})", rf"(?<=}}) (?={_WIDE})"
-_FIELD_BEFORE, _STARTS_WIDE, _ENDS_WIDE = r"\{(\w+)}$", _WIDE, f"{_WIDE}$"
+_BLANK_BEFORE, _BLANK_BEHIND = lazy_pattern(rf"(?<={_WIDE}) (?=\{{(\w+)}})"), lazy_pattern(rf"(?<=}}) (?={_WIDE})")
+_FIELD_BEFORE, _STARTS_WIDE, _ENDS_WIDE = lazy_pattern(r"\{(\w+)}$"), lazy_pattern(_WIDE), lazy_pattern(f"{_WIDE}$")
 _VARIABLES = ("LC_ALL", "LC_MESSAGES", "LANG")
 
 _catalogue: NullTranslations | None = None
@@ -41,16 +42,16 @@ def typeset(template: str, fields: Mapping[str, object]) -> str:
     """Remove the blanks between Chinese letters of a template and Chinese fields."""
 
     def before(blank: re.Match[str]) -> str:
-        return "" if re.match(_STARTS_WIDE, str(fields[blank[1]])) else " "
+        return "" if _STARTS_WIDE.match(str(fields[blank[1]])) else " "
 
     def behind(blank: re.Match[str]) -> str:
-        field = re.search(_FIELD_BEFORE, template[: blank.start()])
-        return "" if field and re.search(_ENDS_WIDE, str(fields[field[1]])) else " "
+        field = _FIELD_BEFORE.search(template[: blank.start()])
+        return "" if field and _ENDS_WIDE.search(str(fields[field[1]])) else " "
 
     if _catalogue is None:
         return template
-    template = re.sub(_BLANK_BEFORE, before, template)
-    return re.sub(_BLANK_BEHIND, behind, template)
+    template = _BLANK_BEFORE.sub(before, template)
+    return _BLANK_BEHIND.sub(behind, template)
 
 
 def set_language(name: str) -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import unicodedata
 
-_WIDE = r"\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60"
-_BREAKABLE = rf"\s*[（《]*(?:[{_WIDE}]|[^\s{_WIDE}]+)[，。；：、！？）》]*\s*"
-"""What stays together on a line: a wide character or a word of others, with its punctuation.
+from gusjob.patterns import lazy_pattern
 
-Not compiled before it is used: compiling its large sets takes long, and few texts are wrapped.
-"""
+_WIDE = r"\u2e80-\ua4cf\uf900-\ufaff\uff00-\uff60"
+_BREAKABLE = lazy_pattern(rf"\s*[（《]*(?:[{_WIDE}]|[^\s{_WIDE}]+)[，。；：、！？）》]*\s*")
+"""What stays together on a line: a wide character or a word of others, with its punctuation."""
 
 
 def width(text: str) -> int:
@@ -29,7 +27,7 @@ def wrapped(text: str, columns: int) -> str:
     A line may break after any wide character, but not before punctuation.
     """
     lines, used = [""], 0
-    for part in re.findall(_BREAKABLE, text):
+    for part in _BREAKABLE.findall(text):
         size = width(part.rstrip())
         if used + size > columns and lines[-1]:
             lines.append("")

@@ -19,9 +19,10 @@ from gusjob.frontend.parse.statement_parser import parse_statement
 from gusjob.kinematics.units import UNITS, spelling
 from gusjob.lsp.query import Cursor, Query, cursor_at
 from gusjob.lsp.symbols import FileSymbols
+from gusjob.patterns import lazy_pattern
 
-_TYPED = re.compile(r"[A-Za-z_]\w*$")
-_NUMBER_TYPED = re.compile(
+_TYPED = lazy_pattern(r"[A-Za-z_]\w*$")
+_NUMBER_TYPED = lazy_pattern(
     r"(?:(?<![\w.)])|(?<=\b[A-Za-z]))(?P<number>[0-9]+\.?[0-9]*|\.[0-9]+)(?P<unit>[A-Za-z%/][A-Za-z0-9/]*)?$"
 )
 MAX_FILES = 500

@@ -14,9 +14,10 @@ from gusjob.lsp.diagnostics import Diagnosis
 from gusjob.lsp.symbols import FileSymbols, job_files
 from gusjob.lsp.worker import Task
 from gusjob.lsp.workspace import Workspace, uri_of
+from gusjob.patterns import lazy_pattern
 
-WORD = re.compile(r"[A-Za-z_]\w*")
-LETTERS = re.compile(r"[A-Za-z_]+2?")
+WORD = lazy_pattern(r"[A-Za-z_]\w*")
+LETTERS = lazy_pattern(r"[A-Za-z_]+2?")
 BARE_NAME_STATEMENTS = {"LET", "REPEAT", "FOR", "IF", "CALL", "DEF"}
 """Statements in which names need no parentheses."""
 

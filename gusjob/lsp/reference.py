@@ -17,6 +17,7 @@ from gusjob.controllers.gus.ranges import PowerMode, Range
 from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, Word
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, grammar_path, keywords
 from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND
+from gusjob.patterns import lazy_pattern
 
 _POWERS = tuple(ranges.POWER[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
 _POWERS_NOW = tuple(ranges.POWER_NOW[mode] for mode in (PowerMode.DUTY, PowerMode.FREQUENCY, PowerMode.ANALOG))
@@ -74,9 +75,9 @@ RANGES: dict[str, _Words] = {
 }
 """Ranges by form and word ('' for the statement's number itself); a test compares them with the checks."""
 
-_SPAN = re.compile(r"`([^`]+)`")
-_CELL = re.compile(r"(?<!\\)\|")
-_WORD = re.compile(r"[A-Za-z_]+")
+_SPAN = lazy_pattern(r"`([^`]+)`")
+_CELL = lazy_pattern(r"(?<!\\)\|")
+_WORD = lazy_pattern(r"[A-Za-z_]+")
 
 
 class StatementReference(Struct, frozen=True):

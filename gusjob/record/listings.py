@@ -23,13 +23,14 @@ else:
     import fcntl
 
 from gusjob.inputs import exists
+from gusjob.patterns import lazy_pattern
 from gusjob.record.build import cache_folder
 
 HEADER = b"// recorded by gusjob record"
 """The first bytes of a recorded listing."""
 _STOPPED = b"// stopped: "
 _NOT_WRITTEN = b"\n// stopped: the listing could not be written, later calls are missing\n"
-_UNSIGNED = re.compile(
+_UNSIGNED = lazy_pattern(
     rb"^\[.*\bGT_\w+\(.*[(,{](?:2147483[6-9]\d\d|21474[89]\d{5}|2[2-9]\d{8}|[34]\d{9})[,)}].* = 7\b", re.M
 )
 """A refused call with a negative int that was read as a larger number: 2**31 and more."""

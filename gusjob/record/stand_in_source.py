@@ -12,6 +12,7 @@ from pathlib import Path
 
 from gusjob.config.machine import Abi
 from gusjob.controllers.gus.functions import Effect, FunctionArg, LibraryFunction, functions
+from gusjob.patterns import lazy_pattern
 
 FOLDER = Path(__file__).with_name("stand_in")
 MAIN_FILE = FOLDER / "library.c"
@@ -20,7 +21,7 @@ GENERATED = "functions.h"
 ABI_NUMBERS = {Abi.GUS: 0, Abi.GTS: 1, Abi.GTS_MULTI: 2}
 """VC_ABI of the C source."""
 
-_SYMBOL = re.compile(r"^API (GT_\w+)\(", re.MULTILINE)
+_SYMBOL = lazy_pattern(r"^API (GT_\w+)\(", re.MULTILINE)
 _NUMBERS = {"short", "long", "unsigned short", "unsigned long", "double", "int", "unsigned int", "char"}
 _MOTIONS = {
     "put_line": ("crd", "x", "y", "synVel", "synAcc", "velEnd", "fifo"),

@@ -6,16 +6,17 @@ holds the calls that gusjob models.
 
 from __future__ import annotations
 
-import re
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
 
 from msgspec import Struct
 
+from gusjob.patterns import lazy_pattern
+
 _TABLE = Path(__file__).with_suffix(".txt")
-_LINE = re.compile(r"(?P<effect>\w+) +(?P<name>GT_\w+)\((?P<args>[^()]*)\)(?:  # M (?P<section>\S+))?")
-_ARG = re.compile(r"(?P<type>(?:unsigned )?\w+ \**)(?P<name>\w+)(?:=(?P<default>NULL|-?\d+))?")
+_LINE = lazy_pattern(r"(?P<effect>\w+) +(?P<name>GT_\w+)\((?P<args>[^()]*)\)(?:  # M (?P<section>\S+))?")
+_ARG = lazy_pattern(r"(?P<type>(?:unsigned )?\w+ \**)(?P<name>\w+)(?:=(?P<default>NULL|-?\d+))?")
 
 
 class Effect(StrEnum):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,8 @@ from zlib import crc32
 
 import orjson
 from msgspec import Struct
+
+from gusjob.patterns import lazy_pattern
 
 _CHECKSUM = b',"crc":'
 
@@ -98,12 +99,12 @@ def path_of(text: str) -> Path:
 
 LARGEST = 2**53
 """Bound of every whole number in a journal."""
-_BUFFERED = re.compile(
+_BUFFERED = lazy_pattern(
     rb'\{"t":\d{1,12}(?:\.\d{1,12})?,"code":(-?\d{1,9}),"row":(-1|\d{1,15}),"line":(\d{1,15}),"call":"GT_\w{1,60}",'
     rb'"args":\[[-+.\w,]*\],"crc":\d{1,10}\}'
 )
 """The line of a buffered call, whose arguments are numbers."""
-_CALL = re.compile(r"GT_[A-Za-z0-9]{1,60}")
+_CALL = lazy_pattern(r"GT_[A-Za-z0-9]{1,60}")
 _WHOLE = {"code": -LARGEST, "row": -1, "line": 0, "part": 0, "lead": 0, "broken": 0, "rows": 0, "crc": 0}
 """Fields with a whole number, and its lowest value."""
 _TEXTS = ("schema", "job", "calls", "library", "abi", "started", "options", "resumed", "gusjob")

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 
+from gusjob.patterns import lazy_pattern
+
 _FULL_WIDTH = {chr(c): chr(c - 0xFEE0) for c in range(0xFF01, 0xFF5F)}
 _REPLACEMENTS = {
     **_FULL_WIDTH,
@@ -25,7 +27,7 @@ _REPLACEMENTS = {
     "\u2265": ">=",
     "\u2260": "!=",
 }
-_PER_TIME = re.compile(r"\d\s*(?:mm|m|pulse)/m?s$", re.IGNORECASE | re.ASCII)
+_PER_TIME = lazy_pattern(r"\d\s*(?:mm|m|pulse)/m?s$", re.IGNORECASE | re.ASCII)
 _SQUARE = "\u00b2"
 
 

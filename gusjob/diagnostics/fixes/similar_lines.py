@@ -12,11 +12,12 @@ from collections.abc import Iterator
 from msgspec import Struct, field
 
 from gusjob.diagnostics.fixes.syntax import corrected
+from gusjob.patterns import lazy_pattern
 
-_DIGITS = re.compile(r"[0-9]+", re.ASCII)
-_NUMBERS = re.compile(r"(?<!/s)(?<!/ms)(?<!duty)[0-9]+", re.IGNORECASE | re.ASCII)
+_DIGITS = lazy_pattern(r"[0-9]+", re.ASCII)
+_NUMBERS = lazy_pattern(r"(?<!/s)(?<!/ms)(?<!duty)[0-9]+", re.IGNORECASE | re.ASCII)
 """Digits that are no part of a unit or keyword: mm/s2, DUTY2."""
-_COMMENT = re.compile(r"[;；]|[/／]{2}")
+_COMMENT = lazy_pattern(r"[;；]|[/／]{2}")
 _MAX_KNOWN = 10_000
 
 

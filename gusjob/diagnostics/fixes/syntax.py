@@ -16,12 +16,13 @@ from gusjob.frontend.parse.foreign import comment_of
 from gusjob.frontend.parse.grammar import words_of
 from gusjob.frontend.parse.statement_parser import parse_statement, strip_comment
 from gusjob.frontend.parse.syntax_errors import UNIT
+from gusjob.patterns import lazy_pattern
 
 MAX_SLIPS = 32
 """The number of slips that are corrected in a line: a statement has no more numbers."""
 
-_NUMBER_AND_BLANKS = re.compile(r"[0-9.][ \t]+$")
-_IF = re.compile(r"\s*IF\b", re.IGNORECASE | re.ASCII)
+_NUMBER_AND_BLANKS = lazy_pattern(r"[0-9.][ \t]+$")
+_IF = lazy_pattern(r"\s*IF\b", re.IGNORECASE | re.ASCII)
 
 
 def fix_line(context: FixContext, diagnostic: Diagnostic) -> Edits:

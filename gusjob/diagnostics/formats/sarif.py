@@ -18,6 +18,7 @@ from gusjob.diagnostics.model import Diagnostic, Rule, Span
 from gusjob.diagnostics.rules import RULES
 from gusjob.i18n.language import language, translated
 from gusjob.i18n.phrases import Phrase, localized, printable
+from gusjob.patterns import lazy_pattern
 from gusjob.version import __version__
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
@@ -28,7 +29,7 @@ FINGERPRINT = "gusjobLine/v1"
 
 _LANGUAGES = {"en": "en-US", "zh": "zh-CN"}
 _FULL_STOP, _BAD, _GOOD = Phrase("."), Phrase("Bad"), Phrase("Good")
-_LINK = re.compile(r"\[(?=[^\[\]]*\]\()")
+_LINK = lazy_pattern(r"\[(?=[^\[\]]*\]\()")
 
 
 class SarifLog(Struct, kw_only=True):

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from gusjob.diagnostics.formats.text import TextOf
 from gusjob.diagnostics.model import Diagnostic
+
+if TYPE_CHECKING:
+    from gusjob.diagnostics.formats.text import TextOf
 
 
 class DiagnosticsWriter(Protocol):

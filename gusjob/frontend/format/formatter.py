@@ -20,6 +20,7 @@ from gusjob.frontend.parse.job_reader import more_diagnostics, read_job_text
 from gusjob.frontend.parse.statement import BLOCK_WORDS
 from gusjob.frontend.scan.shapes import MAX_LINE, ShapeTable, chunks, shapes_of, strip_comments
 from gusjob.frontend.source import Source, check_text
+from gusjob.patterns import lazy_pattern
 
 INDENT = 2
 COMMENT_GAP = 2
@@ -30,9 +31,9 @@ TAB = 8
 
 _BOM = "\ufeff"
 _BLANKS = b" \t\r"
-_DIGITS = re.compile(rb"[0-9]+")
+_DIGITS = lazy_pattern(rb"[0-9]+")
 _DIGITS_ONLY = bytes(c if 48 <= c < 58 else 32 for c in range(256))
-_BEFORE_WORD_DIGITS = re.compile(rb"(?:/[ \t\r]*m?s|duty)$", re.IGNORECASE)
+_BEFORE_WORD_DIGITS = lazy_pattern(rb"(?:/[ \t\r]*m?s|duty)$", re.IGNORECASE)
 """Before digits that may be part of a unit or keyword: 5mm/s2 is a number, 5mm/s3 is divided by a name."""
 _LONG = 4000
 """Formatting at most doubles a line, so a shorter one does not exceed MAX_LINE."""

@@ -6,6 +6,7 @@ import re
 
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, words_of
 from gusjob.kinematics.units import spelling
+from gusjob.patterns import lazy_pattern
 
 SpelledWord = tuple[str, str]
 """A terminal of the grammar, and the text."""
@@ -14,7 +15,7 @@ _SIGNS = {"PLUS", "MINUS"}
 _LOWER_CASE = {"AND", "OR", "NOT"}
 _OPERANDS_END = {"QUANTITY", "NAME", "RPAR"}
 """Terminals that can end an operand: a + or - after them is an operator."""
-_NUMBER = re.compile(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?", re.IGNORECASE | re.ASCII)
+_NUMBER = lazy_pattern(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?", re.IGNORECASE | re.ASCII)
 
 
 def canonical(text: str) -> tuple[str, str]:

@@ -48,15 +48,16 @@ from gusjob.frontend.listing.listing_diagnostics import control_flow
 from gusjob.frontend.parse.grammar import subtrees, tokens
 from gusjob.i18n.phrases import Phrase, did_you_mean
 from gusjob.i18n.spelling import nearest
+from gusjob.patterns import lazy_pattern
 
 _CONSTANTS = {"true": 1.0, "false": 0.0, "TRUE": 1.0, "FALSE": 0.0}
-_NOT_EVALUATED = re.compile(r"\w*(?:assert|debug|trace)\w*|DCHECK\w*", re.IGNORECASE | re.ASCII)
+_NOT_EVALUATED = lazy_pattern(r"\w*(?:assert|debug|trace)\w*|DCHECK\w*", re.IGNORECASE | re.ASCII)
 """Functions and macros whose arguments some builds leave out."""
 _MACRO_DEPTH = 8
 """Levels of macros in macros."""
 _MAX_EXPANSIONS = 1000
 """Macros that one statement may use."""
-_NUMBERED = re.compile(r"(profile|originPos)([1-8])")
+_NUMBERED = lazy_pattern(r"(profile|originPos)([1-8])")
 """Fields of TCrdPrm in C#, which has one for each element."""
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
+from gusjob.patterns import lazy_pattern
+
 
 class NumberKind(IntEnum):
     """Type of a number after C's promotions, in the order of C's conversions.
@@ -149,7 +151,7 @@ def number_type(words: list[str]) -> NumberType | None:
     return found
 
 
-_LITERAL = re.compile(
+_LITERAL = lazy_pattern(
     r"(?P<hex>0x[0-9a-f]+)(?P<hex_suffix>[ul]*)|(?P<digits>[0-9.]+(?:e[+-]?[0-9]+)?)(?P<suffix>[ulfd]*)"
 )
 _MAX_DIGITS = 300

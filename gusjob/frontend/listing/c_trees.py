@@ -9,8 +9,9 @@ from lark import Token, Tree
 from msgspec import Struct
 
 from gusjob.frontend.parse.grammar import subtrees, tokens
+from gusjob.patterns import lazy_pattern
 
-_LIBRARY = re.compile(r"GTN?_\w+|AT_REST")
+_LIBRARY = lazy_pattern(r"GTN?_\w+|AT_REST")
 HARMLESS_FUNCTIONS = frozenset({
     "printf", "fprintf", "puts", "fputs", "putchar", "fflush", "perror", "getchar", "clock", "sleep", "usleep",
     "nanosleep", "Sleep", "OutputDebugString", "MessageBox", "AfxMessageBox", "_getch", "getch", "GetTickCount",

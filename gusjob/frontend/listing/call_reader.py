@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from functools import cached_property
@@ -44,6 +43,7 @@ from gusjob.frontend.scan.rows import Row, Rows, Template, TemplateBuilder
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase, did_you_mean
 from gusjob.kinematics.arrays import Indices, distinct, picked, unrepeated, where_true
+from gusjob.patterns import lazy_pattern
 
 EXPECTED_ARGUMENT = {
     ArgKind.WHOLE: Phrase("a whole number"),
@@ -67,7 +67,7 @@ _TELLING = (
 """Arguments of buffered calls whose values show whether a card number is first."""
 
 
-_REAL = re.compile("[.eE]")
+_REAL = lazy_pattern("[.eE]")
 """A mark of a floating number among plain numbers."""
 
 

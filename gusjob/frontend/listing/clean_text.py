@@ -12,8 +12,9 @@ from msgspec import Struct
 
 from gusjob.frontend.scan.line_table import without_comments
 from gusjob.i18n.phrases import Phrase
+from gusjob.patterns import lazy_pattern
 
-_NOT_CODE = re.compile(
+_NOT_CODE = lazy_pattern(
     r"//[^\n]*"  # To the end of its line, whatever it holds.
     r"|/\*.*?(?:\*/|\Z)"
     r'|"(?:\\.|[^"\\\n])*"?'
@@ -26,11 +27,11 @@ _PART_BYTES = 1 << 16
 _IN_NUMBER = np.zeros(256, dtype=np.bool_)
 _IN_NUMBER[list(b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_.")] = True
 """Bytes after which a zero does not begin a number."""
-_GOES_ON = re.compile(rb"\\[ \t\r]*\n\Z")
+_GOES_ON = lazy_pattern(rb"\\[ \t\r]*\n\Z")
 """The end of a line that goes on in the next one, maybe inside of a string."""
 # A pattern that begins with a character is searched for fastest, so what may not be before it comes after it.
-_ZEROS = re.compile(r"0(?<![0-9A-Za-z_.]0)(?<![eE][-+]0)0*(?=0(?![0-9.xX]))")
-_OCTAL = re.compile(r"0(?<![0-9A-Za-z_.]0)(?<![eE][-+]0)(?=[0-9]+(?![0-9.eE]))")
+_ZEROS = lazy_pattern(r"0(?<![0-9A-Za-z_.]0)(?<![eE][-+]0)0*(?=0(?![0-9.xX]))")
+_OCTAL = lazy_pattern(r"0(?<![0-9A-Za-z_.]0)(?<![eE][-+]0)(?=[0-9]+(?![0-9.eE]))")
 JOINS_LINES = Phrase("a comment that joins this line with the next one")
 OCTAL_MARK = "⓪"
 """Stands for the leading zero of an octal number, so that no line with one has the shape of a line without."""
@@ -151,19 +152,19 @@ def _has_leading_zero(data: bytes) -> bool:
     return not is_exponent.all()
 
 
-_FUNCTION = re.compile(
+_FUNCTION = lazy_pattern(
     r"^[^\S\n]*(?!(?:if|else|while|for|switch|do|return)\b)[A-Za-z_][\w:<>,*&. \t]{0,100}?[ \t*&\n]"
     r"(?!(?:if|while|for|switch|return)\b)[A-Za-z_~][\w:~]*[^\S\n]*\([^;{}()]{0,1000}\)\s*"
     r"(?:const\s*|override\s*|noexcept\s*)?\{",
     re.MULTILINE,
 )
-_OF_PROGRAMS = re.compile(
+_OF_PROGRAMS = lazy_pattern(
     r"^[^\S\n]*(?:(?:public|private|protected|internal|static|partial|sealed|abstract)\s+)*"
     r"(?:namespace|using|class|struct\s+\w+\s*\{|interface|template|def|import|function|procedure|Public\s+Class)\b",
     re.MULTILINE,
 )
-_C_SHARP = re.compile(r"^[^\S\n]*(?:using\s+System|namespace\b)|\[DllImport", re.MULTILINE)
-_LINE_COMMENT = re.compile(r"//[^\n]*")
+_C_SHARP = lazy_pattern(r"^[^\S\n]*(?:using\s+System|namespace\b)|\[DllImport", re.MULTILINE)
+_LINE_COMMENT = lazy_pattern(r"//[^\n]*")
 _SEARCHED = 300_000
 """Characters in which signs of a whole program are looked for."""
 

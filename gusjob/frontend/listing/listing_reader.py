@@ -37,6 +37,7 @@ from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.frontend.source import Source
 from gusjob.i18n.characters import quoted
 from gusjob.i18n.phrases import Phrase
+from gusjob.patterns import lazy_pattern
 
 _TERMINALS = {
     "NAME": "a name",
@@ -54,20 +55,20 @@ _TERMINALS = {
     "_COMMA": ",",
     "_SEMI": ";",
 }
-_CONTROL = re.compile(
+_CONTROL = lazy_pattern(
     r"(?<![\w.])(?:if|else|while|for|do|switch|case|default|break|continue|goto|return|exit|try|catch|throw|finally|"
     r"foreach|lock|yield|await|asm|and|or|not)(?!\w)|\?(?!\?)|^\s*\w+\s*:(?!:)"
 )
 """Words that decide which calls are made, and marks of a choice and of a label."""
-_BRACES = re.compile(r"[\s{};]*")
-_TYPE_WORDS = re.compile(
+_BRACES = lazy_pattern(r"[\s{};]*")
+_TYPE_WORDS = lazy_pattern(
     r"\b(?:const|static|unsigned|signed|short|long|int|double|float|char|bool|void|auto|volatile)\b"
 )
-_CODE = re.compile(r"GTN?_|[;={}#\[\]\\\"]|[A-Za-z_]\w*\s*\(|\+\+|--")
+_CODE = lazy_pattern(r"GTN?_|[;={}#\[\]\\\"]|[A-Za-z_]\w*\s*\(|\+\+|--")
 """Characters that most code has, but no comment of the manual."""
-_HEADER = re.compile(r"\s*#\s*include\s*(?:<[^<>]*>|\"[^\"]*\.h(?:h|pp|xx)?\")", re.IGNORECASE)
+_HEADER = lazy_pattern(r"\s*#\s*include\s*(?:<[^<>]*>|\"[^\"]*\.h(?:h|pp|xx)?\")", re.IGNORECASE)
 """An #include of a header, which has no calls."""
-_STARTS_ALONE = re.compile(r"\s*[^\W_]")
+_STARTS_ALONE = lazy_pattern(r"\s*[^\W_]")
 """How a text begins that can't go on with a statement before it."""
 _RECORDED = b"// recorded by gusjob record"
 _LAST_BYTES = 1000
@@ -79,7 +80,7 @@ _MAX_DEPTH, _MAX_MACRO_DEPTH = 100, 20
 """Levels of an expression, and of a macro."""
 _MAX_KEPT = 500
 """Parsed lines that are kept, and how long they may be."""
-_GOES_ON = re.compile(r"\s*[-+&(!~]")
+_GOES_ON = lazy_pattern(r"\s*[-+&(!~]")
 """How a text begins that may go on with a statement before it."""
 _LOOK_BACK = 50
 """Blank lines that may be between the lines of a comment."""

@@ -12,19 +12,20 @@ from collections.abc import Callable
 from msgspec import Struct
 
 from gusjob.i18n.phrases import Phrase, number
+from gusjob.patterns import lazy_pattern
 
 _MAX_READ = 200
 """Characters of a line that are read."""
-_COMMENT = re.compile(r"#\s*(?P<text>.*)|\((?P<inner>[^()]*)\)|(?P<tape>%)")
-_LINE_NUMBER = re.compile(r"N\d+\s*(?=\S)", re.IGNORECASE | re.ASCII)
-_REMARK = re.compile(r"\([^()]*\)")
-_WORD = re.compile(r"([A-Z])\s*=?\s*([-+]?(?:\d+\.?\d*|\.\d+))(?!E[-+]?\d)\s*", re.IGNORECASE | re.ASCII)
+_COMMENT = lazy_pattern(r"#\s*(?P<text>.*)|\((?P<inner>[^()]*)\)|(?P<tape>%)")
+_LINE_NUMBER = lazy_pattern(r"N\d+\s*(?=\S)", re.IGNORECASE | re.ASCII)
+_REMARK = lazy_pattern(r"\([^()]*\)")
+_WORD = lazy_pattern(r"([A-Z])\s*=?\s*([-+]?(?:\d+\.?\d*|\.\d+))(?!E[-+]?\d)\s*", re.IGNORECASE | re.ASCII)
 """No exponent: 1E3 is one number, not the two words X1 E3."""
-_GCODE = re.compile(f"(?:{_WORD.pattern})+", re.IGNORECASE | re.ASCII)
+_GCODE = lazy_pattern(f"(?:{_WORD.pattern})+", re.IGNORECASE | re.ASCII)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
-_AXIS = re.compile(rf"\b([XYRWHIJ])\s*=?\s*({_VALUE})", re.IGNORECASE | re.ASCII)
-_QUANTITY = re.compile(rf"\s*=?\s*({_VALUE})\s*([a-zA-Z%][a-zA-Z/%0-9]*)?\s*$", re.ASCII)
-_ASSIGNMENT = re.compile(r"(?:(?:SET|VAR|CONST|DIM)\s+)?([A-Za-z_]\w*)\s*=\s*([^=].*)", re.IGNORECASE | re.ASCII)
+_AXIS = lazy_pattern(rf"\b([XYRWHIJ])\s*=?\s*({_VALUE})", re.IGNORECASE | re.ASCII)
+_QUANTITY = lazy_pattern(rf"\s*=?\s*({_VALUE})\s*([a-zA-Z%][a-zA-Z/%0-9]*)?\s*$", re.ASCII)
+_ASSIGNMENT = lazy_pattern(r"(?:(?:SET|VAR|CONST|DIM)\s+)?([A-Za-z_]\w*)\s*=\s*([^=].*)", re.IGNORECASE | re.ASCII)
 
 
 class Foreign(Struct, frozen=True, kw_only=True):

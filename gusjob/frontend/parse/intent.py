@@ -15,6 +15,7 @@ from msgspec import Struct
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.i18n.spelling import nearest
 from gusjob.ir.effects import EVERYTHING, FRAME_EFFECTS, OF_LASER, POSITION, UNCLEAR, StateEffect
+from gusjob.patterns import lazy_pattern
 
 _HEADS = {
     **{word: word.lower() for word in ("UNITS", "COORDS", "CRD", "CHANNEL", "LINE", "JUMP", "ARC", "DWELL", "WAIT")},
@@ -77,13 +78,13 @@ COMMENT = "comment"
 """Form of a comment of another language."""
 ANY_NAME = ""
 """Among names that may be set: any name may be."""
-_AS = re.compile(r"\bAS?\b", re.IGNORECASE | re.ASCII)
-_WORD = re.compile(r"[A-Za-z_]+")
-_NAME = re.compile(r"[A-Za-z_]\w*")
-_OWN_CHANNEL = re.compile(r"\bCHANNEL\s*=?\s*([01])\b", re.IGNORECASE | re.ASCII)
+_AS = lazy_pattern(r"\bAS?\b", re.IGNORECASE | re.ASCII)
+_WORD = lazy_pattern(r"[A-Za-z_]+")
+_NAME = lazy_pattern(r"[A-Za-z_]\w*")
+_OWN_CHANNEL = lazy_pattern(r"\bCHANNEL\s*=?\s*([01])\b", re.IGNORECASE | re.ASCII)
 _SPEED_WORDS = (
-    (re.compile(r"\b_?V", re.IGNORECASE | re.ASCII), StateEffect.VEL),
-    (re.compile(r"\b_?A", re.IGNORECASE | re.ASCII), StateEffect.ACC),
+    (lazy_pattern(r"\b_?V", re.IGNORECASE | re.ASCII), StateEffect.VEL),
+    (lazy_pattern(r"\b_?A", re.IGNORECASE | re.ASCII), StateEffect.ACC),
 )
 _MAX_READ = 200
 """Characters of a line that are read to find its statement."""

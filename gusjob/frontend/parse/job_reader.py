@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -12,8 +13,6 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.characters import report_hidden, without_consequences
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.frontend.parse.forms import Column
-from gusjob.frontend.parse.intent import LineIntent, intent_of
-from gusjob.frontend.parse.keyword_case import has_lower_case_keywords
 from gusjob.frontend.parse.statement import (
     BLOCK_WORDS,
     BROKEN,
@@ -30,6 +29,9 @@ from gusjob.frontend.scan.shapes import ShapeTable
 from gusjob.frontend.source import Source
 from gusjob.i18n.phrases import Phrase
 from gusjob.ir.effects import EVERYTHING, OF_LASER
+
+if TYPE_CHECKING:  # Start-up time is part of the tool: a plain job has no line that can't be read.
+    from gusjob.frontend.parse.intent import LineIntent
 
 _MAX_CONSTANTS = 16
 """So many numbers in the expressions of a line have columns; further ones are looked up in the statement."""
@@ -101,9 +103,7 @@ class _JobReader(Struct):
     unread_names: set[str] = field(default_factory=set)
     unclear_lines: range = range(0)
     has_lower_case: bool = False
-    lower_case: ShapeTable[bool] = field(
-        default_factory=lambda: ShapeTable(lambda code: has_lower_case_keywords(code.decode()))
-    )
+    lower_case: ShapeTable[bool] = field(default_factory=lambda: ShapeTable(_has_lower_case_keywords))
 
     def check_case(self, line: str) -> None:
         """Notice keywords in lower case in a line that was parsed."""
@@ -144,6 +144,8 @@ class _JobReader(Struct):
 
     def unread(self, number: int, code: str) -> Sequence[Row]:
         """The row of a line that can't be parsed: what it may change is not known behind it."""
+        from gusjob.frontend.parse.intent import intent_of
+
         intent = intent_of(code)
         self.unread_names |= intent.names
         if not intent.form:
@@ -190,6 +192,12 @@ class _JobReader(Struct):
 
 
 _NOT_PARSED = (Row(op=RowOp.UNREAD, values={Column.VALUE: float(EVERYTHING), Column.CHANNEL: -1.0}),)
+
+
+def _has_lower_case_keywords(code: bytes) -> bool:
+    from gusjob.frontend.parse.keyword_case import has_lower_case_keywords
+
+    return not code.isupper() and has_lower_case_keywords(code.decode())
 
 
 def _broken(intent: LineIntent) -> Statement | None:

@@ -6,7 +6,6 @@ The language takes keywords in any case; people look for keywords in upper case 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
 from msgspec import Struct
@@ -17,10 +16,11 @@ from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, words_of
 from gusjob.frontend.parse.statement_parser import parse_statement
 from gusjob.frontend.scan.shapes import MAX_LINE, ShapeTable, chunks, shapes_of, strip_comments
 from gusjob.kinematics.units import UNITS
+from gusjob.patterns import lazy_pattern
 
 _LOWER_CASE = {"AND", "OR", "NOT"}
-_LETTERS = re.compile(r"[A-Za-z_]+")
-_LETTER_RUN = re.compile(rb"([A-Za-z_]+)")
+_LETTERS = lazy_pattern(r"[A-Za-z_]+")
+_LETTER_RUN = lazy_pattern(rb"([A-Za-z_]+)")
 
 
 def has_lower_case_keywords(code: str) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 
 from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
@@ -13,10 +12,11 @@ from gusjob.frontend.parse.grammar import parser
 from gusjob.i18n.characters import quoted
 from gusjob.i18n.phrases import Phrase, any_of, did_you_mean
 from gusjob.i18n.spelling import nearest
+from gusjob.patterns import lazy_pattern
 
 END_OF_LINE = Phrase("the end of the line")
 _LOGICAL = {"AND", "OR", "NOT"}
-_WORD = re.compile(r"[A-Za-z_]\w*|\S")
+_WORD = lazy_pattern(r"[A-Za-z_]\w*|\S")
 
 
 class Misread(Struct, frozen=True, kw_only=True):

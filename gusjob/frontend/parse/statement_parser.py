@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 
 from lark import Token, Tree, UnexpectedInput
 from msgspec import Struct, field
@@ -24,14 +23,13 @@ from gusjob.frontend.parse.forms import CHANNEL_WORD, FORMS, RATIO_WORD, REF_WOR
 from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords, parser, subtrees, tokens
 from gusjob.frontend.parse.operators import FUNCTIONS, NAMED_NUMBERS, NEGATE, Function
 from gusjob.frontend.parse.statement import CONTROL_FORMS, Quantity, Statement
-from gusjob.frontend.parse.syntax_errors import syntax_error
 from gusjob.frontend.parse.unread_numbers import EXPECTED_KIND, POWER_KINDS, hexadecimal
 from gusjob.frontend.scan.shapes import MAX_LINE, MAX_NUMBER, MIN_NUMBER
 from gusjob.i18n.phrases import Phrase, all_of, any_of, did_you_mean, plural
-from gusjob.i18n.spelling import nearest
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
+from gusjob.patterns import lazy_pattern
 
-_NOT_ZERO = re.compile(r"[0.]*[1-9]")
+_NOT_ZERO = lazy_pattern(r"[0.]*[1-9]")
 
 
 def strip_comment(line: str) -> str:
@@ -57,6 +55,8 @@ def parse_statement(text: str, line: int) -> tuple[Statement | None, list[Diagno
     try:
         tree = parser(JOB_GRAMMAR).parse(text)
     except UnexpectedInput as error:
+        from gusjob.frontend.parse.syntax_errors import syntax_error  # Start-up time is part of the tool.
+
         return None, [syntax_error(error, text, line)]
     if not tree.children:
         return None, []
@@ -341,6 +341,8 @@ class _StatementParser(Struct):
         """A function by its name, if it takes `count` numbers."""
         found = FUNCTIONS.get(token)
         if found is None:
+            from gusjob.i18n.spelling import nearest
+
             near = nearest(token, FUNCTIONS)
             hint = did_you_mean(near) or Phrase("; the functions are {words}", words=all_of(FUNCTIONS))
             self.report_at(rules.UNKNOWN_FUNCTION, token, word=str(token), hint=hint)

@@ -13,12 +13,13 @@ from gusjob.frontend.parse.misread import END_OF_LINE, Misread, misread
 from gusjob.frontend.parse.unread_numbers import not_decimal, out_of_place, unknown_unit
 from gusjob.i18n.phrases import Phrase, any_of
 from gusjob.kinematics.units import UNITS
+from gusjob.patterns import lazy_pattern
 
-UNIT = re.compile(
+UNIT = lazy_pattern(
     "(?:" + "|".join(sorted(map(re.escape, UNITS), key=len, reverse=True)) + ")(?![A-Za-z0-9_])", re.I | re.A
 )
 """A unit that no word begins with."""
-_AROUND_SLASH = re.compile(r"[ \t]*/[ \t]*")
+_AROUND_SLASH = lazy_pattern(r"[ \t]*/[ \t]*")
 COMPARISON_HINT = Phrase("; write a comparison with ==")
 _TERMINALS = {
     **dict.fromkeys(("QUANTITY", "PLUS", "MINUS", "LPAR"), Phrase("a number")),

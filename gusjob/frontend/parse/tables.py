@@ -7,7 +7,6 @@ is made from the grammar: a cache never causes an error.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import stat
@@ -22,6 +21,7 @@ import lark
 from lark import Lark
 from lark.grammar import Rule
 from lark.lexer import TerminalDef
+from msgspec.json import decode
 
 _FORMAT = 2
 """Of the files of this module. Part of the key: a change makes all older files unfit."""
@@ -60,6 +60,8 @@ def tables_of(parser: Lark, key: str) -> bytes:
 
     JSON, not lark's own pickle: reading it can't run code, and it fits every version of Python.
     """
+    import json  # Of msgspec, only the decoder knows whole numbers of any size.
+
     data, memo = parser.memo_serialize([TerminalDef, Rule])
     tables = json.dumps({"data": data, "memo": memo}, separators=(",", ":")).encode()
     return _head(key, tables) + b"\n" + tables + b"\n"
@@ -105,7 +107,7 @@ def _load(path: Path, key: str) -> Lark | None:
         head, _, tables = path.read_bytes().partition(b"\n")
         if head.strip() != _head(key, tables):
             return None
-        return Lark.load(json.loads(tables, object_hook=_with_numbered_states))
+        return Lark.load(_with_numbers(decode(tables)))
     except OSError:
         return None
     except Exception:  # noqa: BLE001  (whatever lark raises for tables that it has not written)
@@ -125,9 +127,16 @@ def _is_trusted(path: Path) -> bool:
     )
 
 
-def _with_numbered_states(table: dict[str, Any]) -> dict[str | int, Any]:
-    """Parser states are numbers; JSON turns keys into texts."""
-    return {int(key) if key.isdecimal() else key: value for key, value in table.items()}
+def _with_numbers(tables: dict[str, Any]) -> dict[str, Any]:
+    """The tables with the numbers of rules, tokens and states, which are keys: JSON has them as texts."""
+    parser = tables["data"]["parser"]["parser"]
+    states = {state: _numbered(actions) for state, actions in parser["states"].items()}
+    parser |= {"tokens": _numbered(parser["tokens"]), "states": _numbered(states)}
+    return tables | {"memo": _numbered(tables["memo"])}
+
+
+def _numbered(table: dict[str, Any]) -> dict[int, Any]:
+    return {int(key): value for key, value in table.items()}
 
 
 def _write_to_cache(path: Path, content: bytes) -> None:

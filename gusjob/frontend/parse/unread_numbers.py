@@ -11,6 +11,7 @@ from gusjob.frontend.parse.grammar import JOB_GRAMMAR, keywords
 from gusjob.i18n.characters import quoted
 from gusjob.i18n.phrases import Phrase, all_of
 from gusjob.kinematics.units import UNITS, QuantityKind, spelling
+from gusjob.patterns import lazy_pattern
 
 Word = tuple[str, int, int]
 """A word of a line: its terminal in the grammar, its start and its end (grammar.words_of)."""
@@ -31,18 +32,18 @@ EXPECTED_KIND = {
 POWER_KINDS = {QuantityKind.SHARE, QuantityKind.FREQUENCY, QuantityKind.VOLTAGE}
 """Kinds that a power can be written in."""
 
-_DIGITS = re.compile(r"[0-9.]*(?:e[-+]?[0-9]+)?", re.IGNORECASE | re.ASCII)
-_RUN = re.compile(r"[0-9A-Za-z_.,]+")
+_DIGITS = lazy_pattern(r"[0-9.]*(?:e[-+]?[0-9]+)?", re.IGNORECASE | re.ASCII)
+_RUN = lazy_pattern(r"[0-9A-Za-z_.,]+")
 _BASES = (
-    (re.compile(r"0x[0-9a-f]+", re.IGNORECASE | re.ASCII), 16),
-    (re.compile(r"0o[0-7]+", re.IGNORECASE | re.ASCII), 8),
-    (re.compile(r"0b[01]+", re.IGNORECASE | re.ASCII), 2),
+    (lazy_pattern(r"0x[0-9a-f]+", re.IGNORECASE | re.ASCII), 16),
+    (lazy_pattern(r"0o[0-7]+", re.IGNORECASE | re.ASCII), 8),
+    (lazy_pattern(r"0b[01]+", re.IGNORECASE | re.ASCII), 2),
 )
-_GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+(?:\.[0-9]*)?")
-_COMMA = re.compile(r"[0-9]+,[0-9][0-9.,]*")
-_NO_EXPONENT = re.compile(r"[0-9]*\.?[0-9]*e", re.IGNORECASE | re.ASCII)
-_TWO_POINTS = re.compile(r"[0-9]*\.[0-9]*\.[0-9.]*")
-_UNIT = re.compile(r"[A-Za-zµμ°²³\"'′″/%]+[0-9]?(?![0-9A-Za-z_])")
+_GROUPED = lazy_pattern(r"[0-9]+(?:_[0-9]+)+(?:\.[0-9]*)?")
+_COMMA = lazy_pattern(r"[0-9]+,[0-9][0-9.,]*")
+_NO_EXPONENT = lazy_pattern(r"[0-9]*\.?[0-9]*e", re.IGNORECASE | re.ASCII)
+_TWO_POINTS = lazy_pattern(r"[0-9]*\.[0-9]*\.[0-9.]*")
+_UNIT = lazy_pattern(r"[A-Za-zµμ°²³\"'′″/%]+[0-9]?(?![0-9A-Za-z_])")
 _OTHER_UNITS = frozenset(
     (
         *("nm", "cm", "dm", "km", "in", "inch", "inches", "mil", "thou", "ft", "µm", "μm"),

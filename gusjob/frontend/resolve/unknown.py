@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from gusjob.controllers.gus.ranges import CHANNELS
 from gusjob.frontend.parse.forms import Column
-from gusjob.frontend.parse.intent import setup_effects
 from gusjob.frontend.parse.statement import RowOp, Statement
 from gusjob.frontend.resolve.columns import ResolvedColumns, last_set
 from gusjob.ir.effects import CHANNEL_SHIFT, OF_LASER, StateEffect
@@ -99,6 +98,8 @@ def _outside(columns: ResolvedColumns, values: Floats, axis: int) -> Bools:
 
 def _setup_effects(columns: ResolvedColumns, setups: tuple[Statement, ...]) -> Ints:
     """Effects of each row that is a setup statement, (n,)."""
+    from gusjob.frontend.parse.intent import setup_effects  # Start-up time is part of the tool.
+
     is_setup = columns.op == RowOp.SETUP
     found = np.zeros(len(is_setup), dtype=np.int64)
     if is_setup.any():

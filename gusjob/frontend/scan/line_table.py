@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
@@ -11,10 +9,11 @@ from msgspec import Struct
 from gusjob.frontend.scan.numerals import PADDING, Numerals, Words
 from gusjob.frontend.scan.shapes import MAX_LINE
 from gusjob.kinematics.arrays import Bools, Indices
+from gusjob.patterns import lazy_pattern
 
 Bytes = npt.NDArray[np.uint8]
 _NEWLINE, _POINT, _SLASH, _ZERO, _SEMICOLON = b"\n./0;"
-_NUMERAL = re.compile(rb"[0-9.]+")
+_NUMERAL = lazy_pattern(rb"[0-9.]+")
 _WORD = 8
 MAX_WORDS = 16
 """Words of a shape, more of which are looked up one by one."""

@@ -13,10 +13,11 @@ from msgspec import Struct, field
 
 from gusjob.frontend.scan.numerals import NumberForm
 from gusjob.kinematics.arrays import Floats, Indices, joined, picked
+from gusjob.patterns import lazy_pattern
 
-_NUMERAL = re.compile(r"[0-9.]+")
-_NUMBER = re.compile(r"([+-]?)\s*([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE]([+-]?)([0-9]+))?")
-_HEXADECIMAL = re.compile(r"x[0-9a-f]", re.IGNORECASE | re.ASCII)
+_NUMERAL = lazy_pattern(r"[0-9.]+")
+_NUMBER = lazy_pattern(r"([+-]?)\s*([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE]([+-]?)([0-9]+))?")
+_HEXADECIMAL = lazy_pattern(r"x[0-9a-f]", re.IGNORECASE | re.ASCII)
 _MAX_FIXED_DIGITS = 15
 """Digits of a word that are compared as a number."""
 

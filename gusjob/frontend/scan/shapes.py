@@ -7,9 +7,10 @@ is expensive is done once for each shape.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, TypeVar
+
+from gusjob.patterns import lazy_pattern
 
 MAX_LINE = 10_000
 """Characters in a statement; a longer line is a diagnostic and is not parsed."""
@@ -21,7 +22,7 @@ CHUNK = 1 << 21
 """Bytes that are read at once."""
 
 _COLLAPSE = bytes(48 if 48 <= c < 58 else c for c in range(256))
-_COMMENT = re.compile(rb"(?:;|//)[^\n]*")
+_COMMENT = lazy_pattern(rb"(?:;|//)[^\n]*")
 
 T = TypeVar("T")
 

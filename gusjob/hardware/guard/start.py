@@ -24,9 +24,10 @@ from gusjob.hardware.locks import controller_lock
 from gusjob.hardware.request import Refusal, RunMode, RunRequest
 from gusjob.i18n.language import language
 from gusjob.i18n.phrases import Phrase, localized, printable, reason_of
+from gusjob.patterns import lazy_pattern
 
 _PROGRAM = Path(__file__).with_name("process.py")
-_INTERPRETER = re.compile(r"(python|pypy)[\d.]*[a-z_]{0,2}(\.exe)?", re.IGNORECASE | re.ASCII)
+_INTERPRETER = lazy_pattern(r"(python|pypy)[\d.]*[a-z_]{0,2}(\.exe)?", re.IGNORECASE | re.ASCII)
 """Names of Python's program: in an application that embeds Python sys.executable may be the application."""
 _START_S = 10.0
 """Longest time until the guard is ready."""
