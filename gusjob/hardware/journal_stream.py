@@ -148,6 +148,8 @@ class _CallCollector:
 
 def _with_lengths(calls: BufferedCalls, lengths: dict[int, float]) -> BufferedCalls:
     """Shorten calls to the lengths that were run before the laser went off, pulse by index."""
+    if lengths:  # The stream's own columns are not changed; one with one value for all calls can't be.
+        calls = calls.pick(np.arange(len(calls)))
     for index, length in lengths.items():
         end = point_pulse(calls, PathPosition(row=index, along_pulse=length))
         start = point_pulse(calls, PathPosition(row=index))

@@ -381,7 +381,7 @@ def crd_start(crd: int, fifo: int, *, at: int, line: int) -> Call:
 
 
 class BufferedCalls(Struct, frozen=True, kw_only=True, eq=False):
-    """Buffered calls, (n,) each; unused entries are 0.
+    """Buffered calls, (n,) each; unused entries are 0. A column with one value for all calls may have stride 0.
 
     x, y in pulse, vel in pulse/ms, acc in pulse/ms2. p, q, r by call: an arc's centre offset x, y (or radius) and
     its direction; a delay's ms; a power; a follow's ratio, min, max; a follow's source and start power.

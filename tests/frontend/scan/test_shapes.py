@@ -134,3 +134,27 @@ def test_chunks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
         assert np.array_equal(getattr(whole, name), getattr(parts, name)), name
     for column in whole.columns:
         assert np.array_equal(whole.column(column), parts.column(column), equal_nan=True)
+
+
+def test_a_number_that_all_lines_have_takes_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scanner, "_MANY_LINES", 1)
+    text = b"".join(b"A 7.5 %d -3\n" % i for i in range(20))
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert [rows.column(c).tolist() for c in range(3)] == [[7.5] * 20, list(range(20)), [-3.0] * 20]
+    assert [rows.column(c).strides for c in range(3)] == [(0,), (8,), (0,)]
+    # Other lines, and other numbers between equal ones.
+    numbers = ["7", "7", "07", "70", "8", "7", "123456789", "7"]
+    for other in numbers:
+        same = ["A 7", "A 7", f"A {other}", "A 7"]
+        for lines in (same, ["? a", *same], [*same, "? b"]):
+            rows = scan("\n".join(lines).encode(), semicolon_comments=True, learn=words, parse_line=by_parser)
+            assert rows.column(0)[rows.op == 1].tolist() == [7, 7, float(other), 7]
+            assert rows.column(0)[rows.op == 9].tolist() == [3.0] * (len(lines) - 4)
+
+
+def test_a_number_that_all_lines_have_beside_one_above_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scanner, "_MANY_LINES", 1)
+    text = b"A 7 1\nA 7 2000000000000001\nA 7 3\n"
+    rows = scan(text, semicolon_comments=True, learn=words, parse_line=by_parser)
+    assert rows.op.tolist() == [2, 9, 2]
+    assert rows.column(0).tolist() == [7, len("A 7 2000000000000001"), 7]
