@@ -224,6 +224,9 @@ MAX_TICKS = 10_000_000_000
 """A longer run is refused: its simulation would take too long."""
 
 
+_USUAL_CHORDS = 1_000_000
+
+
 class Machine(Struct, frozen=True, kw_only=True):
     """The machine that a job runs on. The defaults are those of the job language."""
 
@@ -302,6 +305,11 @@ class Machine(Struct, frozen=True, kw_only=True):
     def equal_axes(self) -> bool:
         """Whether X and Y have the same pulses per mm."""
         return self.pulses_per_mm[0] == self.pulses_per_mm[1]
+
+    @property
+    def most_chords(self) -> int:
+        """Number of chords that the arcs of a job may become."""
+        return max(_USUAL_CHORDS, self.expansion_max_statements)
 
     @property
     def field_pulse(self) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -22,6 +22,12 @@ def chord_counts(sweep_rad: Floats, angle_rad: Floats | float) -> Indices:
     return np.maximum(np.ceil(np.abs(sweep_rad) / angle_rad), 1).astype(np.intp)
 
 
+def first_beyond(counts: Indices, most: int) -> int | None:
+    """Find the first arc up to which all chords are more than `most`; None if there is none."""
+    sums = np.cumsum(counts)
+    return int(np.searchsorted(sums, most, side="right")) if len(sums) and sums[-1] > most else None
+
+
 def chord_ends(arcs: Arcs, counts: Indices) -> tuple[Floats, Floats]:
     """Compute the end points of all chords in order: x and y, (sum of counts,) each."""
     which, number = counted(counts)

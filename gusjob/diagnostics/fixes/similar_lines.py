@@ -79,8 +79,9 @@ def _learned(code: str, comment: str, new: str | None) -> _Correction | None:
         return _Correction(None)
     end = _corrected_comment(comment)
     kept = new.removesuffix(end)
-    if kept + end != new or _DIGITS.findall(kept) != _DIGITS.findall(code):
-        return None  # A full-width digit became another one.
+    same = all(digits.findall(kept) == digits.findall(code) for digits in (_DIGITS, _NUMBERS))
+    if kept + end != new or not same:
+        return None  # A full-width digit became another one, or a full-width DUTY2 one whose digit is no number.
     return _Correction(_NUMBERS.sub("\0", kept))
 
 

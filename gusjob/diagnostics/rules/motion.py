@@ -187,6 +187,15 @@ ROUNDED_COORDINATES = rule(
     bad=_CURVE.format(x="round(5000*cos(0.12*i))/1000", y="round(5000*sin(0.12*i))/1000"),
     good=_CURVE.format(x="5*cos(0.12*i)", y="5*sin(0.12*i)"),
 )
+TOO_MANY_CHORDS = rule(
+    "GJ522",
+    ERROR,
+    title="too many chords",
+    text="up to here arcs become {count} lines, more than {limit}: the machine profile can raise chord_tolerance_um, or the "
+    "limit ([expansion] max_statements)",
+    why="Where X and Y have different pulses per mm, most arcs are sent as short lines. A few lines of text could ask for "
+    "more of them than memory holds.",
+)
 END_ABOVE_NEXT_VEL = rule(
     "GJ520",
     ERROR,

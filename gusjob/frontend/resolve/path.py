@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
 
+from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Rule
 from gusjob.frontend.parse.forms import Column
 from gusjob.frontend.parse.statement import RowOp, Statement
@@ -19,7 +20,7 @@ from gusjob.ir.arcs import DrawnArcs, arc_faults
 from gusjob.ir.effects import POSITION
 from gusjob.ir.path import Path, with_chords
 from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
+from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends, first_beyond
 from gusjob.kinematics.float_noise import settled
 
 _TURNS = 1e-12
@@ -203,6 +204,10 @@ def _with_chords(
     drawn = bent_arcs(path, at, frames, own, machine.pulses_per_mm)
     angles = chord_angles(drawn.arcs.radius * drawn.mm, machine.chord_tolerance_um / 1000)
     counts = chord_counts(drawn.arcs.sweep, angles)
+    over = first_beyond(counts, machine.most_chords)
+    if over is not None:
+        fields = {"count": int(counts[: over + 1].sum()), "limit": machine.most_chords}
+        return path, None, (BadArc(int(rows[over]), rules.TOO_MANY_CHORDS, "", fields),)
     x, y = chord_ends(drawn.arcs, counts)
     longer, origin = with_chords(path, at, counts, *frames.vectors_to_machine(np.repeat(own, counts), x, y))
     return longer, np.searchsorted(origin, np.arange(len(path) + 1), side="left"), _bad_arcs(columns, rows, drawn)

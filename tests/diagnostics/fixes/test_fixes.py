@@ -821,3 +821,17 @@ def test_a_clean_or_large_file_is_checked_once(tmp_path: Path, monkeypatch: pyte
     large = gusjob(put(tmp_path, "b.job", LEFT + "; why\n" * 50_000))
     assert large.stderr == "1 file: 1 error; --fix may correct some\n"
     assert not asked
+
+
+@pytest.mark.parametrize(
+    ("text", "fixed"),
+    [
+        ("LASER MODE DUＴＹ2 CARRIER 10kHz\n", "LASER MODE DUTY2 CARRIER 10kHz\n"),
+        ("LASER MODE ＤＵＴＹ２ CARRIER 10kHz\n", "LASER MODE DUTY2 CARRIER 10kHz\n"),
+        ("ACC 5000mm／s2\n" * 2, "ACC 5000mm/s2\n" * 2),
+        ("LINE X 5 VEL 40mm/s ACC 5000mm／ｓ2\n" * 2, "LINE X 5 VEL 40mm/s ACC 5000mm/s2\n" * 2),
+        ("LINE X 5 VEL 1ｍ/s ACC 5m/ｓ² END 3mm／s\n" * 2, "LINE X 5 VEL 1m/s ACC 5m/s2 END 3mm/s\n" * 2),
+    ],
+)
+def test_full_width_words_with_digits_keep_the_numbers_behind_them(text: str, fixed: str) -> None:
+    assert after(text) == fixed
