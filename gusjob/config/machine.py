@@ -264,7 +264,8 @@ class Machine:
     chord_tolerance_um: float = field(
         default=1.0,
         metadata=entry(
-            _closed("chord tolerance", "um", 0.01, 1000), "Tolerance for arcs that the axes can only run as lines"
+            _closed("chord tolerance", "um", 0.01, 1000),
+            "Tolerance for arcs that the axes can only run as lines; a tenth of a pulse if that is less",
         ),
     )
     host_calls_per_s: float | None = field(
