@@ -253,7 +253,10 @@ class Machine(Struct, frozen=True, kw_only=True):
     ] = None
     chord_tolerance_um: Annotated[
         float,
-        Entry(_closed("chord tolerance", "um", 0.01, 1000), "Tolerance for arcs that the axes can only run as lines"),
+        Entry(
+            _closed("chord tolerance", "um", 0.01, 1000),
+            "Tolerance for arcs that the axes can only run as lines; a tenth of a pulse if that is less",
+        ),
     ] = 1.0
     host_calls_per_s: Annotated[
         float | None,

@@ -8,12 +8,12 @@ from gusjob.kinematics.arrays import Floats, Indices, counted
 from gusjob.kinematics.geometry import Arcs
 
 
-def chord_angles(radius_mm: Floats, tolerance_mm: float) -> Floats:
-    """Compute the largest angle of a chord that stays within a tolerance of its circle, (n,) rad.
+def chord_angles(radius: Floats, tolerance: Floats | float) -> Floats:
+    """Compute the largest angle of a chord that stays within a tolerance of its circle, (n,) rad; one unit for both.
 
     A chord of angle a leaves its circle by r*(1 - cos(a/2)).
     """
-    reach = np.clip(1 - tolerance_mm / np.maximum(radius_mm, 1e-12), -1, 1)
+    reach = np.clip(1 - tolerance / np.maximum(radius, 1e-12), -1, 1)
     return np.asarray(2 * np.arccos(reach))
 
 

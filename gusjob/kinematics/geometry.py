@@ -176,6 +176,9 @@ class Segments(Struct, frozen=True, kw_only=True, eq=False):
         if len(found):
             # Behind an arc its end counts.
             x[found], y[found] = arcs.direction(np.where(source == at, share, 1.0)[found])
+        if len(self.chords):
+            found, which = _found(self.chords.at, source)
+            x[found], y[found] = self.chords.directions(which, is_end=(source[found] != at[found]) | (share > 0))
         if self.moving is not None:
             x[source < 0], y[source < 0] = 1.0, 0.0
         return x, y
@@ -188,6 +191,11 @@ class Segments(Struct, frozen=True, kw_only=True, eq=False):
 
     def _unrounded_arcs_among(self, at: Indices) -> tuple[Indices, Arcs]:
         return _among(self.arc_at, self.arcs if self.unrounded is None else self.unrounded.arcs, at)
+
+    @property
+    def chords(self) -> Chords:
+        """Lines in place of a part of a curve, in a plan."""
+        return NO_CHORDS if self.unrounded is None else self.unrounded.chords
 
     @property
     def turns(self) -> Floats:
@@ -270,12 +278,42 @@ class Segments(Struct, frozen=True, kw_only=True, eq=False):
         return x, y
 
 
+class Chords(Struct, frozen=True, kw_only=True, eq=False):
+    """Lines in place of a part of a curve, (c,): the direction of the curve at their ends, and its radius.
+
+    `at`: numbers of the segments, ascending. `start_x`, `start_y`, `end_x`, `end_y`: unit directions. `continues`: the
+    next segment is the next chord of the same curve.
+    """
+
+    at: Indices
+    start_x: Floats
+    start_y: Floats
+    end_x: Floats
+    end_y: Floats
+    radius: Floats
+    continues: Bools
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    def directions(self, which: Indices, is_end: Bools) -> tuple[Floats, Floats]:
+        """Direction at the start or the end of some chords: x and y, (k,)."""
+        return (
+            np.where(is_end, self.end_x[which], self.start_x[which]),
+            np.where(is_end, self.end_y[which], self.start_y[which]),
+        )
+
+
 class Unrounded(Struct, frozen=True, kw_only=True, eq=False):
-    """Directions before rounding: of each segment as a line from its start to its end, (n,), and of the arcs, (k,)."""
+    """Directions before rounding: of each segment as a line from its start to its end, (n,), and of the arcs, (k,).
+
+    `chords`: segments that are lines in place of a curve.
+    """
 
     dx: Floats
     dy: Floats
     arcs: Arcs
+    chords: Chords
 
 
 def segments(
@@ -305,9 +343,25 @@ def _among(arc_at: Indices, arcs: Arcs, at: Indices) -> tuple[Indices, Arcs]:
     """Find the arcs among some segments `at`: their indices in `at`, and the arcs. `arc_at`: segment of each arc."""
     if not len(arc_at):
         return np.empty(0, dtype=np.intp), NO_ARCS
-    number = np.minimum(np.searchsorted(arc_at, at), len(arc_at) - 1)
-    found = np.flatnonzero(arc_at[number] == at)
-    return found, arcs.pick(number[found])
+    found, which = _found(arc_at, at)
+    return found, arcs.pick(which)
+
+
+def _found(some: Indices, at: Indices) -> tuple[Indices, Indices]:
+    """Find one or more ascending numbers among others `at`: their indices in `at`, and which of `some` each is."""
+    number = np.minimum(np.searchsorted(some, at), len(some) - 1)
+    found = np.flatnonzero(some[number] == at)
+    return found, number[found]
 
 
 NO_ARCS = Arcs(cx=np.empty(0), cy=np.empty(0), radius=np.empty(0), angle=np.empty(0), sweep=np.empty(0))
+_NOWHERE = np.empty(0)
+NO_CHORDS = Chords(
+    at=np.empty(0, dtype=np.intp),
+    start_x=_NOWHERE,
+    start_y=_NOWHERE,
+    end_x=_NOWHERE,
+    end_y=_NOWHERE,
+    radius=_NOWHERE,
+    continues=np.empty(0, dtype=np.bool_),
+)

@@ -147,6 +147,8 @@ def need(job: Job, machine: Machine) -> Need:
     context = lint_context(job, machine)
     if delays.longest_run_ms(context) > machine.longest_run_ms:
         return Need.SIMULATION
+    if not machine.equal_axes and bool((job.path.is_arc & job.path.arc_in_mm).any()):
+        return Need.PLAN  # Its chords may be too many.
     return Need.PLAN if job.has_forced_ends or job.has_sky_writing or motion.may_be_slow(context) else Need.NOTHING
 
 

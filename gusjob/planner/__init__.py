@@ -21,6 +21,9 @@ def plan(job: Job, machine: Machine) -> Plan:
 
     The passes are a function, not a tuple, since each phase has a type of its own: StagedPath, QuantizedPath,
     PlannedPath, Plan. So no pass can run before what it needs.
+
+    Raises:
+        ChordLimitError: Arcs would become more chords than the profile allows.
     """
     path, origin = flatten(job, machine)
     staged = split(job, machine, path, origin)

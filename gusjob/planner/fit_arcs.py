@@ -11,13 +11,12 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gusjob.config.machine import Machine
 from gusjob.controllers.gus.ranges import RADIUS_PULSE
-from gusjob.ir.path import Op, Path, with_chords
+from gusjob.ir.path import Op, Path
 from gusjob.kinematics.arrays import Bools, Floats, Indices
-from gusjob.kinematics.chords import chord_angles, chord_counts, chord_ends
 from gusjob.kinematics.geometry import (
     CLOSE_ENDS_PULSE,
+    NO_ARCS,
     Arcs,
     Ends,
     arcs_by_centre,
@@ -31,18 +30,17 @@ _SAME_TOP_PULSE = 0.5
 _BY_RADIUS_PULSE, _BY_CENTRE_PULSE = 2.0, 3.0
 """Largest distance of an arc in whole pulses from the one that was drawn: ends round by up to 0.71, the centre, too."""
 _SHARES = (0.25, 0.5, 0.75)
-_LEAST_TOLERANCE_PULSE = 0.5
 
 
-def fit_arcs(path: Path, machine: Machine) -> tuple[Path, Indices]:
-    """Choose the form of each arc; those that no form keeps become chords, and those that are none in pulses a line.
+def fit_arcs(path: Path) -> tuple[Path, Indices, Arcs]:
+    """Choose the form of each arc; those that are none in pulses become a line.
 
     Returns:
-        The path, and for each of its rows the row of the given path, (n,).
+        The path; the rows of the arcs that no form keeps, (k,), and they in pulses.
     """
     rows = np.flatnonzero(path.is_arc)
     if not len(rows):
-        return path, np.arange(len(path))
+        return path, rows, NO_ARCS
     x0, y0, x1, y1 = path.ends(rows)
     by_radius, ccw = path.op[rows] == Op.ARC_RADIUS, path.ccw[rows]
     drawn = arcs_by_either((x0, y0, x1, y1), path.cx[rows], path.cy[rows], path.radius[rows], ccw, by_radius)
@@ -62,14 +60,8 @@ def fit_arcs(path: Path, machine: Machine) -> tuple[Path, Indices]:
     changed = {name: getattr(path, name).copy() for name in (*columns, "radius")}
     for name, values in {**columns, "radius": radius}.items():
         changed[name][rows] = values
-    path = replace(path, **changed)
     bent = np.flatnonzero(~is_line & ~as_radius & ~as_centre)
-    if not len(bent):
-        return path, np.arange(len(path))
-    arcs = drawn.pick(bent)
-    tolerance = max(machine.chord_tolerance_um / 1000 * min(machine.pulses_per_mm), _LEAST_TOLERANCE_PULSE)
-    counts = chord_counts(arcs.sweep, chord_angles(arcs.radius, tolerance))
-    return with_chords(path, rows[bent], counts, *chord_ends(arcs, counts))
+    return replace(path, **changed), rows[bent], drawn.pick(bent)
 
 
 def lost_arcs(drawn: Arcs, ends: Ends) -> Bools:

@@ -8,13 +8,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from gusjob.ir.arcs import drawn_arcs
 from gusjob.ir.intent import RunKind
 from gusjob.ir.path import Op
 from gusjob.kinematics.arrays import Floats, Indices, blocks, picked, rows_of
-from gusjob.kinematics.geometry import CLOSE_ENDS_PULSE, NO_ARCS, Arcs, Ends, Unrounded, arcs_by_either, segments
+from gusjob.kinematics.geometry import (
+    CLOSE_ENDS_PULSE,
+    NO_ARCS,
+    NO_CHORDS,
+    Arcs,
+    Chords,
+    Ends,
+    Unrounded,
+    arcs_by_either,
+    segments,
+)
 from gusjob.kinematics.units import acceleration_pulse_per_ms2, velocity_pulse_per_ms
 from gusjob.planner.plan import QuantizedPath, SkyRows, StagedPath, next_phase
 
+_NO_LENGTH, _NO_TURN = 1e-12, 1e-12
 _SMALL_PULSE = 10.0
 """Radius above which an arc of two pulses is as long as its chord."""
 
@@ -37,12 +49,15 @@ def quantize(staged: StagedPath, sky: SkyRows) -> QuantizedPath:
     dx, dy = np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)
     if len(sky.events):
         _turn_to_marks(staged, sky, dx, dy)
-    lines_and_arcs = segments(x0, y0, x1, y1, arc_at, arcs, Unrounded(dx=dx, dy=dy, arcs=exact))
+    chords = _chords(staged, sky, (x - dx, y - dy, x, y)) if staged.job.path.is_arc.any() else NO_CHORDS
+    unrounded = Unrounded(dx=dx, dy=dy, arcs=exact, chords=chords)
+    lines_and_arcs = segments(x0, y0, x1, y1, arc_at, arcs, unrounded)
     vel, acc, end = picked(path.vel, rows), picked(path.acc, rows), picked(path.end, rows)
     if not staged.machine.equal_axes:
         machine = staged.machine
-        along = lines_and_arcs.start_direction(np.arange(len(timed)))
-        scale = direction_scale(*along, arc_at, machine.pulses_per_mm)
+        along_x, along_y = lines_and_arcs.start_direction(np.arange(len(timed)))
+        along_x[chords.at], along_y[chords.at] = dx[chords.at], dy[chords.at]
+        scale = direction_scale(along_x, along_y, arc_at, machine.pulses_per_mm)
         # The motion goes between whole pulses: there, too, it stays within the limits.
         rounded = direction_scale(x1 - x0, y1 - y0, arc_at, machine.pulses_per_mm)
         px = machine.pulses_per_mm[0]
@@ -143,3 +158,33 @@ def _drawn_arcs(staged: StagedPath, rows: Indices, ends: Ends) -> Arcs:
     cx, cy = (np.where(fitted, w[origin], p[rows]) for w, p in ((written.cx, path.cx), (written.cy, path.cy)))
     by_radius = fitted & (written.op[origin] == Op.ARC_RADIUS)
     return arcs_by_either(ends, cx, cy, written.radius[origin], path.ccw[rows], by_radius)
+
+
+def _chords(staged: StagedPath, sky: SkyRows, ends: Ends) -> Chords:
+    """Find the lines in place of arcs, and the directions of these.
+
+    Args:
+        ends: Unrounded ends of all timed rows, (m,) pulse each.
+    """
+    written, rows = staged.job.path, staged.origin[staged.timed]
+    is_chord = (staged.path.op[staged.timed] == Op.LINE) & written.is_arc[rows]
+    at = np.flatnonzero(is_chord & (sky.run_of(staged.timed) == RunKind.NONE))
+    if not len(at):
+        return NO_CHORDS
+    arc_rows, which = np.unique(rows[at], return_inverse=True)
+    drawn, (px, py) = drawn_arcs(written, arc_rows, staged.machine), staged.machine.pulses_per_mm
+    # Circles in their own unit, of which these are the pulses.
+    unit_x, unit_y = (drawn.mm_x * px)[which], (drawn.mm_y * py)[which]
+    cx, cy, sense = drawn.arcs.cx[which], drawn.arcs.cy[which], np.sign(drawn.arcs.sweep)[which]
+    x0, y0, x1, y1 = (values[at] for values in ends)
+    directions = []
+    for x, y in ((x0, y0), (x1, y1)):
+        along_x, along_y = -sense * (y / unit_y - cy) * unit_x, sense * (x / unit_x - cx) * unit_y
+        size = np.maximum(np.hypot(along_x, along_y), _NO_LENGTH)
+        directions += [along_x / size, along_y / size]
+    start_x, start_y, end_x, end_y = directions
+    turn = np.abs(np.arctan2(start_x * end_y - start_y * end_x, start_x * end_x + start_y * end_y))
+    length = np.hypot(x1 - x0, y1 - y0)
+    radius = np.where(length > 0, length / np.maximum(turn, _NO_TURN), np.inf)
+    continues = (np.diff(at, append=-1) == 1) & (np.diff(which, append=-1) == 0)
+    return Chords(at=at, start_x=start_x, start_y=start_y, end_x=end_x, end_y=end_y, radius=radius, continues=continues)

@@ -32,9 +32,9 @@ def velocities(quantized: QuantizedPath) -> PlannedPath:
     dwell, breaks = quantized.is_dwell, at_rest_before(quantized)
     jump = corner_jump(quantized)
     ahead, forced = np.isfinite(jump), np.isfinite(forced_end)
-    smooth = quantized.sky.smooth_of(quantized.timed)
+    smooth = _smooth(quantized)
     vel = path_velocity(quantized, jump)
-    limit = _corner_limit(quantized, jump, vel)
+    limit = _corner_limit(quantized, jump, vel, smooth)
     limit[:-1][breaks[1:] | dwell[:-1] | dwell[1:]] = 0.0
     if forced.any():
         limit = np.where(forced, np.minimum(forced_end, vel), limit)
@@ -52,14 +52,24 @@ def velocities(quantized: QuantizedPath) -> PlannedPath:
     )
 
 
-def _corner_limit(quantized: QuantizedPath, jump: Floats, vel: Floats) -> Floats:
+def _smooth(quantized: QuantizedPath) -> Bools:
+    """Whether timed rows continue into the next one without a corner, (m,): by sky writing, or on a curve."""
+    smooth, chords = quantized.sky.smooth_of(quantized.timed), quantized.segments.chords
+    if len(chords):
+        smooth = smooth.copy()
+        smooth[chords.at[chords.continues]] = True
+    return smooth
+
+
+def _corner_limit(quantized: QuantizedPath, jump: Floats, vel: Floats, smooth: Bools) -> Floats:
     """Compute the highest velocity at the end of each timed row by its corner and the velocities there, (m,) pulse/ms.
 
     Args:
         jump: Result of corner_jump, (m,).
         vel: Result of path_velocity, (m,) pulse/ms.
+        smooth: Result of _smooth, (m,).
     """
-    segments, smooth = quantized.segments, quantized.sky.smooth_of(quantized.timed)
+    segments = quantized.segments
     limit = np.zeros(len(vel))
     turns, spacing = segments.turns, segments.corner_spacing
     for part in blocks(len(turns)):
@@ -83,14 +93,14 @@ def path_velocity(quantized: QuantizedPath, jump: Floats) -> Floats:
     """
     dwell, segments = quantized.is_dwell, quantized.segments
     vel = np.where(dwell, 0.0, quantized.vel) if dwell.any() else quantized.vel
-    if not len(segments.arc_at):
+    if not len(segments.arc_at) and not len(segments.chords):
         return vel
     vel = vel.copy()
     # On an arc v^2/r stays within the machine's acceleration. Marks and runs of sky writing have their speed already.
-    at = segments.arc_at
-    fastest = np.minimum(vel[at], np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * segments.arcs.radius))
-    slows = np.isfinite(jump[at]) & (quantized.sky.run_of(quantized.timed[at]) == RunKind.NONE)
-    vel[at] = np.where(slows, fastest, vel[at])
+    for at, radius in ((segments.arc_at, segments.arcs.radius), (segments.chords.at, segments.chords.radius)):
+        fastest = np.minimum(vel[at], np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * radius))
+        slows = np.isfinite(jump[at]) & (quantized.sky.run_of(quantized.timed[at]) == RunKind.NONE)
+        vel[at] = np.where(slows, fastest, vel[at])
     return vel
 
 

@@ -22,10 +22,13 @@ from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Collector, Diagnostic, Remark, Rule, Span
 from gusjob.i18n.phrases import Phrase, all_of
 from gusjob.ir.short_marks import PlannedSpeeds, short_marks
+from gusjob.kinematics.arrays import Floats
+from gusjob.kinematics.geometry import Segments
 from gusjob.lint import CHECKS_OF_CALLS, run_checks
 from gusjob.lint.context import LintContext, Remarks, lint_context, no_remarks
 from gusjob.lint.frequency import US_KHZ_PER_PCT
 from gusjob.lint.reporter import Reporter
+from gusjob.planner.quantize import direction_scale
 from gusjob.simulate import Trace
 from gusjob.simulate.checks import misses_end
 from gusjob.simulate.events import Events
@@ -59,6 +62,7 @@ HOLD_FOR_CALLS = (
 """The rules of jobs that hold for calls. What the other checks find in calls has rules of its own (GJ7)."""
 
 _RADIUS_ROUNDING_PULSE = 2.0
+_ROUNDING = 1e-9
 _XY = 2
 """Dimension of a plane."""
 
@@ -124,7 +128,7 @@ def _slow_marks(context: LintContext, events: Events, trace: Trace) -> list[Diag
         row=rows,
         op=context.path.op[rows],
         length=trace.segments.length,
-        asked=motion.vel,
+        asked=_asked(motion.vel, trace.segments, machine=context.machine),
         vel=motion.vel,
         acc=profile.acc,
         start=profile.start,
@@ -140,6 +144,24 @@ def _slow_marks(context: LintContext, events: Events, trace: Trace) -> list[Diag
         collector.add(rule, Span(line=line), found.fields(i, context.shown, context.machine))
     collector.count_unlisted(rule, len(found) - listed)
     return collector.finish(rules.NOT_LISTED)
+
+
+def _asked(vel: Floats, segments: Segments, machine: Machine) -> Floats:
+    """Velocities as they may have been set, (m,): one for motions whose velocity is the same in pulses, or in mm.
+
+    Where the axes differ, one velocity in mm is another one in pulses for each direction. Rounding of the ends turns
+    the direction: by the angle phi it changes the pulses per mm by up to (k - 1/k)/2 * phi, with the ratio k of the
+    axes.
+    """
+    if machine.equal_axes or not len(vel):
+        return vel
+    ratio = max(machine.pulses_per_mm) / min(machine.pulses_per_mm)
+    scale = direction_scale(*segments.start_direction(np.arange(len(vel))), segments.arc_at, machine.pulses_per_mm)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.abs(np.diff(np.log(vel / scale)))
+    slack = (ratio - 1 / ratio) / 2 * segments.rounding_turns
+    same = (np.diff(vel) == 0) | (change <= slack[:-1] + slack[1:] + _ROUNDING)
+    return vel[np.maximum.accumulate(np.where(np.append(False, same), 0, np.arange(len(vel))))]
 
 
 def _wide_pulses(found: Sequence[Diagnostic], trace: Trace) -> list[Diagnostic]:

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from msgspec.structs import replace
 
 from gusjob import planner
 from gusjob.config.machine import Machine
 from gusjob.controllers.gus.calls import Buffered, BufferedCalls, Call, Stream, Value, crd_start
 from gusjob.controllers.gus.ranges import STANDBY_KHZ, PowerMode
+from gusjob.diagnostics import rules
 from gusjob.diagnostics.model import Diagnostic
 from gusjob.ir.job import Job
 from gusjob.ir.path import Op
@@ -30,6 +32,7 @@ from gusjob.ir.setup import (
     SwitchNow,
 )
 from gusjob.kinematics.arrays import Floats, rows_of
+from gusjob.planner.flatten import ChordLimitError
 from gusjob.planner.plan import Plan
 
 _BUFFERED = {
@@ -48,7 +51,14 @@ _KIND_OF_OP = np.array([_BUFFERED[op] for op in Op], dtype=np.uint8)
 
 def compile_job(job: Job, machine: Machine) -> tuple[Stream, list[Diagnostic]]:
     """Compile a checked job to calls; with them the diagnostics that only the planner can make."""
-    done = planner.plan(job, machine)
+    try:
+        done = planner.plan(job, machine)
+    except ChordLimitError as found:
+        row, fields = found.row, {"chords": found.count, "limit": found.limit}
+        span, remarks = job.locate(int(job.path.line[row]), ""), job.provenance_remarks(int(job.path.provenance[row]))
+        error = Diagnostic(rule=rules.TOO_MANY_CHORDS, span=span, fields=fields, path=job.name, remarks=remarks)
+        nothing = replace(job.without_path(), setups=())
+        return lower(planner.plan(nothing, machine)), [error]
     return lower(done), list(done.diagnostics)
 
 

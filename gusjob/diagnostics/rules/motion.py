@@ -191,10 +191,10 @@ TOO_MANY_CHORDS = rule(
     "GJ522",
     ERROR,
     title="too many chords",
-    text="up to here arcs become {count} lines, more than {limit}: the machine profile can raise chord_tolerance_um, or the "
-    "limit ([expansion] max_statements)",
-    why="Where X and Y have different pulses per mm, most arcs are sent as short lines. A few lines of text could ask for "
-    "more of them than memory holds.",
+    text="up to here arcs become {chords} lines, more than {limit}; the machine profile can raise the limit "
+    "([expansion] max_statements)",
+    why="Where X and Y have different pulses per mm, most arcs are sent as short lines. A few lines of text could ask "
+    "for more of them than memory holds.",
 )
 END_ABOVE_NEXT_VEL = rule(
     "GJ520",

@@ -206,7 +206,7 @@ def _with_chords(
     counts = chord_counts(drawn.arcs.sweep, angles)
     over = first_beyond(counts, machine.most_chords)
     if over is not None:
-        fields = {"count": int(counts[: over + 1].sum()), "limit": machine.most_chords}
+        fields = {"chords": int(counts[: over + 1].sum()), "limit": machine.most_chords}
         return path, None, (BadArc(int(rows[over]), rules.TOO_MANY_CHORDS, "", fields),)
     x, y = chord_ends(drawn.arcs, counts)
     longer, origin = with_chords(path, at, counts, *frames.vectors_to_machine(np.repeat(own, counts), x, y))

@@ -126,16 +126,10 @@ def _cosines(quantized: QuantizedPath, at: Indices) -> Floats:
 
 
 def _slowed_on_chords(quantized: QuantizedPath, vel: Floats, is_chord: Bools) -> Floats:
-    """Slow the chords of arcs as arcs are: within the machine's acceleration, all chords of one arc alike.
-
-    A chord of length L that turns by an angle phi belongs to a circle of radius L/phi; v^2/r is limited.
-    """
-    segments = quantized.segments
-    spacing, radius = segments.corner_spacing, np.full(len(vel), np.inf)
-    changes = segments.turns
-    turns = is_chord[1:] & (spacing > 0) & (changes > 1e-12)
-    radius[1:][turns] = spacing[turns] / changes[turns]
-    fastest = np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * radius)
+    """Slow the chords of arcs as arcs are: within the machine's acceleration, all chords of one arc alike."""
+    chords, radius = quantized.segments.chords, np.full(len(vel), np.inf)
+    radius[chords.at] = chords.radius
+    fastest = np.minimum(np.sqrt(quantized.machine.max_acceleration_pulse_per_ms2 * radius), vel)
     begins = np.flatnonzero(~is_chord)
-    share = np.minimum.reduceat(np.minimum(fastest / np.maximum(vel, 1e-12), 1.0), begins)
-    return np.asarray(vel * np.repeat(share, np.diff([*begins.tolist(), len(vel)])))
+    share = np.minimum.reduceat(fastest / np.maximum(quantized.vel, 1e-12), begins)
+    return np.asarray(quantized.vel * np.repeat(share, np.diff([*begins.tolist(), len(vel)])))

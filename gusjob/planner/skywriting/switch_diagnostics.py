@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from gusjob.controllers.gus.ranges import CHANNELS, RUN_STEP_US
 from gusjob.diagnostics import rules
@@ -71,8 +71,7 @@ def switch_diagnostics(
     return reporter.collector.finish(rules.NOT_LISTED)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class _SwitchReporter:
+class _SwitchReporter(Struct, frozen=True, kw_only=True, eq=False):
     """Reports events that are to be placed, (g,), each only once.
 
     `own_on`: number of the laser-on of each laser-off among them; -1 where there is none.
