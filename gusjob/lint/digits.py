@@ -138,7 +138,7 @@ def _decimals(context: LintContext, lines: _SampledLines) -> Floats:
     return found
 
 
-class _Corners(Struct, frozen=True, kw_only=True, eq=False):
+class _SmallCorners(Struct, frozen=True, kw_only=True, eq=False):
     """Corners between motions, (k-1,).
 
     `by_rounding`: rounding explains by how much the path turns there more than around. `unevenness`: root mean square
@@ -152,7 +152,7 @@ class _Corners(Struct, frozen=True, kw_only=True, eq=False):
     smooth_limit: Floats
 
 
-def _corners(lines: _SampledLines, steps: Floats, fastest: float) -> _Corners:
+def _corners(lines: _SampledLines, steps: Floats, fastest: float) -> _SmallCorners:
     """Compare each corner with those around it.
 
     Args:
@@ -178,7 +178,9 @@ def _corners(lines: _SampledLines, steps: Floats, fastest: float) -> _Corners:
     for angle in (turn, np.where(by_rounding, np.minimum(np.abs(around), np.abs(turn)), turn)):
         corner = corner_velocity(2 * np.abs(np.sin(angle / 2)), np.nan_to_num(jump), (before + after) / 2, fastest)
         limits.append(np.where(stops, 0.0, np.minimum(corner, np.minimum(lines.vel[:-1], lines.vel[1:]))))
-    return _Corners(by_rounding=by_rounding & ~stops, unevenness=unevenness, limit=limits[0], smooth_limit=limits[1])
+    return _SmallCorners(
+        by_rounding=by_rounding & ~stops, unevenness=unevenness, limit=limits[0], smooth_limit=limits[1]
+    )
 
 
 def _mean_around(values: Floats, counts: Bools) -> Floats:

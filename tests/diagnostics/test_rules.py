@@ -16,7 +16,7 @@ from gusjob.diagnostics.rules.messages import MESSAGES_PATH, example_message, to
 WITHOUT_EXAMPLE = {
     "GJ001", "GJ002", "GJ003", "GJ005", "GJ006", "GJ147",  # The file as such.
     "GJ160",  # It needs -D: tests/frontend/test_overrides.py.
-    "GJ208", "GJ509", "GJ515", "GJ518",  # They need a machine profile: tests/bad has them.
+    "GJ208", "GJ509", "GJ515", "GJ518", "GJ522",  # They need a machine profile: tests/bad has them.
     "GJ601", "GJ602", "GJ603", "GJ604", "GJ605", "GJ606", "GJ607", "GJ608", "GJ609", "GJ716", "GJ813",
     *(code for code in RULES if code[:3] == "GJ9"),  # They need a controller: tests/hardware has them.
 }  # fmt: skip

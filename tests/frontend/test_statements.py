@@ -235,7 +235,7 @@ def test_a_forced_end_on_an_arc_of_chords_is_that_of_the_last_chord() -> None:
     machine = Machine(pulses_per_mm=(1000.0, 500.0))
     text = MARK + "LOOKAHEAD OFF\nARC CCW X 0 Y 0 I 5 J 0 END 1pulse/ms\nLINE X -5\n"
     ends = [c.rstrip(")").split(",")[-2] for c in path_calls(text, machine)]
-    assert set(ends[:-2]) == {"0"}
+    assert "0" not in ends[:-2], "it is one arc, which does not stop"
     assert ends[-2:] == ["1", "0"]
 
 

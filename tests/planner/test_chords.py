@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 from support.tools import MACHINE, Ran, calls_of, run_job, run_listing, stream_of
 
 from gusjob.config.machine import Machine
