@@ -564,7 +564,7 @@ END
 
 def test_many_strokes_are_pixels_in_every_format() -> None:
     """200,000 of them, in five bands of full tone."""
-    drawn = figure(BANDS, size_in=(8.0, 6.0), dpi=100)
+    drawn = figure(BANDS, Machine(expansion_max_statements=1_000_000), size_in=(8.0, 6.0), dpi=100)
     data = picture(drawn, "svg")
     assert len(data) < 500_000
     root = ElementTree.fromstring(data)
