@@ -84,8 +84,8 @@ def not_decimal(text: str, words: list[Word], at: int, line: int) -> Diagnostic 
             return found
     start = numbers[-1][0] if numbers else at
     run = _RUN.match(text, start)
-    if run is None or not start < at < run.end() or not text[run.end() : run.end() + 1].isascii():
-        return None  # A character outside ASCII is another cause: 1E＋4.
+    if run is None or not start < at < run.end() or not text[run.end() :].lstrip("+-")[:1].isascii():
+        return None  # A character outside ASCII is another cause: 1E＋4, 1e+４.
     hint = _not_decimal(run[0])
     return None if hint is None else _diagnostic(rules.NOT_DECIMAL, line, start, run[0], hint=hint)
 
