@@ -91,10 +91,10 @@ class _Forms(Struct, frozen=True, kw_only=True, eq=False):
         return np.asarray((arcs.radius > 0) & meets & self.keeps(arcs, _BY_CENTRE_PULSE))
 
     def keep_radius(self, radius: Floats) -> Bools:
-        """Find the arcs that a call by a radius keeps; NaN: none."""
-        known = np.where(np.isnan(radius), 1.0, radius)
-        arcs = arcs_by_radius(*self.ends, known, self.ccw)
-        good = ~np.isnan(radius) & (np.abs(known) <= RADIUS_PULSE.high) & (_chord(self.ends) > 0)
+        """Find the arcs that a call by a radius keeps; NaN, or a radius that no call has: none."""
+        in_range = np.abs(radius) <= RADIUS_PULSE.high
+        arcs = arcs_by_radius(*self.ends, np.where(in_range, radius, 1.0), self.ccw)
+        good = in_range & (_chord(self.ends) > 0)
         return np.asarray(good & self.keeps(arcs, _BY_RADIUS_PULSE))
 
     def keeps(self, arcs: Arcs, within_pulse: float) -> Bools:

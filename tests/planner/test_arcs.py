@@ -257,3 +257,10 @@ def test_the_reference_of_sweeps() -> None:
     assert sweep_between(1 + 0j, 1j, 0j, ccw=True) == pytest.approx(math.pi / 2)
     assert sweep_between(1 + 0j, 1j, 0j, ccw=False) == pytest.approx(-1.5 * math.pi)
     assert sweep_between(1 + 0j, 1 + 0j, 0j, ccw=False) == -TURN
+
+
+@pytest.mark.parametrize("radius_mm", [99999, 1e5, 3e5])
+def test_an_arc_without_a_height_makes_no_warning(radius_mm: float) -> None:
+    """The radius of its top is infinite: no arc is made of it."""
+    text = f"LINE X 6.848181438 Y 29.226777306\nARC CW X 6.849181438 Y 29.227777306 R {radius_mm}\n"
+    assert path_calls(MARK + text)[-1].startswith("GT_LnXY(1,6849,29228,")
