@@ -222,9 +222,8 @@ class Budget(Struct, frozen=True, kw_only=True):
 
 MAX_TICKS = 10_000_000_000
 """A longer run is refused: its simulation would take too long."""
-
-
 _USUAL_CHORDS = 1_000_000
+"""Chords that the arcs of a job may become where the profile does not allow more statements than that."""
 
 
 class Machine(Struct, frozen=True, kw_only=True):
